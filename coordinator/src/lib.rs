@@ -1,0 +1,4 @@
+//! The coordinator: holds the scene and the energies, shoots, schedules rows on workers, writes the lit glTF.
+
+pub mod lit;
+pub mod scene;

@@ -1,0 +1,132 @@
+//! The scene between import and export: surfaces made of flat convex facets, with their reflectance and exitance.
+//!
+//! Positions are in the *frame*: the scene centred and scaled by a power of two (see [`Frame`]), in f64. Colours are
+//! linear RGB.
+
+use glam::DVec3;
+use shared::geometry::PlaneId;
+
+/// An imported scene.
+#[derive(Debug, Clone)]
+pub struct Scene {
+    /// What the exporter copies from.
+    pub source: SourceDocument,
+    /// One per node, primitive and lit side.
+    pub surfaces: Vec<Surface>,
+    /// KHR_lights_punctual point lights.
+    pub point_lights: Vec<PointLight>,
+    /// How frame coordinates relate to the file's.
+    pub frame: Frame,
+    /// Number of planes; plane ids are below it.
+    pub plane_count: u32,
+    /// What import changed or left out, in words for the user.
+    pub warnings: Vec<String>,
+    /// Triangles dropped because they have no area.
+    pub degenerate_triangles: usize,
+}
+
+/// The glTF as it was read.
+#[derive(Debug, Clone)]
+pub struct SourceDocument {
+    /// The JSON part.
+    pub root: gltf::json::Root,
+    /// The bytes of every buffer.
+    pub buffers: Vec<Vec<u8>>,
+}
+
+/// Frame position = (world position - centre) / scale, world in the file's units (metres).
+///
+/// The scale is a power of two, so that no coordinate is rounded by it; the largest extent of the scene in the frame lies in
+/// [1024, 2048), which keeps f32 rays clear of absolute thresholds in the BVH whatever the scene's size.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Frame {
+    /// Centre of the scene's bounding box.
+    pub centre: DVec3,
+    /// File units per frame unit.
+    pub scale: f64,
+}
+
+impl Frame {
+    /// World position to frame position.
+    #[must_use]
+    pub fn to_frame(&self, world: DVec3) -> DVec3 {
+        (world - self.centre) / self.scale
+    }
+
+    /// Frame position to world position.
+    #[must_use]
+    pub fn to_world(&self, frame: DVec3) -> DVec3 {
+        frame * self.scale + self.centre
+    }
+}
+
+/// Which side of a primitive's triangles a surface is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Side {
+    /// The side that glTF calls front: counter-clockwise.
+    Front,
+    /// The other side of a `doubleSided` primitive.
+    Back,
+}
+
+/// One side of one primitive of one node.
+#[derive(Debug, Clone)]
+pub struct Surface {
+    /// Index of the node in the source document.
+    pub node: usize,
+    /// Index of the primitive within the node's mesh.
+    pub primitive: usize,
+    /// Which side.
+    pub side: Side,
+    /// For messages: node name or index, and the primitive.
+    pub name: String,
+    /// Diffuse reflectance, baseColor x (1 - metallic), in [0, 1).
+    pub reflectance: DVec3,
+    /// Emitted exitance, pi x radiance, in W/m^2 or the scene's light unit.
+    pub exitance: DVec3,
+    /// Its flat convex pieces. Together they cover the surface's triangles exactly, without overlap.
+    pub facets: Vec<Facet>,
+}
+
+/// A flat convex piece of a surface: one triangle, or several coplanar ones joined.
+#[derive(Debug, Clone)]
+pub struct Facet {
+    /// Plane that it lies in.
+    pub plane: PlaneId,
+    /// Unit normal on the lit side.
+    pub normal: DVec3,
+    /// Counter-clockwise seen from the lit side.
+    pub corners: Vec<Corner>,
+    /// The triangles that it is made of, as the primitive's vertex indices, in the facet's winding: for the exporter, which
+    /// interpolates the other vertex attributes in them.
+    pub triangles: Vec<SourceTriangle>,
+}
+
+/// A corner of a facet.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Corner {
+    /// Position in the frame.
+    pub position: DVec3,
+    /// Unit normal: the facet's, or the smooth one of the file where that differs.
+    pub normal: DVec3,
+}
+
+/// A triangle of the input, in the winding of its facet.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SourceTriangle {
+    /// Indices into the primitive's vertex attributes.
+    pub vertices: [u32; 3],
+    /// Positions in the frame.
+    pub positions: [DVec3; 3],
+}
+
+/// An isotropic point light.
+#[derive(Debug, Clone)]
+pub struct PointLight {
+    /// For messages.
+    pub name: String,
+    /// Position in the frame.
+    pub position: DVec3,
+    /// Radiant intensity, W/sr (or candela), in file units.
+    pub intensity: DVec3,
+}

@@ -1,0 +1,10 @@
+//! Planes and convex polygons, in f64.
+
+mod polygon;
+
+pub use polygon::{ConvexPolygon, area_vector};
+
+/// Number of a plane of the scene. Polygons that lie in one plane, whichever way they face, share it: they can neither
+/// see nor block each other.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct PlaneId(pub u32);

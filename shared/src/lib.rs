@@ -1,0 +1,16 @@
+//! What coordinator and workers have in common.
+//!
+//! | module | what lives there |
+//! |---|---|
+//! | [`geometry`] | planes and convex polygons |
+//! | [`form_factor`] | form factors of a point to a polygon, without occlusion |
+//! | [`occluder`] | the surfaces that block light, behind a BVH |
+//! | [`visibility`] | how much of a form factor the occluders leave |
+//! | [`replica`] | the read-only data that a worker holds |
+//! | [`row`] | rows of form factors: how they are computed and how they travel |
+//! | [`protocol`] | the generated messages of `radiosity.worker.v1` |
+
+pub mod geometry;
+pub mod protocol;
+pub mod replica;
+pub mod row;

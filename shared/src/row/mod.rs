@@ -1,0 +1,12 @@
+//! Rows of form factors: what is asked for, and how the answer travels.
+//!
+//! The row of a shooter holds, for every receiver, the factor by which the shooter's radiosity becomes the receiver's
+//! irradiance: the form factor from the *receiver's point* to the shooter's surface, times its visibility. Seen from this
+//! end the sum over the shooters that enclose a point is 1 at every vertex, corners included, and no ratio of areas
+//! appears.
+
+mod codec;
+mod request;
+
+pub use codec::{RowDecodeError, decode_row, encode_row};
+pub use request::{RequestError, RowRequest, Sampling, Shape, Shooter};

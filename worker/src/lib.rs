@@ -1,0 +1,3 @@
+//! The worker: replicas in, rows out.
+
+pub mod engine;
