@@ -7,10 +7,13 @@
 //! | [`occluder`] | the surfaces that block light, behind a BVH |
 //! | [`visibility`] | how much of a form factor the occluders leave |
 //! | [`replica`] | the read-only data that a worker holds |
-//! | [`row`] | rows of form factors: how they are computed and how they travel |
+//! | [`row`] | rows of form factors: how they are asked for and how they travel |
 //! | [`protocol`] | the generated messages of `radiosity.worker.v1` |
 
+pub mod form_factor;
 pub mod geometry;
+pub mod occluder;
 pub mod protocol;
 pub mod replica;
 pub mod row;
+pub mod visibility;

@@ -1,29 +1,91 @@
 //! Computes rows: pure, the same bits for the same request on every machine.
 
+use shared::form_factor::PreparedPolygon;
 use shared::geometry::ConvexPolygon;
+use shared::occluder::Occluder;
 use shared::protocol::RowStatistics;
 use shared::replica::Receiver;
-use shared::row::{Sampling, Shooter};
+use shared::row::{Sampling, Shape, Shooter};
+use shared::visibility::{VisibilityBuffers, pair_seed, visible_form_factor};
 
-/// A scene replica made ready: occluders behind their BVH.
-pub struct Scene {}
+/// A scene replica made ready.
+pub struct Scene {
+    occluder: Occluder,
+}
 
 impl Scene {
     /// Builds the BVH. The same polygons give the same bits everywhere.
     #[must_use]
-    pub fn new(_polygons: &[ConvexPolygon]) -> Self {
-        Self {}
+    pub fn new(polygons: &[ConvexPolygon]) -> Self {
+        Self { occluder: Occluder::new(polygons) }
     }
 }
 
 /// Computes the row of one shooter over these receivers; `first_key` is the key of the first of them.
 #[must_use]
 pub fn compute_row(
-    _scene: &Scene,
+    scene: &Scene,
     receivers: &[Receiver],
-    _first_key: u64,
-    _shooter: &Shooter,
-    _sampling: &Sampling,
+    first_key: u64,
+    shooter: &Shooter,
+    sampling: &Sampling,
 ) -> (Vec<f32>, RowStatistics) {
-    (vec![0.0; receivers.len()], RowStatistics::default())
+    let mut statistics = RowStatistics::default();
+    let row = match &shooter.shape {
+        Shape::Polygons(polygons) => {
+            let polygons: Vec<PreparedPolygon> = polygons.iter().map(PreparedPolygon::new).collect();
+            let mut buffers = VisibilityBuffers::default();
+            let mut factor = |(index, receiver): (usize, &Receiver)| {
+                let seed = pair_seed(sampling.seed, shooter.key, first_key + index as u64);
+                let to_polygon = |polygon| {
+                    let occluder = &scene.occluder;
+                    visible_form_factor(
+                        occluder,
+                        receiver,
+                        polygon,
+                        sampling,
+                        seed,
+                        &mut buffers,
+                        &mut statistics,
+                    )
+                };
+                polygons.iter().map(to_polygon).sum::<f64>() as f32
+            };
+            receivers.iter().enumerate().map(&mut factor).collect()
+        }
+        Shape::Point(light) => {
+            let weight = |_| 1.0;
+            receivers.iter().map(|r| point_light_factor(scene, r, *light, weight, &mut statistics)).collect()
+        }
+        Shape::PlanarPoint(light) => {
+            let weight = |direction: glam::DVec3| 2.0 * direction.y.abs();
+            receivers.iter().map(|r| point_light_factor(scene, r, *light, weight, &mut statistics)).collect()
+        }
+    };
+    (row, statistics)
+}
+
+/// V w cos / r^2: what a point light of unit intensity, times `weight` of the direction to it, gives a receiver.
+fn point_light_factor(
+    scene: &Scene,
+    receiver: &Receiver,
+    light: glam::DVec3,
+    weight: impl Fn(glam::DVec3) -> f64,
+    statistics: &mut RowStatistics,
+) -> f32 {
+    let to_light = light - receiver.position;
+    let squared = to_light.length_squared();
+    let cosine = receiver.normal.dot(to_light) / squared.sqrt();
+    // A light in the receiver's plane, or at the very point, gives nothing.
+    if cosine.is_nan() || cosine <= 0.0 {
+        return 0.0;
+    }
+    statistics.factors += 1;
+    if !scene.occluder.is_empty() {
+        statistics.rays += 1;
+        if scene.occluder.blocks(receiver.position, light, [receiver.plane; 2]) {
+            return 0.0;
+        }
+    }
+    (weight(to_light / squared.sqrt()) * cosine / squared) as f32
 }

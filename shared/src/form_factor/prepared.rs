@@ -1,0 +1,126 @@
+use std::f64::consts::TAU;
+
+use glam::DVec3;
+use smallvec::SmallVec;
+
+use super::contour;
+use crate::geometry::{ConvexPolygon, Corners, PlaneId, clip_by_plane};
+
+/// Below this ratio of the polygon's radius to its distance the centred form takes over from the contour sum: its series
+/// then has an error under 1e-9 of the factor.
+const CENTRED_FORM_RATIO: f64 = 0.15;
+
+/// A polygon with all that its form factors need and that does not depend on the receiver.
+#[derive(Debug, Clone)]
+pub struct PreparedPolygon {
+    plane: PlaneId,
+    corners: Corners,
+    normal: DVec3,
+    centre: DVec3,
+    /// Corners and edges from the centre: corner, next corner minus corner, squared length of the corner.
+    spokes: SmallVec<[(DVec3, DVec3, f64); 8]>,
+    doubled_area: DVec3,
+    squared_radius: f64,
+}
+
+/// What a point sees of a polygon when nothing is between.
+#[derive(Debug, Clone)]
+pub struct View {
+    /// The form factor.
+    pub factor: f64,
+    /// The part of the polygon above the point's horizon, relative to the point.
+    pub corners: Corners,
+}
+
+impl PreparedPolygon {
+    /// Prepares a polygon.
+    #[must_use]
+    pub fn new(polygon: &ConvexPolygon) -> Self {
+        let centre = polygon.corner_mean();
+        let from_centre: Corners = polygon.corners.iter().map(|corner| *corner - centre).collect();
+        let next = from_centre.iter().cycle().skip(1);
+        let spokes: SmallVec<[_; 8]> =
+            from_centre.iter().zip(next).map(|(a, b)| (*a, *b - *a, a.length_squared())).collect();
+        Self {
+            plane: polygon.plane,
+            corners: polygon.corners.iter().copied().collect(),
+            normal: polygon.normal(),
+            centre,
+            doubled_area: polygon.area_vector() * 2.0,
+            squared_radius: spokes.iter().map(|spoke| spoke.2).fold(0.0, f64::max),
+            spokes,
+        }
+    }
+
+    /// Plane that the polygon lies in.
+    #[must_use]
+    pub fn plane(&self) -> PlaneId {
+        self.plane
+    }
+
+    /// Unit normal.
+    #[must_use]
+    pub fn normal(&self) -> DVec3 {
+        self.normal
+    }
+
+    /// What a surface element sees of the polygon; `None` where it sees nothing: in the polygon's plane, behind it, or with
+    /// the polygon under the horizon.
+    #[must_use]
+    pub fn view(&self, position: DVec3, normal: DVec3) -> Option<View> {
+        let to_centre = self.centre - position;
+        if self.normal.dot(to_centre) >= 0.0 {
+            return None;
+        }
+        let corners: Corners = self.corners.iter().map(|corner| *corner - position).collect();
+        let above = corners.iter().filter(|corner| normal.dot(**corner) > 0.0).count();
+        if above == 0 {
+            return None;
+        }
+        let squared_distance = to_centre.length_squared();
+        if above < corners.len() {
+            let corners = clip_by_plane(&corners, normal);
+            let factor = contour(normal, &corners);
+            return (factor > 0.0).then_some(View { factor, corners });
+        }
+        let far = self.squared_radius < CENTRED_FORM_RATIO * CENTRED_FORM_RATIO * squared_distance;
+        let factor = if far {
+            self.centred_form(normal, to_centre, squared_distance)
+        } else {
+            contour(normal, &corners)
+        };
+        (factor > 0.0).then_some(View { factor, corners })
+    }
+
+    /// The contour sum about the centre, without trigonometry and without cancellation: the leading term is the form factor
+    /// of a small polygon at the centre, the others correct it.
+    ///
+    /// 2 pi F = n . sum D_i x D_{i+1} / r^2
+    ///        + sum [ g_i / (r_i r_{i+1}) - (r (e_i + e_{i+1}) + e_i e_{i+1}) / (r^2 r_i r_{i+1}) ] n . c_i
+    /// with D_i the corner from the centre, r and r_i the distances of centre and corner, e_i = r_i - r, c_i the cross product
+    /// along the edge and g = s^2/6 + 3 s^4/40 + 15 s^6/336 + 105 s^8/3456, the series of asin(s)/s - 1 for the edge's angle.
+    fn centred_form(&self, normal: DVec3, to_centre: DVec3, squared_distance: f64) -> f64 {
+        let distance = squared_distance.sqrt();
+        // e = r_i - r from q = r_i^2 - r^2, which is known without cancellation.
+        let corner_distance = |spoke: &(DVec3, DVec3, f64)| {
+            let q = 2.0 * to_centre.dot(spoke.0) + spoke.2;
+            let length = (squared_distance + q).sqrt();
+            (length, q / (length + distance))
+        };
+        let mut sum = -normal.dot(self.doubled_area) / squared_distance;
+        let first = corner_distance(&self.spokes[0]);
+        let mut here = first;
+        for (i, spoke) in self.spokes.iter().enumerate() {
+            let next = self.spokes.get(i + 1).map_or(first, corner_distance);
+            let cross = spoke.1.cross(to_centre + spoke.0);
+            let product = here.0 * next.0;
+            let sine2 = cross.length_squared() / (product * product);
+            let series = sine2
+                * (1.0 / 6.0 + sine2 * (3.0 / 40.0 + sine2 * (15.0 / 336.0 + sine2 * (105.0 / 3456.0))));
+            let stretch = (distance * (here.1 + next.1) + here.1 * next.1) / squared_distance;
+            sum += (series - stretch) / product * normal.dot(cross);
+            here = next;
+        }
+        sum / TAU
+    }
+}

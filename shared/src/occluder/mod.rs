@@ -1,0 +1,85 @@
+//! The surfaces that block light, behind a BVH.
+
+mod segment;
+mod shaft;
+
+use glam::{DVec3, Vec3A};
+use obvhs::aabb::Aabb;
+use obvhs::bvh2::Bvh2;
+use obvhs::bvh2::builder::build_bvh2;
+use obvhs::{Boundable, BvhBuildParams};
+
+use crate::geometry::{ConvexPolygon, PlaneId, area_vector};
+
+pub use shaft::Shaft;
+
+/// Boxes are padded by this part of the scene's largest coordinate: rays are rounded to f32 when they meet a box, and must
+/// not slip past one that their exact counterpart touches.
+const PADDING: f64 = 1e-6;
+
+/// The occluders of a scene. Built from the same polygons it is the same, bit for bit, everywhere.
+pub struct Occluder {
+    /// In the order of the BVH's leaves.
+    polygons: Vec<OccluderPolygon>,
+    bvh: Bvh2,
+    /// Rays end this much before and start this much after their ends: a few units in the last place of f32 coordinates.
+    clearance: f64,
+}
+
+struct OccluderPolygon {
+    plane: PlaneId,
+    normal: DVec3,
+    corners: Vec<DVec3>,
+}
+
+struct PaddedBox(Aabb);
+
+impl Boundable for PaddedBox {
+    fn aabb(&self) -> Aabb {
+        self.0
+    }
+}
+
+impl Occluder {
+    /// Builds the BVH over these polygons.
+    #[must_use]
+    pub fn new(polygons: &[ConvexPolygon]) -> Self {
+        let corners = || polygons.iter().flat_map(|polygon| &polygon.corners);
+        let largest = corners().map(|corner| corner.abs().max_element()).fold(0.0, f64::max);
+        let padding = Vec3A::splat((largest * PADDING) as f32);
+        let boxes: Vec<PaddedBox> = polygons
+            .iter()
+            .map(|polygon| {
+                let points: Vec<Vec3A> = polygon.corners.iter().map(|p| p.as_vec3a()).collect();
+                let tight = Aabb::from_points(&points);
+                PaddedBox(Aabb::new(tight.min - padding, tight.max + padding))
+            })
+            .collect();
+        let bvh = build_bvh2(&boxes, BvhBuildParams::medium_build(), &mut Default::default());
+        let polygons = bvh
+            .primitive_indices
+            .iter()
+            .map(|index| {
+                let polygon = &polygons[*index as usize];
+                OccluderPolygon {
+                    plane: polygon.plane,
+                    normal: area_vector(&polygon.corners).normalize_or_zero(),
+                    corners: polygon.corners.clone(),
+                }
+            })
+            .collect();
+        Self { polygons, bvh, clearance: largest * 4.0 * f64::from(f32::EPSILON) }
+    }
+
+    /// Number of polygons.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.polygons.len()
+    }
+
+    /// True where nothing can block anything.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.polygons.is_empty()
+    }
+}

@@ -1,0 +1,93 @@
+//! Sampling visibility with rays, for shafts with too many occluders to cut.
+
+use glam::DVec3;
+use sobol_burley::sample_4d;
+
+use crate::geometry::Corners;
+use crate::row::Sampling;
+
+/// Number of rays after which a pair that is wholly visible or wholly hidden so far gets no more. Stopping on both keeps the
+/// estimate nearly unbiased; stopping on hidden pairs only would darken.
+const PROBE_RAYS: u32 = 8;
+
+/// Seed of a pair's rays.
+#[must_use]
+pub fn pair_seed(scene_seed: u64, shooter: u64, receiver: u64) -> u32 {
+    // The finaliser of SplitMix64 (Steele, Lea, Flood 2014), which spreads consecutive keys over all bits.
+    let mix = |mut value: u64| {
+        value = (value ^ (value >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        value = (value ^ (value >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        value ^ (value >> 31)
+    };
+    let golden = 0x9e37_79b9_7f4a_7c15_u64;
+    mix(mix(mix(scene_seed.wrapping_add(golden)) ^ shooter.wrapping_add(golden)) ^ receiver) as u32
+}
+
+/// A pair's rays: its form factor's part of the hemisphere's, a power of two.
+pub fn ray_count(factor: f64, sampling: &Sampling) -> u32 {
+    let share = (factor * f64::from(sampling.rays_per_hemisphere)).ceil() as u32;
+    share.next_power_of_two().clamp(sampling.minimum_rays, sampling.maximum_rays)
+}
+
+/// An estimate of visibility.
+pub struct VisibilitySample {
+    /// Part of the form factor that arrives.
+    pub fraction: f64,
+    /// Rays cast.
+    pub rays: u32,
+}
+
+/// Estimates the part of a polygon's form factor that is visible from the origin.
+///
+/// Targets are uniform over the area (Owen-scrambled Sobol' points) and each ray weighs its kernel cos cos / r^2: the ratio of
+/// weighted sums tends to the visible part of the form factor, where a plain ratio of hits would tend to that of the area.
+pub fn sample_visibility(
+    corners: &Corners,
+    normal: DVec3,
+    polygon_normal: DVec3,
+    rays: u32,
+    seed: u32,
+    blocked: impl Fn(DVec3) -> bool,
+) -> VisibilitySample {
+    let (mut arrived, mut cast, mut hits, mut count) = (0.0, 0.0, 0, 0);
+    for index in 0..rays {
+        let [x, y, ..] = sample_4d(index, 0, seed);
+        let target = point_in_polygon(corners, f64::from(x), f64::from(y));
+        let squared = target.length_squared();
+        let weight = normal.dot(target) * -polygon_normal.dot(target) / (squared * squared);
+        // Rounding can put a target a hair under the horizon.
+        if weight > 0.0 {
+            count += 1;
+            cast += weight;
+            if blocked(target) {
+                hits += 1;
+            } else {
+                arrived += weight;
+            }
+        }
+        if index + 1 == PROBE_RAYS && (hits == 0 || hits == count) {
+            break;
+        }
+    }
+    VisibilitySample { fraction: if cast > 0.0 { arrived / cast } else { 0.0 }, rays: count }
+}
+
+/// Maps the unit square to a convex polygon, uniformly: `x` chooses a triangle of the fan by area and is used again in it.
+fn point_in_polygon(corners: &Corners, x: f64, y: f64) -> DVec3 {
+    let origin = corners[0];
+    let doubled = |pair: &[DVec3]| (pair[0] - origin).cross(pair[1] - origin).length();
+    let total: f64 = corners[1..].windows(2).map(doubled).sum();
+    let mut left = x * total;
+    let mut chosen = (&corners[1..3], 0.0);
+    for pair in corners[1..].windows(2) {
+        let area = doubled(pair);
+        chosen = (pair, (left / area).clamp(0.0, 1.0));
+        if left < area {
+            break;
+        }
+        left -= area;
+    }
+    let (pair, x) = chosen;
+    let root = x.sqrt();
+    origin * (1.0 - root) + pair[0] * (root * (1.0 - y)) + pair[1] * (root * y)
+}
