@@ -1,0 +1,334 @@
+//! One bake from scene to lit mesh: the way that the data takes through mesh, solver and rows.
+//!
+//! | step | what happens |
+//! |---|---|
+//! | mesh | facets are divided into patches of shooting size; each vertex gets its share |
+//! | light | every light source's row: direct irradiance at the vertices |
+//! | shoot | shares shoot by falling unshot flux as their rows arrive |
+//! | finish | sweeps over the rows solve for all interreflection |
+//! | refine | patches are divided where interpolation is wrong; new vertices only receive |
+//! | settle | shares take the mean radiosity of the refined mesh; sweeps again |
+//!
+//! Shooters stay coarse while receivers are refined (substructuring): a share far away sends nearly the same light whether it
+//! is one polygon or sixteen, but a shadow line on the receiving side needs its vertices.
+
+mod light;
+mod occluders;
+mod receivers;
+mod refine;
+mod rows;
+mod settings;
+mod settle;
+
+use std::time::Instant;
+
+use glam::DVec3;
+use serde::Serialize;
+use shared::replica::encode_scene;
+use shared::row::{Shape, Shooter};
+
+pub use rows::{BakeError, FinishedRows, JobId, RowService};
+pub use settings::BakeSettings;
+
+use crate::lit::LitMesh;
+use crate::mesh::{Mesh, Share, VertexId, triangulate};
+use crate::scene::Scene;
+use crate::solver::balance::{EnergyBalance, RowSums};
+use crate::solver::shooting::Shooting;
+use crate::solver::sweeps::{Transfer, solve};
+use crate::solver::{ShareEnergy, ShareId};
+use light::LightSource;
+use rows::{ReceiverSet, RowOffice};
+
+/// Accuracy to which sweeps solve, relative to the reflected flux: far below every other error.
+const SWEEP_TOLERANCE: f64 = 1e-7;
+
+/// Sweeps end here even if the accuracy was not reached; the bound is reported.
+const MAX_SWEEPS: u32 = 1000;
+
+/// What a bake is doing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub enum Phase {
+    /// Rows of the light sources.
+    Light,
+    /// Shooting.
+    Shoot,
+    /// Refining the mesh.
+    Refine,
+    /// Last sweeps and triangles.
+    Settle,
+}
+
+/// How far a bake has come.
+#[derive(Debug, Clone, Copy)]
+pub struct Progress {
+    /// What it is doing.
+    pub phase: Phase,
+    /// Unshot flux over reflected flux.
+    pub unshot: f64,
+    /// Rows finished.
+    pub rows: u64,
+    /// Rows known to be needed, so far.
+    pub rows_needed: u64,
+    /// Rays cast.
+    pub rays: u64,
+    /// Vertices of the mesh.
+    pub vertices: usize,
+}
+
+/// What a bake gives.
+pub struct Baked {
+    /// The lit mesh.
+    pub lit: LitMesh,
+    /// The figures.
+    pub report: BakeReport,
+}
+
+/// The figures of a bake.
+#[derive(Debug, Clone, Serialize)]
+pub struct BakeReport {
+    /// Vertices of the refined mesh.
+    pub vertices: usize,
+    /// Vertices that shoot.
+    pub shooting_vertices: usize,
+    /// Patches of the refined mesh.
+    pub patches: usize,
+    /// Surfaces that can block light.
+    pub occluders: usize,
+    /// Rows made, each over all receivers of a set.
+    pub rows: u64,
+    /// Form factors computed that are not 0 before occlusion.
+    pub factors: u64,
+    /// Pairs whose visibility was sampled with rays; that of all others was computed.
+    pub sampled_pairs: u64,
+    /// Rays cast.
+    pub rays: u64,
+    /// Shots.
+    pub shots: u64,
+    /// Finishing sweeps.
+    pub sweeps: u32,
+    /// Rounds of refinement.
+    pub refinement_rounds: u32,
+    /// Unshot flux at the end, relative to the reflected flux, times rho / (1 - rho): bound of what is missing.
+    pub unshot_bound: f64,
+    /// Predicted interpolation error, relative L2 of the radiosity.
+    pub mesh_error: f64,
+    /// Where the energy went.
+    pub balance: EnergyBalance,
+    /// How much of their hemisphere the shooting vertices see covered.
+    pub row_sums: RowSums,
+    /// Seconds that workers computed, over all threads.
+    pub busy_seconds: f64,
+    /// Seconds of each step.
+    pub seconds: Vec<(&'static str, f64)>,
+}
+
+/// Bakes a scene. Rows come from `service`; `progress` is told how far it is, often.
+///
+/// # Errors
+/// When the rows cannot be had, or the scene gives no mesh.
+pub fn bake(
+    scene: &Scene,
+    settings: &BakeSettings,
+    service: &mut dyn RowService,
+    progress: &mut dyn FnMut(&Progress),
+) -> Result<Baked, BakeError> {
+    let mut bake = Bake::new(scene, settings, service, progress)?;
+    bake.light()?;
+    bake.shoot()?;
+    bake.refine()?;
+    bake.settle();
+    Ok(bake.finish())
+}
+
+/// A bake under way.
+struct Bake<'a> {
+    scene: &'a Scene,
+    settings: &'a BakeSettings,
+    office: RowOffice<'a>,
+    mesh: Mesh,
+    /// Reflectance of each surface.
+    reflectance: Vec<DVec3>,
+    shares: Vec<Share>,
+    energies: Vec<ShareEnergy>,
+    shooters: Vec<Shooter>,
+    sources: Vec<LightSource>,
+    /// Receivers of the shooting mesh.
+    coarse: ReceiverSet,
+    /// Irradiance from the light sources, per vertex.
+    direct: Vec<DVec3>,
+    /// Rows of the shares over all vertices so far; none for a share that was never needed.
+    rows: Vec<Vec<f32>>,
+    /// Radiosity of each share.
+    radiosity: Vec<DVec3>,
+    /// Irradiance, per vertex.
+    irradiance: Vec<DVec3>,
+    occluders: usize,
+    row_sums: Vec<f64>,
+    unshot: DVec3,
+    unshot_bound: f64,
+    shots: u64,
+    sweeps: u32,
+    rounds: u32,
+    mesh_error: f64,
+    seconds: Vec<(&'static str, f64)>,
+    clock: Instant,
+}
+
+impl<'a> Bake<'a> {
+    fn new(
+        scene: &'a Scene,
+        settings: &'a BakeSettings,
+        service: &'a mut dyn RowService,
+        progress: &'a mut dyn FnMut(&Progress),
+    ) -> Result<Self, BakeError> {
+        let clock = Instant::now();
+        let mesh = Mesh::new(scene, settings.shooter_edge * extent(scene), settings.max_level);
+        if mesh.patches.is_empty() {
+            return Err(BakeError::EmptyMesh);
+        }
+        let plane_of =
+            |surface: u32, facet: u32| scene.surfaces[surface as usize].facets[facet as usize].plane;
+        let shares = mesh.shares(plane_of);
+        let reflectance: Vec<DVec3> = scene.surfaces.iter().map(|surface| surface.reflectance).collect();
+        let energies = shares
+            .iter()
+            .map(|share| ShareEnergy {
+                receiver: share.vertex.index(),
+                area: share.area,
+                reflectance: reflectance[share.surface as usize],
+            })
+            .collect();
+        let shooter = |(key, share): (usize, &Share)| Shooter {
+            key: key as u64,
+            shape: Shape::Polygons(share.polygons.clone()),
+        };
+        let shooters: Vec<Shooter> = shares.iter().enumerate().map(shooter).collect();
+        let sources = light::sources(scene, settings, shooters.len() as u64);
+        let blockers = occluders::occluders(scene);
+        let mut office = RowOffice::new(service, progress, encode_scene(&blockers), settings);
+        let coarse = office.publish_receivers(&mesh, VertexId(0));
+        let count = shares.len();
+        Ok(Self {
+            scene,
+            settings,
+            office,
+            mesh,
+            reflectance,
+            energies,
+            shooters,
+            sources,
+            coarse,
+            direct: vec![],
+            rows: vec![],
+            radiosity: vec![DVec3::ZERO; count],
+            irradiance: vec![],
+            occluders: blockers.len(),
+            row_sums: vec![],
+            unshot: DVec3::ZERO,
+            unshot_bound: 0.0,
+            shots: 0,
+            sweeps: 0,
+            rounds: 0,
+            mesh_error: 0.0,
+            seconds: vec![("mesh", clock.elapsed().as_secs_f64())],
+            clock: Instant::now(),
+            shares,
+        })
+    }
+
+    fn end_step(&mut self, name: &'static str) {
+        self.seconds.push((name, self.clock.elapsed().as_secs_f64()));
+        self.clock = Instant::now();
+    }
+
+    /// Direct irradiance at the vertices of the shooting mesh.
+    fn light(&mut self) -> Result<(), BakeError> {
+        self.office.enter(Phase::Light, self.mesh.vertices.len());
+        self.direct = vec![DVec3::ZERO; self.mesh.vertices.len()];
+        let shooters: Vec<Shooter> = self.sources.iter().map(|source| source.shooter.clone()).collect();
+        let rows = self.office.rows(&shooters, self.coarse)?;
+        light::add(&mut self.direct, &self.sources, &rows);
+        self.end_step("light");
+        Ok(())
+    }
+
+    /// Shooting, then the rows that no shot needed, then sweeps.
+    fn shoot(&mut self) -> Result<(), BakeError> {
+        self.office.enter(Phase::Shoot, self.mesh.vertices.len());
+        self.office.expect_rows(self.shooters.len() as u64);
+        let threshold = self.settings.threshold;
+        let mut shooting =
+            Shooting::new(self.energies.clone(), self.direct.clone(), self.settings.window, threshold);
+        let mut wanted = shooting.start();
+        while !shooting.is_done() {
+            for share in wanted.drain(..) {
+                let shooter = self.shooters[share.index()].clone();
+                self.office.submit(u64::from(share.0), vec![shooter], self.coarse);
+            }
+            let (tag, mut rows) = self.office.next()?;
+            wanted = shooting.row_arrived(ShareId(tag as u32), rows.pop().unwrap_or_default());
+            self.office.set_unshot(shooting.progress().unshot);
+        }
+        self.shots = shooting.progress().shots;
+        let (shot, rows) = shooting.into_parts();
+        self.rows = self.missing_rows(rows)?;
+        let transfer = Transfer {
+            columns: self
+                .rows
+                .iter()
+                .map(|row| self.energies.iter().map(|share| row[share.receiver]).collect())
+                .collect(),
+        };
+        self.row_sums = (0..self.shares.len())
+            .map(|share| transfer.columns.iter().map(|column| f64::from(column[share])).sum())
+            .collect();
+        let direct: Vec<DVec3> = self.energies.iter().map(|share| self.direct[share.receiver]).collect();
+        self.solve(&transfer, &direct, shot);
+        self.end_step("shoot");
+        Ok(())
+    }
+
+    /// Rows of the shares that shooting did not need: dark ones, which the row sums need all the same.
+    fn missing_rows(&mut self, rows: Vec<Option<Vec<f32>>>) -> Result<Vec<Vec<f32>>, BakeError> {
+        let missing: Vec<usize> = (0..rows.len()).filter(|index| rows[*index].is_none()).collect();
+        let shooters: Vec<Shooter> = missing.iter().map(|index| self.shooters[*index].clone()).collect();
+        let made = self.office.rows(&shooters, self.coarse)?;
+        let mut rows: Vec<Vec<f32>> = rows.into_iter().map(Option::unwrap_or_default).collect();
+        for (index, row) in missing.into_iter().zip(made) {
+            rows[index] = row;
+        }
+        Ok(rows)
+    }
+
+    /// Solves for the radiosity of the shares and gathers the irradiance of all vertices.
+    fn solve(&mut self, transfer: &Transfer, direct: &[DVec3], guess: Vec<DVec3>) {
+        let solution = solve(&self.energies, transfer, direct, guess, SWEEP_TOLERANCE, MAX_SWEEPS);
+        self.sweeps += solution.sweeps;
+        self.unshot_bound = solution.missing;
+        self.unshot = solution.unshot;
+        self.radiosity = solution.radiosity;
+        self.irradiance = self.direct.clone();
+        for (row, radiosity) in self.rows.iter().zip(&self.radiosity) {
+            for (irradiance, factor) in self.irradiance.iter_mut().zip(row) {
+                *irradiance += *radiosity * f64::from(*factor);
+            }
+        }
+    }
+
+    fn finish(mut self) -> Baked {
+        let radiosity = |vertex: VertexId| self.irradiance[vertex.index()];
+        let triangles = triangulate(&self.mesh, self.scene.surfaces.len(), radiosity);
+        let lit = receivers::lit_mesh(&self.mesh, &self.irradiance, triangles);
+        self.end_step("settle");
+        let report = self.report();
+        Baked { lit, report }
+    }
+}
+
+/// Largest extent of the facets, in frame units.
+fn extent(scene: &Scene) -> f64 {
+    let corners =
+        || scene.surfaces.iter().flat_map(|s| &s.facets).flat_map(|f| &f.corners).map(|c| c.position);
+    (corners().fold(DVec3::MIN, DVec3::max) - corners().fold(DVec3::MAX, DVec3::min)).max_element()
+}

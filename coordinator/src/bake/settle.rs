@@ -1,0 +1,134 @@
+//! The last step: the shares take the mean radiosity of the refined mesh, and the figures are drawn up.
+
+use glam::DVec3;
+
+use super::{Bake, BakeReport, Phase};
+use crate::mesh::{Mesh, PatchId, Share};
+use crate::solver::balance::{EnergyBalance, RowSums};
+use crate::solver::sweeps::Transfer;
+
+/// A vertex whose row sums to more than this is counted as enclosed: what its row lacks is error, not sky.
+const ENCLOSED: f64 = 0.999;
+
+impl Bake<'_> {
+    /// Solves again with each share's radiosity taken as the mean over its part of the refined mesh instead of the value at
+    /// its vertex: the better figure where a shadow line or a hot spot lies inside the share. No new rows are needed.
+    pub(super) fn settle(&mut self) {
+        self.office.enter(Phase::Settle, self.mesh.vertices.len());
+        let means: Vec<Vec<(usize, f64)>> =
+            self.shares.iter().map(|share| mean_weights(&self.mesh, share)).collect();
+        let columns = self
+            .rows
+            .iter()
+            .map(|row| {
+                let mean = |weights: &Vec<(usize, f64)>| {
+                    weights.iter().map(|(vertex, weight)| f64::from(row[*vertex]) * weight).sum::<f64>()
+                        as f32
+                };
+                means.iter().map(mean).collect()
+            })
+            .collect();
+        let direct: Vec<DVec3> = means
+            .iter()
+            .map(|weights| weights.iter().map(|(vertex, weight)| self.direct[*vertex] * *weight).sum())
+            .collect();
+        let guess = std::mem::take(&mut self.radiosity);
+        self.solve(&Transfer { columns }, &direct, guess);
+    }
+
+    pub(super) fn report(&self) -> BakeReport {
+        let statistics = &self.office.statistics;
+        let areas = self.energies.iter().map(|share| share.area);
+        let sums: Vec<(f64, f64)> = self.row_sums.iter().copied().zip(areas).collect();
+        BakeReport {
+            vertices: self.mesh.vertices.len(),
+            shooting_vertices: self.shares.len(),
+            patches: self.mesh.leaves().count(),
+            occluders: self.occluders,
+            rows: self.office.rows_made(),
+            factors: statistics.factors,
+            sampled_pairs: statistics.sampled_pairs,
+            rays: statistics.rays,
+            shots: self.shots,
+            sweeps: self.sweeps,
+            refinement_rounds: self.rounds,
+            unshot_bound: self.unshot_bound,
+            mesh_error: self.mesh_error,
+            balance: self.balance(),
+            row_sums: RowSums::new(&sums),
+            busy_seconds: statistics.busy_nanoseconds as f64 * 1e-9,
+            seconds: self.seconds.clone(),
+        }
+    }
+
+    fn balance(&self) -> EnergyBalance {
+        let square_unit = self.scene.frame.scale * self.scene.frame.scale;
+        let surfaces = &self.scene.surfaces;
+        let (mut emitted, mut absorbed, mut escaped) = (DVec3::ZERO, DVec3::ZERO, DVec3::ZERO);
+        for (_, patch) in self.mesh.leaves() {
+            let surface = &surfaces[patch.surface as usize];
+            let corners = patch.corners.iter().map(|corner| self.irradiance[corner.index()]);
+            let mean = corners.sum::<DVec3>() / patch.corners.len() as f64;
+            emitted += surface.exitance * patch.area;
+            absorbed += (1.0 - surface.reflectance) * mean * patch.area;
+        }
+        for (index, share) in self.shares.iter().enumerate() {
+            if self.row_sums[index] < ENCLOSED {
+                let leaving = surfaces[share.surface as usize].exitance + self.radiosity[index];
+                escaped += leaving * share.area * (1.0 - self.row_sums[index]);
+            }
+        }
+        let [emitted, absorbed, unshot, escaped] =
+            [emitted, absorbed, self.unshot, escaped].map(|f| f * square_unit);
+        let intensity: DVec3 = self.scene.point_lights.iter().map(|light| light.intensity).sum();
+        EnergyBalance::new(emitted + intensity * 4.0 * std::f64::consts::PI, absorbed, unshot, escaped)
+    }
+}
+
+/// Weights of the vertices in the mean of a share: its parts are children of the patches that it was dealt, or quarters of
+/// those that were never divided.
+fn mean_weights(mesh: &Mesh, share: &Share) -> Vec<(usize, f64)> {
+    let mut weights = vec![];
+    for &(patch, corner) in &share.corners {
+        match mesh.children(patch).nth(corner) {
+            Some(child) => add_leaves(mesh, child, &mut weights),
+            None => add_quarter(mesh, patch, corner, &mut weights),
+        }
+    }
+    weights.sort_unstable_by_key(|(vertex, _)| *vertex);
+    weights.dedup_by(|from, into| {
+        let same = from.0 == into.0;
+        if same {
+            into.1 += from.1;
+        }
+        same
+    });
+    let total: f64 = weights.iter().map(|(_, weight)| weight).sum();
+    weights.iter_mut().for_each(|(_, weight)| *weight /= total);
+    weights
+}
+
+fn add_leaves(mesh: &Mesh, id: PatchId, weights: &mut Vec<(usize, f64)>) {
+    if mesh.patch(id).first_child.is_some() {
+        mesh.children(id).for_each(|child| add_leaves(mesh, child, weights));
+        return;
+    }
+    let patch = mesh.patch(id);
+    let weight = patch.area / patch.corners.len() as f64;
+    weights.extend(patch.corners.iter().map(|corner| (corner.index(), weight)));
+}
+
+/// Mean over the part of an undivided patch that a corner answers for, of the values interpolated between its corners.
+fn add_quarter(mesh: &Mesh, id: PatchId, corner: usize, weights: &mut Vec<(usize, f64)>) {
+    let patch = mesh.patch(id);
+    let count = patch.corners.len();
+    let part = patch.area / count as f64;
+    let mut add = |i: usize, weight: f64| weights.push((patch.corners[i % count].index(), weight * part));
+    // A quarter each for the corner, the middles of its two edges and the centre.
+    add(corner, 0.5);
+    add(corner + 1, 0.125);
+    add(corner + count - 1, 0.125);
+    for i in 0..count {
+        add(i, 0.25 / count as f64);
+    }
+}

@@ -1,0 +1,134 @@
+use glam::DVec3;
+use shared::geometry::{ConvexPolygon, area_vector};
+
+use super::{Mesh, PatchId, VertexId};
+
+/// The surface that a vertex answers for: its corner quadrilaterals of the leaves around it.
+#[derive(Debug, Clone)]
+pub struct Share {
+    /// The vertex.
+    pub vertex: VertexId,
+    /// Surface that the share lies on; a vertex between two surfaces has a share on each.
+    pub surface: u32,
+    /// The quadrilaterals, joined where that gives a convex polygon.
+    pub polygons: Vec<ConvexPolygon>,
+    /// The leaves that it is a part of, with the vertex's corner in each.
+    pub corners: Vec<(PatchId, usize)>,
+    /// Total area.
+    pub area: f64,
+}
+
+impl Mesh {
+    /// Deals the leaves out among their vertices, in the order of vertices and surfaces. The shares tile the mesh.
+    #[must_use]
+    pub fn shares(&self, plane_of: impl Fn(u32, u32) -> shared::geometry::PlaneId) -> Vec<Share> {
+        let mut corners: Vec<(VertexId, u32, PatchId, usize)> = vec![];
+        for (id, patch) in self.leaves() {
+            corners
+                .extend(patch.corners.iter().enumerate().map(|(i, vertex)| (*vertex, patch.surface, id, i)));
+        }
+        corners.sort_unstable();
+        corners
+            .chunk_by(|a, b| (a.0, a.1) == (b.0, b.1))
+            .map(|own| {
+                let quads: Vec<ConvexPolygon> = own
+                    .iter()
+                    .map(|&(_, surface, id, corner)| ConvexPolygon {
+                        plane: plane_of(surface, self.patch(id).facet),
+                        corners: self.corner_quad(id, corner).to_vec(),
+                    })
+                    .collect();
+                Share {
+                    vertex: own[0].0,
+                    surface: own[0].1,
+                    area: quads.iter().map(ConvexPolygon::area).sum(),
+                    polygons: join(quads),
+                    corners: own.iter().map(|&(_, _, id, corner)| (id, corner)).collect(),
+                }
+            })
+            .collect()
+    }
+
+    /// The part of a patch that one of its corners answers for: corner, middle of the next edge, centre of gravity, middle
+    /// of the edge before.
+    fn corner_quad(&self, id: PatchId, corner: usize) -> [DVec3; 4] {
+        let corners = &self.patch(id).corners;
+        let at = |i: usize| self.position(corners[i % corners.len()]);
+        let (here, next, before) = (at(corner), at(corner + 1), at(corner + corners.len() - 1));
+        [here, (here + next) * 0.5, self.centre(id), (here + before) * 0.5]
+    }
+}
+
+/// The surface around a vertex: the leaves' parts that it answers for.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Surroundings {
+    /// Their centre of gravity, relative to the vertex: it points inwards from an edge and vanishes in the middle of a regular
+    /// mesh.
+    pub middle: DVec3,
+    /// Their area.
+    pub area: f64,
+}
+
+/// The surroundings of each vertex from `first` on.
+#[must_use]
+pub fn surroundings(mesh: &Mesh, first: VertexId) -> Vec<Surroundings> {
+    let mut all = vec![Surroundings::default(); mesh.vertices.len() - first.index()];
+    for (id, patch) in mesh.leaves() {
+        for (i, vertex) in patch.corners.iter().enumerate() {
+            if let Some(index) = vertex.index().checked_sub(first.index()) {
+                let quad = mesh.corner_quad(id, i);
+                let area = area_vector(&quad).length();
+                all[index].middle += (quad.iter().sum::<DVec3>() / 4.0 - quad[0]) * area;
+                all[index].area += area;
+            }
+        }
+    }
+    for around in all.iter_mut().filter(|around| around.area > 0.0) {
+        around.middle /= around.area;
+    }
+    all
+}
+
+/// Joins polygons along common edges where the union is convex: fewer polygons make cheaper rows.
+fn join(mut polygons: Vec<ConvexPolygon>) -> Vec<ConvexPolygon> {
+    'search: loop {
+        for i in 0..polygons.len() {
+            for j in i + 1..polygons.len() {
+                if let Some(union) = convex_union(&polygons[i], &polygons[j]) {
+                    polygons[i] = union;
+                    polygons.swap_remove(j);
+                    continue 'search;
+                }
+            }
+        }
+        return polygons;
+    }
+}
+
+/// The union of two polygons of one plane with a common edge, if it is convex.
+fn convex_union(a: &ConvexPolygon, b: &ConvexPolygon) -> Option<ConvexPolygon> {
+    if a.plane != b.plane {
+        return None;
+    }
+    let (n, m) = (a.corners.len(), b.corners.len());
+    let (i, j) = (0..n)
+        .flat_map(|i| (0..m).map(move |j| (i, j)))
+        .find(|&(i, j)| a.corners[i] == b.corners[(j + 1) % m] && a.corners[(i + 1) % n] == b.corners[j])?;
+    let from_a = (1..=n).map(|k| a.corners[(i + k) % n]);
+    let from_b = (2..m).map(|k| b.corners[(j + k) % m]);
+    let corners: Vec<DVec3> = from_a.chain(from_b).collect();
+    let normal = area_vector(&corners);
+    let count = corners.len();
+    let turn = |k: usize| {
+        let (before, here, next) = (corners[(k + count - 1) % count], corners[k], corners[(k + 1) % count]);
+        let (along, onward) = (here - before, next - here);
+        along.cross(onward).dot(normal) / (normal.length() * along.length() * onward.length())
+    };
+    // A hair of concavity is rounding; a larger one would bend the contour.
+    let turns: Vec<f64> = (0..count).map(turn).collect();
+    if turns.iter().any(|turn| *turn < -1e-9) {
+        return None;
+    }
+    let kept = corners.iter().zip(&turns).filter(|(_, turn)| **turn > 1e-9).map(|(corner, _)| *corner);
+    Some(ConvexPolygon { plane: a.plane, corners: kept.collect() }).filter(|union| union.corners.len() >= 3)
+}

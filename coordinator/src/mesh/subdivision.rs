@@ -1,0 +1,87 @@
+use glam::DVec3;
+use smallvec::SmallVec;
+
+use super::{Mesh, PatchId, Vertex, VertexId, edge};
+
+impl Mesh {
+    /// Divides a leaf about its centre of gravity into one quadrilateral per corner. Coarser neighbours are divided first, so
+    /// that no edge ever has more than one vertex between its ends. Divided patches are left alone.
+    pub fn divide(&mut self, id: PatchId) {
+        let mut todo = vec![id];
+        while let Some(&id) = todo.last() {
+            if self.patch(id).first_child.is_some() {
+                todo.pop();
+                continue;
+            }
+            let coarser: Vec<PatchId> = self.coarser_neighbours(id);
+            if coarser.is_empty() {
+                self.divide_one(id);
+                todo.pop();
+            } else {
+                todo.extend(coarser);
+            }
+        }
+    }
+
+    /// Leaves that have the whole edge of which this patch has one half.
+    fn coarser_neighbours(&self, id: PatchId) -> Vec<PatchId> {
+        self.edges(id)
+            .filter_map(|(a, b)| self.halves.get(&edge(a, b)))
+            .filter_map(|whole| self.leaves_at.get(whole))
+            .flatten()
+            .copied()
+            .collect()
+    }
+
+    fn divide_one(&mut self, id: PatchId) {
+        let patch = self.patch(id).clone();
+        let edges: SmallVec<[_; 8]> = self.edges(id).collect();
+        for (a, b) in &edges {
+            if let Some(leaves) = self.leaves_at.get_mut(&edge(*a, *b)) {
+                leaves.retain(|leaf| *leaf != id);
+            }
+        }
+        let middles: SmallVec<[VertexId; 8]> = edges.iter().map(|(a, b)| self.midpoint(*a, *b)).collect();
+        let centre = self.add_mean_vertex(&patch.corners);
+        self.patches[id.index()].first_child = Some(PatchId(self.patches.len() as u32));
+        for (i, &corner) in patch.corners.iter().enumerate() {
+            let before = middles[(i + middles.len() - 1) % middles.len()];
+            let corners = SmallVec::from([corner, middles[i], centre, before]);
+            self.add_leaf(patch.surface, patch.facet, corners, Some(id));
+        }
+    }
+
+    fn midpoint(&mut self, a: VertexId, b: VertexId) -> VertexId {
+        let whole = edge(a, b);
+        if let Some(&middle) = self.midpoints.get(&whole) {
+            return middle;
+        }
+        let middle = self.add_mean_vertex(&[whole.0, whole.1]);
+        self.midpoints.insert(whole, middle);
+        for end in [a, b] {
+            self.halves.insert(edge(end, middle), whole);
+        }
+        middle
+    }
+
+    /// The vertex in the middle of an edge, if a patch along it is divided.
+    #[must_use]
+    pub fn middle_of(&self, a: VertexId, b: VertexId) -> Option<VertexId> {
+        self.midpoints.get(&edge(a, b)).copied()
+    }
+
+    fn add_mean_vertex(&mut self, of: &[VertexId]) -> VertexId {
+        let id = VertexId(self.vertices.len() as u32);
+        let sources = || of.iter().map(|source| &self.vertices[source.index()]);
+        let first = self.vertices[of[0].index()];
+        let position = sources().map(|source| source.position).sum::<DVec3>() / of.len() as f64;
+        let smooth = sources().any(|source| source.smooth);
+        let normal = if smooth {
+            sources().map(|source| source.normal).sum::<DVec3>().normalize_or(first.normal)
+        } else {
+            first.normal
+        };
+        self.vertices.push(Vertex { position, normal, plane: first.plane, smooth });
+        id
+    }
+}

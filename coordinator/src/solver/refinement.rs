@@ -1,0 +1,142 @@
+//! Where the mesh needs more vertices.
+//!
+//! Dividing a patch reveals how wrong it was: the solution at the new vertices against what was interpolated there. From the
+//! error that its parent had, and from how that fell since the parent's own parent, the error of each leaf is predicted; the
+//! leaves that hold most of it are divided next. Light that is steep but linear is left alone.
+
+use glam::DVec3;
+
+use crate::mesh::{Mesh, PatchId};
+
+/// The radiosity error falls by 16 in the square where light is smooth, and hardly at all where a shadow line crosses.
+const DECAY: std::ops::RangeInclusive<f64> = 1.0 / 16.0..=0.75;
+
+/// Decay taken where only one level is known.
+const FIRST_DECAY: f64 = 0.25;
+
+/// Part of the predicted error that the leaves divided in one round hold.
+const PART_PER_ROUND: f64 = 0.8;
+
+/// Predicted interpolation error of a mesh.
+pub struct MeshError {
+    /// Per leaf: predicted square error, integrated over its area.
+    leaves: Vec<(PatchId, f64)>,
+    /// Square of the radiosity, integrated over the mesh.
+    norm: f64,
+}
+
+impl MeshError {
+    /// Predicts the error of `irradiance` (one value per vertex) on the mesh, as radiosity: weighted by the reflectance of
+    /// each surface.
+    #[must_use]
+    pub fn predict(mesh: &Mesh, irradiance: &[DVec3], reflectance: &[DVec3]) -> Self {
+        let mut revealed: Vec<Option<Revealed>> = mesh.patches.iter().map(|_| None).collect();
+        for (index, patch) in mesh.patches.iter().enumerate() {
+            if patch.first_child.is_some() {
+                revealed[index] = Some(revealed_errors(mesh, PatchId(index as u32), irradiance));
+            }
+        }
+        let (mut leaves, mut norm) = (vec![], 0.0);
+        for (id, patch) in mesh.leaves() {
+            let weight = reflectance[patch.surface as usize];
+            let corners = patch.corners.iter().map(|corner| weight * irradiance[corner.index()]);
+            norm += patch.area * corners.clone().map(DVec3::length_squared).sum::<f64>()
+                / patch.corners.len() as f64;
+            let error = match patch.parent {
+                Some(parent) => {
+                    let own = child_error(mesh, parent, id, &revealed, weight);
+                    let grandparent = mesh.patch(parent).parent;
+                    let before = grandparent.map(|g| child_error(mesh, g, parent, &revealed, weight));
+                    let decay = before.map_or(FIRST_DECAY, |before| {
+                        if before > 0.0 {
+                            (own / before).clamp(*DECAY.start(), *DECAY.end())
+                        } else {
+                            *DECAY.end()
+                        }
+                    });
+                    own * decay
+                }
+                None => spread(corners) / 16.0,
+            };
+            leaves.push((id, error * patch.area));
+        }
+        Self { leaves, norm }
+    }
+
+    /// Relative L2 error of the radiosity.
+    #[must_use]
+    pub fn relative(&self) -> f64 {
+        let total: f64 = self.leaves.iter().map(|leaf| leaf.1).sum();
+        if self.norm > 0.0 { (total / self.norm).sqrt() } else { 0.0 }
+    }
+
+    /// The leaves to divide next, by falling error; none when the error is under `target`. At most `limit` of them.
+    #[must_use]
+    pub fn worst_leaves(
+        &self,
+        target: f64,
+        limit: usize,
+        may_divide: impl Fn(PatchId) -> bool,
+    ) -> Vec<PatchId> {
+        if self.relative() <= target {
+            return vec![];
+        }
+        let mut leaves: Vec<_> =
+            self.leaves.iter().copied().filter(|leaf| leaf.1 > 0.0 && may_divide(leaf.0)).collect();
+        leaves.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+        let total: f64 = leaves.iter().map(|leaf| leaf.1).sum();
+        let mut held = 0.0;
+        leaves
+            .into_iter()
+            .take_while(|leaf| {
+                let wanted = held < PART_PER_ROUND * total;
+                held += leaf.1;
+                wanted
+            })
+            .take(limit)
+            .map(|leaf| leaf.0)
+            .collect()
+    }
+}
+
+/// What dividing a patch revealed: the error of interpolation at the middle of each edge, and at the centre.
+struct Revealed {
+    middles: Vec<DVec3>,
+    centre: DVec3,
+}
+
+fn revealed_errors(mesh: &Mesh, id: PatchId, irradiance: &[DVec3]) -> Revealed {
+    let patch = mesh.patch(id);
+    let at = |vertex: crate::mesh::VertexId| irradiance[vertex.index()];
+    let middles = mesh
+        .edges(id)
+        .map(|(a, b)| mesh.middle_of(a, b).map_or(DVec3::ZERO, |middle| at(middle) - (at(a) + at(b)) * 0.5))
+        .collect();
+    let mean = patch.corners.iter().map(|corner| at(*corner)).sum::<DVec3>() / patch.corners.len() as f64;
+    // The centre is the third corner of every child.
+    let centre = patch.first_child.map_or(mean, |child| at(mesh.patch(child).corners[2]));
+    Revealed { middles, centre: centre - mean }
+}
+
+/// Mean square of the errors that dividing `parent` revealed at the vertices of one of its children.
+fn child_error(
+    mesh: &Mesh,
+    parent: PatchId,
+    child: PatchId,
+    revealed: &[Option<Revealed>],
+    weight: DVec3,
+) -> f64 {
+    let Some(revealed) = &revealed[parent.index()] else { return 0.0 };
+    let position = mesh.children(parent).position(|candidate| candidate == child).unwrap_or(0);
+    let count = revealed.middles.len();
+    let errors =
+        [revealed.middles[position], revealed.centre, revealed.middles[(position + count - 1) % count]];
+    errors.iter().map(|error| (weight * *error).length_squared()).sum::<f64>() / 3.0
+}
+
+/// Largest square difference between values.
+fn spread(values: impl Iterator<Item = DVec3> + Clone) -> f64 {
+    let low = values.clone().fold(DVec3::MAX, DVec3::min);
+    let high = values.fold(DVec3::MIN, DVec3::max);
+    (high - low).length_squared()
+}
