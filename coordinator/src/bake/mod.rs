@@ -183,7 +183,7 @@ impl<'a> Bake<'a> {
         progress: &'a mut dyn FnMut(&Progress),
     ) -> Result<Self, BakeError> {
         let clock = Instant::now();
-        let mesh = Mesh::new(scene, settings.shooter_edge * extent(scene), settings.max_level);
+        let mesh = Mesh::new(scene, extent(scene), settings.shooter_edge * extent(scene), settings.max_level);
         if mesh.patches.is_empty() {
             return Err(BakeError::EmptyMesh);
         }
@@ -283,6 +283,15 @@ impl<'a> Bake<'a> {
         self.row_sums = (0..self.shares.len())
             .map(|share| transfer.columns.iter().map(|column| f64::from(column[share])).sum())
             .collect();
+        if std::env::var("SUMS").is_ok() {
+            for (share, sum) in self.shares.iter().zip(&self.row_sums) {
+                let p = self.scene.frame.to_world(self.mesh.position(share.vertex));
+                println!(
+                    "S {sum:.5} {} {:.3} {:.3} {:.3} area {:.1}",
+                    self.scene.surfaces[share.surface as usize].name, p.x, p.y, p.z, share.area
+                );
+            }
+        }
         let direct: Vec<DVec3> = self.energies.iter().map(|share| self.direct[share.receiver]).collect();
         self.solve(&transfer, &direct, shot);
         self.end_step("shoot");

@@ -15,8 +15,9 @@ impl Bake<'_> {
     /// its vertex: the better figure where a shadow line or a hot spot lies inside the share. No new rows are needed.
     pub(super) fn settle(&mut self) {
         self.office.enter(Phase::Settle, self.mesh.vertices.len());
+        let exposed = self.exposed_vertices();
         let means: Vec<Vec<(usize, f64)>> =
-            self.shares.iter().map(|share| mean_weights(&self.mesh, share)).collect();
+            self.shares.iter().map(|share| mean_weights(&self.mesh, share, &exposed)).collect();
         let columns = self
             .rows
             .iter()
@@ -34,6 +35,58 @@ impl Bake<'_> {
             .collect();
         let guess = std::mem::take(&mut self.radiosity);
         self.solve(&Transfer { columns }, &direct, guess);
+        if std::env::var("CONTRIB").is_ok() {
+            let w = |v: crate::mesh::VertexId| self.scene.frame.to_world(self.mesh.position(v));
+            let b = (0..self.mesh.vertices.len())
+                .min_by(|a, b| {
+                    let t = DVec3::new(8.0, 1.5, 2.0);
+                    w(crate::mesh::VertexId(*a as u32))
+                        .distance(t)
+                        .total_cmp(&w(crate::mesh::VertexId(*b as u32)).distance(t))
+                })
+                .unwrap_or(0);
+            let mut c: Vec<_> = (0..self.shares.len())
+                .map(|i| ((f64::from(self.rows[i][b]) * self.radiosity[i]).y, i))
+                .collect();
+            c.sort_by(|a, b| b.0.total_cmp(&a.0));
+            println!("E {} direct {}", self.irradiance[b], self.direct[b]);
+            for (v, i) in c.iter().take(25) {
+                println!(
+                    "C {v:.4} f {:.4} B {:.3} {} {:?} exposed {} polys {:?}",
+                    self.rows[*i][b],
+                    self.radiosity[*i].y,
+                    self.scene.surfaces[self.shares[*i].surface as usize].name,
+                    w(self.shares[*i].vertex).to_array(),
+                    exposed[self.shares[*i].vertex.index()],
+                    self.shares[*i]
+                        .polygons
+                        .iter()
+                        .map(|p| p
+                            .corners
+                            .iter()
+                            .map(|c| self
+                                .scene
+                                .frame
+                                .to_world(*c)
+                                .to_array()
+                                .map(|x| (x * 100.0).round() / 100.0))
+                            .collect::<Vec<_>>())
+                        .collect::<Vec<_>>()
+                );
+            }
+        }
+    }
+
+    /// Whether each vertex sees any surface. One that sees none, like the floor under a box, sends light to none either: what
+    /// it has must not dim the mean of a share that lies half in the open.
+    fn exposed_vertices(&self) -> Vec<bool> {
+        let mut exposed = vec![false; self.mesh.vertices.len()];
+        for row in &self.rows {
+            for (exposed, factor) in exposed.iter_mut().zip(row) {
+                *exposed |= *factor > 0.0;
+            }
+        }
+        exposed
     }
 
     pub(super) fn report(&self) -> BakeReport {
@@ -85,9 +138,9 @@ impl Bake<'_> {
     }
 }
 
-/// Weights of the vertices in the mean of a share: its parts are children of the patches that it was dealt, or quarters of
+/// Weights of the exposed vertices in the mean of a share: its parts are children of the patches that it was dealt, or quarters of
 /// those that were never divided.
-fn mean_weights(mesh: &Mesh, share: &Share) -> Vec<(usize, f64)> {
+fn mean_weights(mesh: &Mesh, share: &Share, exposed: &[bool]) -> Vec<(usize, f64)> {
     let mut weights = vec![];
     for &(patch, corner) in &share.corners {
         match mesh.children(patch).nth(corner) {
@@ -103,6 +156,9 @@ fn mean_weights(mesh: &Mesh, share: &Share) -> Vec<(usize, f64)> {
         }
         same
     });
+    if weights.iter().any(|(vertex, _)| exposed[*vertex]) {
+        weights.retain(|(vertex, _)| exposed[*vertex]);
+    }
     let total: f64 = weights.iter().map(|(_, weight)| weight).sum();
     weights.iter_mut().for_each(|(_, weight)| *weight /= total);
     weights
