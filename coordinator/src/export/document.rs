@@ -12,7 +12,7 @@ use gltf::json::{Index, Mesh, Root};
 use serde_json::{Map, Value, json};
 
 use super::buffer::{self, NewData};
-use super::materials::LitMaterials;
+use super::materials::{LitMaterials, complete_texture_transforms};
 use super::refined::{Placement, RefinedPrimitive, refine};
 use super::{ExportError, ExportSettings, attributes};
 use crate::lit::LitMesh;
@@ -41,6 +41,7 @@ pub(super) fn assemble(scene: &Scene, lit: &LitMesh, exposure: f64) -> Result<As
         assembler.light_node(node, primitives)?;
     }
     assembler.drop_replaced(&lit_nodes)?;
+    complete_texture_transforms(&mut assembler.root);
     let Assembler { mut root, new, vertices, triangles, .. } = assembler;
     let binary = buffer::gather(&mut root, &scene.source.buffers, new)?;
     Ok(Assembled { root, binary, vertices, triangles })

@@ -42,6 +42,26 @@ impl LitMaterials {
     }
 }
 
+/// Says in every texture transform which texture coordinates it means.
+///
+/// The `gltf` crate writes one that does not as `null`, which the format does not allow.
+pub(super) fn complete_texture_transforms(root: &mut Root) {
+    for material in &mut root.materials {
+        let pbr = &mut material.pbr_metallic_roughness;
+        let textures = [
+            &mut pbr.base_color_texture,
+            &mut pbr.metallic_roughness_texture,
+            &mut material.emissive_texture,
+        ];
+        for texture in textures.into_iter().flatten() {
+            let extensions = texture.extensions.as_mut();
+            if let Some(transform) = extensions.and_then(|extensions| extensions.texture_transform.as_mut()) {
+                transform.tex_coord.get_or_insert(texture.tex_coord);
+            }
+        }
+    }
+}
+
 fn is_emissive(material: &Material) -> bool {
     material.emissive_factor.0.iter().any(|&channel| channel > 0.0)
 }

@@ -8,6 +8,8 @@ use serde_json::{Value, json};
 use super::*;
 use crate::export::fixture::{Builder, light, open};
 
+const TRANSFORM: &str = "/materials/0/pbrMetallicRoughness/baseColorTexture/extensions/KHR_texture_transform";
+
 /// The JSON of an output.
 fn json_of(gltf: &Gltf) -> Value {
     gltf.as_json().to_value().unwrap()
@@ -39,7 +41,7 @@ fn what_is_not_lit_is_kept_and_what_is_replaced_goes() {
         ]}],
         "materials": [
             {"name": "paint", "pbrMetallicRoughness": {"baseColorTexture": {
-                "index": 0, "extensions": {"KHR_texture_transform": {"scale": [2, 2]}}}}},
+                "index": 0, "texCoord": 1, "extensions": {"KHR_texture_transform": {"scale": [2, 2]}}}}},
             {"name": "unused"},
         ],
         "textures": [{"source": 0}],
@@ -74,6 +76,7 @@ fn what_is_not_lit_is_kept_and_what_is_replaced_goes() {
         ("/materials/1/name", json!("unused")),
         ("/animations/0/name", json!("rise")),
         ("/animations/1", Value::Null),
+        (TRANSFORM, json!({"offset": [0.0, 0.0], "rotation": 0.0, "scale": [2.0, 2.0], "texCoord": 1})),
         ("/extensionsUsed", json!(["KHR_materials_unlit", "KHR_texture_transform"])),
     ] {
         assert_eq!(json.pointer(pointer).unwrap_or(&Value::Null), &expected, "{pointer}");
