@@ -1,7 +1,10 @@
 //! The coordinator: holds the scene and the energies, shoots, schedules rows on workers, writes the lit glTF.
 
 pub mod bake;
+pub mod export;
 pub mod lit;
 pub mod mesh;
+mod placement;
 pub mod scene;
+pub mod score;
 pub mod solver;
