@@ -34,6 +34,7 @@ use crate::lit::LitMesh;
 use crate::mesh::{Mesh, Share, VertexId, triangulate};
 use crate::scene::Scene;
 use crate::solver::balance::{EnergyBalance, RowSums};
+use crate::solver::fit::best_fit;
 use crate::solver::shooting::Shooting;
 use crate::solver::sweeps::{Transfer, solve};
 use crate::solver::{ShareEnergy, ShareId};
@@ -283,15 +284,6 @@ impl<'a> Bake<'a> {
         self.row_sums = (0..self.shares.len())
             .map(|share| transfer.columns.iter().map(|column| f64::from(column[share])).sum())
             .collect();
-        if std::env::var("SUMS").is_ok() {
-            for (share, sum) in self.shares.iter().zip(&self.row_sums) {
-                let p = self.scene.frame.to_world(self.mesh.position(share.vertex));
-                println!(
-                    "S {sum:.5} {} {:.3} {:.3} {:.3} area {:.1}",
-                    self.scene.surfaces[share.surface as usize].name, p.x, p.y, p.z, share.area
-                );
-            }
-        }
         let direct: Vec<DVec3> = self.energies.iter().map(|share| self.direct[share.receiver]).collect();
         self.solve(&transfer, &direct, shot);
         self.end_step("shoot");
@@ -326,6 +318,7 @@ impl<'a> Bake<'a> {
     }
 
     fn finish(mut self) -> Baked {
+        self.irradiance = best_fit(&self.mesh, &self.irradiance);
         let radiosity = |vertex: VertexId| self.irradiance[vertex.index()];
         let triangles = triangulate(&self.mesh, self.scene.surfaces.len(), radiosity);
         let lit = receivers::lit_mesh(&self.mesh, &self.irradiance, triangles);

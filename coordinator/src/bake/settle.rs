@@ -35,46 +35,6 @@ impl Bake<'_> {
             .collect();
         let guess = std::mem::take(&mut self.radiosity);
         self.solve(&Transfer { columns }, &direct, guess);
-        if std::env::var("CONTRIB").is_ok() {
-            let w = |v: crate::mesh::VertexId| self.scene.frame.to_world(self.mesh.position(v));
-            let b = (0..self.mesh.vertices.len())
-                .min_by(|a, b| {
-                    let t = DVec3::new(8.0, 1.5, 2.0);
-                    w(crate::mesh::VertexId(*a as u32))
-                        .distance(t)
-                        .total_cmp(&w(crate::mesh::VertexId(*b as u32)).distance(t))
-                })
-                .unwrap_or(0);
-            let mut c: Vec<_> = (0..self.shares.len())
-                .map(|i| ((f64::from(self.rows[i][b]) * self.radiosity[i]).y, i))
-                .collect();
-            c.sort_by(|a, b| b.0.total_cmp(&a.0));
-            println!("E {} direct {}", self.irradiance[b], self.direct[b]);
-            for (v, i) in c.iter().take(25) {
-                println!(
-                    "C {v:.4} f {:.4} B {:.3} {} {:?} exposed {} polys {:?}",
-                    self.rows[*i][b],
-                    self.radiosity[*i].y,
-                    self.scene.surfaces[self.shares[*i].surface as usize].name,
-                    w(self.shares[*i].vertex).to_array(),
-                    exposed[self.shares[*i].vertex.index()],
-                    self.shares[*i]
-                        .polygons
-                        .iter()
-                        .map(|p| p
-                            .corners
-                            .iter()
-                            .map(|c| self
-                                .scene
-                                .frame
-                                .to_world(*c)
-                                .to_array()
-                                .map(|x| (x * 100.0).round() / 100.0))
-                            .collect::<Vec<_>>())
-                        .collect::<Vec<_>>()
-                );
-            }
-        }
     }
 
     /// Whether each vertex sees any surface. One that sees none, like the floor under a box, sends light to none either: what
@@ -143,9 +103,11 @@ impl Bake<'_> {
 fn mean_weights(mesh: &Mesh, share: &Share, exposed: &[bool]) -> Vec<(usize, f64)> {
     let mut weights = vec![];
     for &(patch, corner) in &share.corners {
-        match mesh.children(patch).nth(corner) {
-            Some(child) => add_leaves(mesh, child, &mut weights),
-            None => add_quarter(mesh, patch, corner, &mut weights),
+        if mesh.patch(patch).first_child.is_some() {
+            add_leaves(mesh, patch, corner, &mut weights);
+        } else {
+            let area = mesh.patch(patch).area / mesh.patch(patch).corners.len() as f64;
+            add_quarter(mesh, patch, corner, area, &mut weights);
         }
     }
     weights.sort_unstable_by_key(|(vertex, _)| *vertex);
@@ -164,21 +126,25 @@ fn mean_weights(mesh: &Mesh, share: &Share, exposed: &[bool]) -> Vec<(usize, f64
     weights
 }
 
-fn add_leaves(mesh: &Mesh, id: PatchId, weights: &mut Vec<(usize, f64)>) {
-    if mesh.patch(id).first_child.is_some() {
-        mesh.children(id).for_each(|child| add_leaves(mesh, child, weights));
+/// Mean over the leaves of a divided patch's child. Between exact vertex values the mean of the interpolation is off by a
+/// multiple of the squared size, which Richardson extrapolation with the mean on the parent's level takes out.
+fn add_leaves(mesh: &Mesh, parent: PatchId, corner: usize, weights: &mut Vec<(usize, f64)>) {
+    let Some(id) = mesh.children(parent).nth(corner) else { return };
+    let patch = mesh.patch(id);
+    if patch.first_child.is_some() {
+        (0..patch.corners.len()).for_each(|corner| add_leaves(mesh, id, corner, weights));
         return;
     }
-    let patch = mesh.patch(id);
     let weight = patch.area / patch.corners.len() as f64;
-    weights.extend(patch.corners.iter().map(|corner| (corner.index(), weight)));
+    weights.extend(patch.corners.iter().map(|corner| (corner.index(), weight * 4.0 / 3.0)));
+    add_quarter(mesh, parent, corner, -patch.area / 3.0, weights);
 }
 
-/// Mean over the part of an undivided patch that a corner answers for, of the values interpolated between its corners.
-fn add_quarter(mesh: &Mesh, id: PatchId, corner: usize, weights: &mut Vec<(usize, f64)>) {
+/// `part` times the mean over the part of a patch that a corner answers for, of the values interpolated between the patch's
+/// corners.
+fn add_quarter(mesh: &Mesh, id: PatchId, corner: usize, part: f64, weights: &mut Vec<(usize, f64)>) {
     let patch = mesh.patch(id);
     let count = patch.corners.len();
-    let part = patch.area / count as f64;
     let mut add = |i: usize, weight: f64| weights.push((patch.corners[i % count].index(), weight * part));
     // A quarter each for the corner, the middles of its two edges and the centre.
     add(corner, 0.5);
