@@ -2,6 +2,7 @@
 
 pub mod bake;
 pub mod export;
+pub mod import;
 pub mod lit;
 pub mod mesh;
 mod placement;
