@@ -4,4 +4,5 @@ pub mod bake;
 pub mod lit;
 pub mod mesh;
 pub mod scene;
+pub mod scheduler;
 pub mod solver;
