@@ -1,11 +1,13 @@
 //! The coordinator: holds the scene and the energies, shoots, schedules rows on workers, writes the lit glTF.
 
 pub mod bake;
+pub mod cluster;
 pub mod export;
 pub mod import;
 pub mod lit;
 pub mod mesh;
 mod placement;
 pub mod scene;
+pub mod scheduler;
 pub mod score;
 pub mod solver;

@@ -1,0 +1,85 @@
+use std::error::Error;
+
+use shared::replica::Digest;
+
+use crate::scheduler::{Abandonment, JobId};
+
+/// Why rows cannot be had.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum ClusterError {
+    /// There is nobody to work.
+    #[error("no workers: give at least one thread or one address")]
+    NoWorkers,
+    /// The network threads or the embedded worker did not start.
+    #[error("cannot start the workers of this process: {0}")]
+    Start(String),
+    /// An address is not of the right form.
+    #[error("{address:?} is not the address of a worker: write host:port")]
+    Address {
+        /// As it was given.
+        address: String,
+    },
+    /// Nobody answers.
+    #[error(
+        "no worker answers at {address}: {reason}; start one there with `worker --listen host:port`, or \
+         correct the address"
+    )]
+    Unreachable {
+        /// As it was given, and what it stands for.
+        address: String,
+        /// What the system says.
+        reason: String,
+    },
+    /// The worker is of another release.
+    #[error(
+        "worker at {address} speaks protocol version {theirs}, this coordinator version {ours}: install the \
+         same release on both machines"
+    )]
+    Version {
+        /// The worker's address.
+        address: String,
+        /// The worker's version.
+        theirs: u32,
+        /// The version of this program.
+        ours: u32,
+    },
+    /// Somebody answers, but not as a worker does.
+    #[error("worker at {address} refuses the session: {reason}")]
+    Refused {
+        /// The worker's address.
+        address: String,
+        /// The worker's words.
+        reason: String,
+    },
+    /// Nobody is left.
+    #[error("all workers are lost: {}", reasons.join("; "))]
+    AllWorkersLost {
+        /// How each of them was lost.
+        reasons: Vec<String>,
+    },
+    /// A job failed wherever it was tried.
+    #[error("job {job} cannot be computed, {why}: {message}")]
+    Abandoned {
+        /// The job.
+        job: JobId,
+        /// Why it is not tried again.
+        why: Abandonment,
+        /// The last worker's words.
+        message: String,
+    },
+    /// A job needs a replica that was not published, or was released.
+    #[error("replica {0} is not published, and a job needs it")]
+    NotPublished(Digest),
+    /// The task that moves the messages is gone.
+    #[error("the cluster has stopped")]
+    Stopped,
+}
+
+/// What lies at the bottom of an error: the words of the system below those of the libraries.
+pub(super) fn innermost(error: &dyn Error) -> String {
+    let mut innermost = error;
+    while let Some(source) = innermost.source() {
+        innermost = source;
+    }
+    innermost.to_string()
+}

@@ -1,0 +1,210 @@
+//! One job: checked against the replicas, then computed.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use shared::protocol::worker_message::Body;
+use shared::protocol::{FailureReason, Finished, JobFailed, MAX_MESSAGE_BYTES, RowJob, RowStatistics};
+use shared::replica::{Digest, Receivers};
+use shared::row::{RequestError, RowRequest, encode_row};
+
+use crate::engine::{Scene, compute_row};
+use crate::pool::Panicked;
+use crate::store::{Replica, ReplicaStore};
+
+/// A job that can be computed: it holds all that it needs.
+pub struct Job {
+    id: u64,
+    request: RowRequest,
+    scene: Arc<Scene>,
+    receivers: Arc<Receivers>,
+    /// Key of the first receiver of the range.
+    first_key: u64,
+}
+
+/// Why a job is not computed.
+#[derive(Debug, thiserror::Error)]
+pub enum JobError {
+    /// The message is not a request for rows.
+    #[error(transparent)]
+    Request(#[from] RequestError),
+    /// A replica is not here, or not any more.
+    #[error("replica {0} is not loaded")]
+    UnknownReplica(Digest),
+    /// A replica is here, but of the other kind.
+    #[error("replica {0} is of the wrong kind")]
+    WrongKind(Digest),
+    /// The range goes beyond the receivers.
+    #[error("receivers {first} to {first} + {count} do not exist, replica {replica} has {held}")]
+    Range {
+        /// First receiver of the range.
+        first: u32,
+        /// Number of receivers in the range.
+        count: u32,
+        /// The receiver replica.
+        replica: Digest,
+        /// Number of receivers in it.
+        held: usize,
+    },
+    /// The rows would not fit into one message.
+    #[error("rows of this job may take {bytes} bytes, and a message holds {MAX_MESSAGE_BYTES}: cut the job")]
+    TooLarge {
+        /// Largest length of the rows together.
+        bytes: u64,
+    },
+    /// The computation panicked.
+    #[error(transparent)]
+    Panicked(#[from] Panicked),
+}
+
+impl JobError {
+    /// The same for the other side.
+    #[must_use]
+    pub fn to_message(&self, job_id: u64) -> JobFailed {
+        let reason = match self {
+            Self::UnknownReplica(_) => FailureReason::UnknownReplica,
+            Self::Request(_) | Self::WrongKind(_) | Self::Range { .. } | Self::TooLarge { .. } => {
+                FailureReason::InvalidJob
+            }
+            Self::Panicked(_) => FailureReason::Internal,
+        };
+        JobFailed { job_id, reason: reason.into(), message: self.to_string() }
+    }
+}
+
+impl Job {
+    /// Reads a job and takes hold of its replicas.
+    ///
+    /// # Errors
+    /// When the job makes no sense or names a replica that the store does not hold.
+    pub fn new(message: &RowJob, store: &mut ReplicaStore) -> Result<Self, JobError> {
+        let request = RowRequest::from_job(message)?;
+        let scene = match store.get(request.scene) {
+            Some(Replica::Scene(scene)) => scene,
+            Some(_) => return Err(JobError::WrongKind(request.scene)),
+            None => return Err(JobError::UnknownReplica(request.scene)),
+        };
+        let receivers = match store.get(request.receivers) {
+            Some(Replica::Receivers(receivers)) => receivers,
+            Some(_) => return Err(JobError::WrongKind(request.receivers)),
+            None => return Err(JobError::UnknownReplica(request.receivers)),
+        };
+        let (first, count) = (request.first_receiver, request.receiver_count);
+        let held = receivers.receivers.len();
+        // The keys of the range must exist too, whatever the replica claims as its first.
+        let first_key = receivers
+            .first_key
+            .checked_add(u64::from(first))
+            .filter(|key| key.checked_add(u64::from(count)).is_some());
+        let (true, Some(first_key)) = (u64::from(first) + u64::from(count) <= held as u64, first_key) else {
+            return Err(JobError::Range { first, count, replica: request.receivers, held });
+        };
+        // 33 bits for a receiver that sees the shooter, and some bytes for the fields around each row.
+        let row = u64::from(count) * 33 / 8 + 16;
+        let bytes = row.saturating_mul(request.shooters.len() as u64);
+        if bytes > MAX_MESSAGE_BYTES as u64 - 1024 {
+            return Err(JobError::TooLarge { bytes });
+        }
+        Ok(Self { id: message.job_id, request, scene, receivers, first_key })
+    }
+
+    /// Computes the rows, on the calling thread.
+    #[must_use]
+    pub fn compute(&self) -> Finished {
+        let start = Instant::now();
+        let first = self.request.first_receiver as usize;
+        let receivers = &self.receivers.receivers[first..first + self.request.receiver_count as usize];
+        let mut statistics = RowStatistics::default();
+        let rows = self
+            .request
+            .shooters
+            .iter()
+            .map(|shooter| {
+                let (row, cost) =
+                    compute_row(&self.scene, receivers, self.first_key, shooter, &self.request.sampling);
+                statistics.rays += cost.rays;
+                statistics.factors += cost.factors;
+                statistics.sampled_pairs += cost.sampled_pairs;
+                encode_row(&row)
+            })
+            .collect();
+        statistics.busy_nanoseconds = start.elapsed().as_nanos().try_into().unwrap_or(u64::MAX);
+        Finished { job_id: self.id, rows, statistics: Some(statistics) }
+    }
+}
+
+/// The answer to a job.
+#[must_use]
+pub fn answer(job_id: u64, result: Result<Finished, JobError>) -> Body {
+    match result {
+        Ok(finished) => Body::Finished(finished),
+        Err(error) => Body::Failed(error.to_message(job_id)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+    use shared::geometry::PlaneId;
+    use shared::replica::{EncodedReplica, Receiver, encode_receivers, encode_scene};
+    use shared::row::{Sampling, Shape, Shooter, decode_row};
+
+    use super::*;
+
+    /// A store that holds an empty scene and three receivers, and a job that both can answer.
+    fn prepared() -> (ReplicaStore, RowRequest) {
+        let receiver = |x| Receiver { position: DVec3::X * x, normal: DVec3::Y, plane: PlaneId(0) };
+        let set = Receivers { first_key: 5, receivers: [0.0, 1.0, 2.0].map(receiver).to_vec() };
+        let (scene, receivers) = (encode_scene(&[]), encode_receivers(&set));
+        let mut store = ReplicaStore::new(1 << 20);
+        for EncodedReplica { digest, kind, bytes } in [&scene, &receivers] {
+            store.insert(*digest, Replica::decode(*kind, bytes).unwrap(), bytes.len() as u64);
+        }
+        let request = RowRequest {
+            scene: scene.digest,
+            receivers: receivers.digest,
+            first_receiver: 1,
+            receiver_count: 2,
+            shooters: vec![Shooter { key: 1, shape: Shape::Point(DVec3::new(1.0, 2.0, 0.0)) }],
+            sampling: Sampling { rays_per_hemisphere: 64, minimum_rays: 1, maximum_rays: 64, seed: 1 },
+        };
+        (store, request)
+    }
+
+    fn reason(request: &RowRequest, store: &mut ReplicaStore) -> FailureReason {
+        Job::new(&request.to_job(9), store).err().unwrap().to_message(9).reason()
+    }
+
+    #[test]
+    fn a_range_of_the_receivers_is_computed() {
+        let (mut store, request) = prepared();
+        let finished = Job::new(&request.to_job(9), &mut store).unwrap().compute();
+        assert_eq!((finished.job_id, finished.rows.len()), (9, 1));
+        let mut row = vec![];
+        decode_row(&finished.rows[0], 2, &mut row).unwrap();
+        // A light 2 above the first receiver of the range, and sqrt(5) from the second: cos / r^2.
+        assert_eq!(row, [0.25, (2.0 / 5.0_f64.powf(1.5)) as f32]);
+    }
+
+    #[test]
+    fn a_missing_replica_can_be_loaded_and_a_senseless_job_not() {
+        let (mut store, request) = prepared();
+        let other = Digest::of(b"other");
+        let unknown = RowRequest { receivers: other, ..request.clone() };
+        assert_eq!(reason(&unknown, &mut store), FailureReason::UnknownReplica);
+        let swapped = RowRequest { receivers: request.scene, ..request.clone() };
+        assert_eq!(reason(&swapped, &mut store), FailureReason::InvalidJob);
+        let beyond = RowRequest { first_receiver: u32::MAX, ..request.clone() };
+        assert_eq!(reason(&beyond, &mut store), FailureReason::InvalidJob);
+        let endless = RowRequest { shooters: vec![request.shooters[0].clone(); 4 << 20], ..request };
+        assert_eq!(reason(&endless, &mut store), FailureReason::InvalidJob);
+    }
+
+    #[tokio::test]
+    async fn a_panic_is_a_failure_that_another_worker_may_not_have() {
+        let pool = crate::pool::ComputePool::new(1).unwrap();
+        let result = pool.run(|| panic!("broken")).await.map_err(JobError::from);
+        let Body::Failed(failed) = answer(9, result) else { panic!("not a failure") };
+        assert_eq!((failed.job_id, failed.reason()), (9, FailureReason::Internal));
+    }
+}

@@ -1,0 +1,149 @@
+//! One session: a coordinator's messages in, answers out.
+
+use shared::protocol::coordinator_message::Body as Incoming;
+use shared::protocol::worker_message::Body as Outgoing;
+use shared::protocol::{
+    CoordinatorHello, CoordinatorMessage, Goodbye, KeepAlive, PROTOCOL_VERSION, RowJob, WorkerHello,
+    WorkerMessage,
+};
+use shared::replica::Digest;
+use tokio::sync::mpsc;
+use tokio::task::JoinSet;
+use tokio_util::sync::CancellationToken;
+use tonic::{Status, Streaming};
+
+use crate::job::{Job, JobError, answer};
+use crate::service::WorkerService;
+
+/// Jobs of one session that may be under way for each thread: more are left in the network until some are answered. Far
+/// above what a coordinator that shares work out sends ahead.
+const JOBS_PER_THREAD: usize = 64;
+
+type Outbound = mpsc::Sender<Result<WorkerMessage, Status>>;
+
+/// Answers a coordinator until one side says goodbye, the coordinator leaves, or the worker shuts down.
+///
+/// # Errors
+/// A status for the coordinator, when it breaks the protocol or its connection is lost.
+pub(crate) async fn run(
+    worker: &WorkerService,
+    inbound: Streaming<CoordinatorMessage>,
+    outbound: &Outbound,
+) -> Result<(), Status> {
+    let session = Session {
+        worker,
+        outbound,
+        // Jobs still queued when the session ends are not worth computing.
+        abandoned: worker.shutdown.child_token(),
+        jobs: JoinSet::new(),
+    };
+    let _guard = session.abandoned.clone().drop_guard();
+    session.converse(inbound).await
+}
+
+struct Session<'a> {
+    worker: &'a WorkerService,
+    outbound: &'a Outbound,
+    /// Jobs that see it cancelled before they start are handed back.
+    abandoned: CancellationToken,
+    /// Each gives the answer to a job, or nothing where it was handed back.
+    jobs: JoinSet<Option<Outgoing>>,
+}
+
+impl Session<'_> {
+    async fn converse(mut self, mut inbound: Streaming<CoordinatorMessage>) -> Result<(), Status> {
+        let settings = &self.worker.settings;
+        self.send(Outgoing::Hello(WorkerHello {
+            protocol_version: PROTOCOL_VERSION,
+            threads: settings.threads.get() as u32,
+            name: settings.name.clone(),
+            software_version: env!("CARGO_PKG_VERSION").into(),
+        }))
+        .await?;
+        greet(inbound.message().await?)?;
+
+        let most_jobs = settings.threads.get() * JOBS_PER_THREAD;
+        let mut leaving = None;
+        let mut listening = true;
+        loop {
+            if let Some(reason) = leaving
+                && self.jobs.is_empty()
+            {
+                return self.send(Outgoing::Goodbye(Goodbye { reason: String::from(reason) })).await;
+            }
+            tokio::select! {
+                Some(job) = self.jobs.join_next() => {
+                    // The tasks only wait for the pool, which catches panics.
+                    let answer = job.map_err(|error| Status::internal(error.to_string()))?;
+                    if let Some(answer) = answer {
+                        self.send(answer).await?;
+                    }
+                }
+                message = inbound.message(), if listening && self.jobs.len() < most_jobs => {
+                    match message?.map(|message| message.body) {
+                        Some(Some(Incoming::Job(_))) if leaving.is_some() => {}
+                        Some(Some(Incoming::Job(job))) => self.start(&job),
+                        Some(Some(Incoming::KeepAlive(KeepAlive { number }))) => {
+                            self.send(Outgoing::KeepAlive(KeepAlive { number })).await?;
+                        }
+                        Some(Some(Incoming::Release(release))) => {
+                            let digest = Digest::try_from(release.digest.as_ref())
+                                .map_err(|error| Status::invalid_argument(error.to_string()))?;
+                            self.worker.store().remove(digest);
+                        }
+                        Some(Some(Incoming::Goodbye(_))) => leaving = Some("as the coordinator wishes"),
+                        Some(Some(Incoming::Hello(_)) | None) => {
+                            return Err(Status::invalid_argument("a second hello, or an unknown message"));
+                        }
+                        // After a goodbye the coordinator may close its half and still wait for answers.
+                        None if leaving.is_some() => listening = false,
+                        None => return Ok(()),
+                    }
+                }
+                () = self.worker.shutdown.cancelled(), if leaving.is_none() => {
+                    leaving = Some("the worker was told to stop");
+                }
+            }
+        }
+    }
+
+    /// Takes a job in; its answer comes out of [`Self::jobs`].
+    fn start(&mut self, message: &RowJob) {
+        let id = message.job_id;
+        let job = match Job::new(message, &mut self.worker.store()) {
+            Ok(job) => job,
+            Err(error) => {
+                self.jobs.spawn(async move { Some(answer(id, Err(error))) });
+                return;
+            }
+        };
+        let abandoned = self.abandoned.clone();
+        let pool = self.worker.pool.clone();
+        self.jobs.spawn(async move {
+            let computed = pool.run(move || (!abandoned.is_cancelled()).then(|| job.compute())).await;
+            computed.map_err(JobError::from).transpose().map(|result| answer(id, result))
+        });
+    }
+
+    async fn send(&self, body: Outgoing) -> Result<(), Status> {
+        let message = WorkerMessage { body: Some(body) };
+        self.outbound.send(Ok(message)).await.map_err(|_| Status::cancelled("the coordinator is gone"))
+    }
+}
+
+/// Checks the coordinator's first message.
+fn greet(message: Option<CoordinatorMessage>) -> Result<(), Status> {
+    let Some(Incoming::Hello(CoordinatorHello { protocol_version, name })) =
+        message.and_then(|message| message.body)
+    else {
+        return Err(Status::failed_precondition("the first message of a session is a hello"));
+    };
+    if protocol_version != PROTOCOL_VERSION {
+        return Err(Status::failed_precondition(format!(
+            "coordinator {name} speaks protocol version {protocol_version}, this worker version \
+             {PROTOCOL_VERSION}: install the same release on both machines"
+        )));
+    }
+    tracing::info!(coordinator = name, "session open");
+    Ok(())
+}

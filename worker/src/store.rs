@@ -1,0 +1,151 @@
+//! The replicas that a worker holds.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use shared::protocol::ReplicaKind;
+use shared::replica::{Digest, Receivers, ReplicaError, decode_receivers, decode_scene};
+
+use crate::engine::Scene;
+
+/// A replica made ready for jobs. A clone is another handle to the same one.
+#[derive(Clone)]
+pub enum Replica {
+    /// The occluders, behind their BVH.
+    Scene(Arc<Scene>),
+    /// Points at which irradiance is wanted.
+    Receivers(Arc<Receivers>),
+}
+
+impl Replica {
+    /// Decodes a replica and builds what jobs need of it: for a scene, the BVH. This is the expensive step; it happens
+    /// once for each upload.
+    ///
+    /// # Errors
+    /// When the bytes are not a replica of this kind.
+    pub fn decode(kind: ReplicaKind, bytes: &[u8]) -> Result<Self, ReplicaError> {
+        match kind {
+            ReplicaKind::Scene => Ok(Self::Scene(Arc::new(Scene::new(&decode_scene(bytes)?)))),
+            ReplicaKind::Receivers => Ok(Self::Receivers(Arc::new(decode_receivers(bytes)?))),
+            ReplicaKind::Unspecified => Err(ReplicaError::Inconsistent("the kind of the replica is missing")),
+        }
+    }
+}
+
+/// Replicas by digest, bounded by their encoded size: the least recently used ones make room for new ones.
+///
+/// Jobs under way keep handles to what they use, so a replica may be dropped here at any time.
+pub struct ReplicaStore {
+    capacity: u64,
+    held: u64,
+    uses: u64,
+    entries: HashMap<Digest, Entry>,
+}
+
+struct Entry {
+    replica: Replica,
+    bytes: u64,
+    /// Value of [`ReplicaStore::uses`] when it was last asked for.
+    last_use: u64,
+}
+
+impl ReplicaStore {
+    /// An empty store for so many bytes of encoded replicas. Decoded they take up to about four times as much.
+    #[must_use]
+    pub fn new(capacity: u64) -> Self {
+        Self { capacity, held: 0, uses: 0, entries: HashMap::new() }
+    }
+
+    /// Largest replica that the store takes, in encoded bytes. A quarter of its capacity: the two replicas of a job fit
+    /// beside those of another coordinator.
+    #[must_use]
+    pub fn largest(&self) -> u64 {
+        self.capacity / 4
+    }
+
+    /// The replica of this digest, which counts as a use; `None` where it was never loaded, or dropped since.
+    pub fn get(&mut self, digest: Digest) -> Option<Replica> {
+        self.uses += 1;
+        let entry = self.entries.get_mut(&digest)?;
+        entry.last_use = self.uses;
+        Some(entry.replica.clone())
+    }
+
+    /// Keeps a replica of so many encoded bytes, and drops the least recently used others until all fit. A replica that is
+    /// held already stays.
+    pub fn insert(&mut self, digest: Digest, replica: Replica, bytes: u64) {
+        if self.get(digest).is_some() {
+            return;
+        }
+        while self.held + bytes > self.capacity {
+            let Some(oldest) =
+                self.entries.iter().min_by_key(|(_, entry)| entry.last_use).map(|(digest, _)| *digest)
+            else {
+                break;
+            };
+            tracing::info!(replica = %oldest, "dropping the least recently used replica");
+            self.remove(oldest);
+        }
+        self.held += bytes;
+        self.entries.insert(digest, Entry { replica, bytes, last_use: self.uses });
+    }
+
+    /// Forgets a replica.
+    pub fn remove(&mut self, digest: Digest) {
+        if let Some(entry) = self.entries.remove(&digest) {
+            self.held -= entry.bytes;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use shared::replica::encode_receivers;
+
+    use super::*;
+
+    fn replica(first_key: u64) -> (Digest, Replica) {
+        let encoded = encode_receivers(&Receivers { first_key, receivers: vec![] });
+        (encoded.digest, Replica::decode(encoded.kind, &encoded.bytes).unwrap())
+    }
+
+    #[test]
+    fn the_least_recently_used_replica_makes_room() {
+        let mut store = ReplicaStore::new(100);
+        let [(a, first), (b, second), (c, third)] = [1, 2, 3].map(replica);
+        store.insert(a, first, 40);
+        store.insert(b, second, 40);
+        assert!(store.get(a).is_some());
+        store.insert(c, third, 40);
+        assert!(store.get(b).is_none());
+        assert!(store.get(a).is_some());
+        assert!(store.get(c).is_some());
+    }
+
+    #[test]
+    fn a_removed_replica_frees_its_bytes() {
+        let mut store = ReplicaStore::new(100);
+        let [(a, first), (b, second)] = [1, 2].map(replica);
+        store.insert(a, first.clone(), 60);
+        store.insert(a, first, 60);
+        store.remove(a);
+        store.remove(a);
+        assert_eq!(store.held, 0);
+        store.insert(b, second, 100);
+        assert!(store.get(b).is_some());
+    }
+
+    #[test]
+    fn bytes_of_the_other_kind_are_refused() {
+        let encoded = encode_receivers(&Receivers {
+            first_key: 1,
+            receivers: vec![shared::replica::Receiver {
+                position: glam::DVec3::ZERO,
+                normal: glam::DVec3::Y,
+                plane: shared::geometry::PlaneId(0),
+            }],
+        });
+        assert!(Replica::decode(ReplicaKind::Scene, &encoded.bytes).is_err());
+        assert!(Replica::decode(ReplicaKind::Unspecified, &encoded.bytes).is_err());
+    }
+}

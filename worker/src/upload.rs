@@ -1,0 +1,164 @@
+//! One replica on its way in: what a header may promise, and what the bytes must keep.
+
+use shared::protocol::{ReplicaHeader, ReplicaKind};
+use shared::replica::{Digest, ReplicaError};
+
+use crate::store::Replica;
+
+/// Why an upload is refused.
+#[derive(Debug, thiserror::Error)]
+pub enum UploadError {
+    /// The first chunk is not a header, or a later one is.
+    #[error("an upload is one header, then data")]
+    Order,
+    /// The header's length is beyond what the worker takes.
+    #[error(
+        "replica {digest} has {length} bytes, this worker takes {largest}: give it more with --replica-bytes"
+    )]
+    TooLarge {
+        /// The replica.
+        digest: Digest,
+        /// Length in the header.
+        length: u64,
+        /// Largest length accepted.
+        largest: u64,
+    },
+    /// More or fewer bytes than the header promised.
+    #[error("replica {digest} was announced with {announced} bytes, but {received} came")]
+    Length {
+        /// The replica.
+        digest: Digest,
+        /// Length in the header.
+        announced: u64,
+        /// Bytes that came; the upload is cut off when they become too many.
+        received: u64,
+    },
+    /// The bytes are others than those that the digest was taken of.
+    #[error("replica {announced} arrived as {received}: its bytes changed on the way")]
+    Digest {
+        /// Digest in the header.
+        announced: Digest,
+        /// Digest of the bytes.
+        received: Digest,
+    },
+    /// The bytes do not make sense.
+    #[error(transparent)]
+    Replica(#[from] ReplicaError),
+}
+
+/// A replica of which the header came, and some of the bytes.
+#[derive(Debug)]
+pub struct Upload {
+    digest: Digest,
+    kind: ReplicaKind,
+    length: u64,
+    bytes: Vec<u8>,
+}
+
+impl Upload {
+    /// Starts an upload. Nothing is allocated on the header's word alone.
+    ///
+    /// # Errors
+    /// When the header makes no sense or announces more than `largest` bytes.
+    pub fn begin(header: &ReplicaHeader, largest: u64) -> Result<Self, UploadError> {
+        let digest = Digest::try_from(header.digest.as_ref())?;
+        let length = header.length;
+        if length > largest {
+            return Err(UploadError::TooLarge { digest, length, largest });
+        }
+        Ok(Self { digest, kind: header.kind(), length, bytes: vec![] })
+    }
+
+    /// Name of the replica.
+    #[must_use]
+    pub fn digest(&self) -> Digest {
+        self.digest
+    }
+
+    /// Announced length in bytes.
+    #[must_use]
+    pub fn length(&self) -> u64 {
+        self.length
+    }
+
+    /// Takes the next bytes.
+    ///
+    /// # Errors
+    /// When they are more than the header announced.
+    pub fn push(&mut self, data: &[u8]) -> Result<(), UploadError> {
+        let received = (self.bytes.len() + data.len()) as u64;
+        if received > self.length {
+            return Err(UploadError::Length { digest: self.digest, announced: self.length, received });
+        }
+        self.bytes.extend_from_slice(data);
+        Ok(())
+    }
+
+    /// Checks the bytes against length and digest and makes the replica ready.
+    ///
+    /// # Errors
+    /// When bytes are missing, were changed, or are not a replica.
+    pub fn finish(self) -> Result<Replica, UploadError> {
+        let received = self.bytes.len() as u64;
+        if received != self.length {
+            return Err(UploadError::Length { digest: self.digest, announced: self.length, received });
+        }
+        let received = Digest::of(&self.bytes);
+        if received != self.digest {
+            return Err(UploadError::Digest { announced: self.digest, received });
+        }
+        Ok(Replica::decode(self.kind, &self.bytes)?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use shared::replica::{EncodedReplica, Receivers, encode_receivers};
+
+    use super::*;
+
+    fn encoded() -> EncodedReplica {
+        encode_receivers(&Receivers { first_key: 300, receivers: vec![] })
+    }
+
+    fn header(replica: &EncodedReplica) -> ReplicaHeader {
+        ReplicaHeader {
+            digest: replica.digest.to_bytes(),
+            kind: replica.kind.into(),
+            length: replica.bytes.len() as u64,
+        }
+    }
+
+    #[test]
+    fn a_replica_in_pieces_is_put_together() {
+        let replica = encoded();
+        let mut upload = Upload::begin(&header(&replica), 100).unwrap();
+        for byte in replica.bytes.chunks(1) {
+            upload.push(byte).unwrap();
+        }
+        assert!(matches!(upload.finish().unwrap(), Replica::Receivers(set) if set.first_key == 300));
+    }
+
+    #[test]
+    fn a_header_beyond_the_limit_is_refused_before_any_byte() {
+        let replica = encoded();
+        let announced = ReplicaHeader { length: u64::MAX, ..header(&replica) };
+        assert!(matches!(Upload::begin(&announced, 1 << 30), Err(UploadError::TooLarge { .. })));
+    }
+
+    #[test]
+    fn bytes_other_than_announced_are_refused() {
+        let replica = encoded();
+        let mut too_many = Upload::begin(&header(&replica), 100).unwrap();
+        too_many.push(&replica.bytes).unwrap();
+        assert!(matches!(too_many.push(&[0]), Err(UploadError::Length { .. })));
+
+        let mut too_few = Upload::begin(&header(&replica), 100).unwrap();
+        too_few.push(&replica.bytes[1..]).unwrap();
+        assert!(matches!(too_few.finish(), Err(UploadError::Length { .. })));
+
+        let mut changed = Upload::begin(&header(&replica), 100).unwrap();
+        changed.push(&vec![0; replica.bytes.len()]).unwrap();
+        assert!(matches!(changed.finish(), Err(UploadError::Digest { .. })));
+    }
+}
