@@ -1,8 +1,8 @@
 //! Removes edges between coplanar polygons as long as the union stays convex: the greedy half of Hertel and Mehlhorn, "Fast
 //! triangulation of simple polygons" (1983), on triangles that are given, and with polygons that share several edges.
 //!
-//! Corners are *straight* or real. Straight ones lie between two real ones, no farther from the line than the rounding of the
-//! file explains; convexity is decided between real corners, so that neither rounding nor a finely divided concave arc can
+//! Corners are *straight* or real. Straight ones lie between two real ones, no farther from the line than the
+//! rounding of the file explains; convexity is decided between real corners, so that neither rounding nor a finely divided concave arc can
 //! deceive it.
 
 use std::cmp::Reverse;
@@ -119,8 +119,8 @@ impl<'a> Merger<'a> {
         self.outlines()
     }
 
-    /// Longest edges first, and parallel ones together, so that a grid becomes strips and the strips one rectangle however its
-    /// triangles are numbered. Lengths and directions are rounded, lest the rounding of the file decide.
+    /// Longest edges first, and parallel ones together, so that a grid becomes strips and the strips one rectangle
+    /// however its triangles are numbered. Lengths and directions are rounded, lest the rounding of the file decide.
     fn rank(&self, half: u32) -> (Reverse<u64>, [i64; 3]) {
         let edge = self.start(self.next[half as usize]) - self.start(half);
         // The leading bits of a positive float grow with it: 64 steps per octave, with powers of two inside a step.

@@ -62,9 +62,7 @@ proptest! {
             let index = index.index(glb.len());
             glb[index] = value;
         }
-        // The length of the answer is used, so that neither side of it can be left out.
-        let words = import_slice(&glb, &options()).map_or_else(|error| error.to_string().len(), |scene| scene.surfaces.len());
-        prop_assert!(words > 0);
+        check_answer(&glb);
     }
 
     #[test]
@@ -74,9 +72,7 @@ proptest! {
         ];
         let mut json = String::from_utf8(rich_document().json(Some("data:;base64,"))).unwrap();
         for (index, value) in damage {
-            let numbers: Vec<_> = json.char_indices().filter(|(at, digit)| {
-                digit.is_ascii_digit() && !json[..*at].ends_with(|before: char| before.is_ascii_alphanumeric() || ".-_".contains(before))
-            }).map(|(at, _)| at).collect();
+            let numbers = numbers(&json);
             let start = numbers[index.index(numbers.len())];
             let rest = &json[start..];
             let length = rest.find(|end: char| !(end.is_ascii_digit() || ".e".contains(end))).unwrap_or(rest.len());
@@ -84,8 +80,33 @@ proptest! {
         }
         let uri = json.find("data:;base64,").unwrap() + "data:;base64,".len();
         json.insert_str(uri, &base64_of(&rich_document().bin));
-        let words = import_slice(json.as_bytes(), &options()).map_or_else(|error| error.to_string().len(), |scene| scene.surfaces.len());
-        prop_assert!(words > 0);
+        check_answer(json.as_bytes());
+    }
+}
+
+/// Where the numbers of a JSON begin, those in names left out.
+fn numbers(json: &str) -> Vec<usize> {
+    let begins = |&(at, digit): &(usize, char)| {
+        let continues = |before: char| before.is_ascii_alphanumeric() || ".-_".contains(before);
+        digit.is_ascii_digit() && !json[..at].ends_with(continues)
+    };
+    json.char_indices().filter(begins).map(|(at, _)| at).collect()
+}
+
+/// A scene, if there is one, has only numbers that the solver can take.
+fn check_answer(bytes: &[u8]) {
+    let Ok(scene) = import_slice(bytes, &options()) else { return };
+    assert!(!scene.surfaces.is_empty());
+    for surface in &scene.surfaces {
+        assert!(surface.reflectance.min_element() >= 0.0 && surface.reflectance.max_element() < 1.0);
+        assert!(surface.exitance.is_finite() && !surface.facets.is_empty());
+        for facet in &surface.facets {
+            assert!(facet.plane.0 < scene.plane_count && facet.corners.len() >= 3);
+            for corner in &facet.corners {
+                assert!(corner.position.abs().max_element() <= 1024.0);
+                assert!((corner.normal.length() - 1.0).abs() < 1e-9);
+            }
+        }
     }
 }
 

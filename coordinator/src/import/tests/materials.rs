@@ -74,7 +74,10 @@ fn only_the_channels_that_reach_one_are_clamped() {
 
 #[test]
 fn factors_out_of_range_are_errors() {
-    let strength = |strength: Value| json!({ "name": "odd", "extensions": { "KHR_materials_emissive_strength": { "emissiveStrength": strength } } });
+    let strength = |strength: Value| {
+        let extension = json!({ "emissiveStrength": strength });
+        json!({ "name": "odd", "extensions": { "KHR_materials_emissive_strength": extension } })
+    };
     let base =
         |colour: Value| json!({ "name": "odd", "pbrMetallicRoughness": { "baseColorFactor": colour } });
     let metallic =
