@@ -110,7 +110,7 @@ fn form_factors_through_a_wall() {
     for placing in Placing::all() {
         for cells in [1, 2, 3, 10, 13, 16] {
             let occluder = Occluder::new(&placing.wall(&shapes::triangle_grid(cells)));
-            let square = [[0.5, 0.5], [-0.5, 0.5], [-0.5, -0.5], [0.5, -0.5]];
+            let square = [[0.5, 0.5], [0.5, -0.5], [-0.5, -0.5], [-0.5, 0.5]];
             let corners = square.map(|[x, y]| placing.place(DVec3::new(x, y, 0.25))).to_vec();
             let target = PreparedPolygon::new(&ConvexPolygon { plane: ABOVE, corners });
             let mut statistics = RowStatistics::default();

@@ -53,7 +53,8 @@ fn missing() {
 fn cyclic_nodes() {
     let cyclic = changed(|document| {
         document["nodes"][0]["children"] = json!([1]);
-        document["nodes"][1] = json!({ "name": "loop", "children": [0] });
+        let nodes = document["nodes"].as_array_mut().unwrap();
+        nodes.push(json!({ "name": "loop", "children": [0] }));
     });
     cyclic.assert_input_refused(&["node \"walls\"", "cycle", "repair the hierarchy"]);
 }
