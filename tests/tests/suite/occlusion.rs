@@ -88,3 +88,27 @@ fn half_of_an_emitter_behind_an_edge() {
         assert!(error.abs() <= f64::from(f32::EPSILON), "{cells} x {cells}: {found}, off by {error:e}");
     }
 }
+
+/// A share of the wall behind a box, seen from the floor beside the box: all of it is hidden. Corners of the share's pieces fall
+/// together here, and an edge without length must not decide what is apart.
+#[test]
+fn wall_behind_a_box() {
+    let low = [[6.632, -312.237], [127.418, 92.525], [532.181, -28.261], [411.394, -433.024]];
+    let corner = |i: usize, height: f64| DVec3::new(low[i % 4][0], height, low[i % 4][1]);
+    let side = |i: usize| vec![corner(i, 0.0), corner(i + 1, 0.0), corner(i + 1, 422.4), corner(i, 422.4)];
+    let top = (0..4).map(|i| corner(i, 422.4)).collect();
+    let mut faces: Vec<Vec<DVec3>> = (0..4).map(side).collect();
+    faces.push(top);
+    let blockers: Vec<ConvexPolygon> = faces
+        .into_iter()
+        .zip(BLOCKING.0..)
+        .map(|(corners, plane)| ConvexPolygon { plane: PlaneId(plane), corners })
+        .collect();
+    for height in [0.0, 176.0, 440.0] {
+        let share = [[0.0, 20.15], [176.0, 20.15], [176.0, -155.85], [0.0, -155.85]]
+            .map(|[y, z]| DVec3::new(723.806, height + y, z));
+        let receiver = Receiver { position: DVec3::ZERO, normal: DVec3::Y, plane: RECEIVING };
+        assert!(mean_factor(&[receiver], &share, &[]).0 > 0.0);
+        assert_eq!(mean_factor(&[receiver], &share, &blockers), (0.0, 0), "share from {height} up");
+    }
+}
