@@ -2,8 +2,12 @@
 
 pub mod bake;
 pub mod cluster;
+pub mod export;
+pub mod import;
 pub mod lit;
 pub mod mesh;
+mod placement;
 pub mod scene;
 pub mod scheduler;
+pub mod score;
 pub mod solver;

@@ -34,6 +34,7 @@ use crate::lit::LitMesh;
 use crate::mesh::{Mesh, Share, VertexId, triangulate};
 use crate::scene::Scene;
 use crate::solver::balance::{EnergyBalance, RowSums};
+use crate::solver::fit::best_fit;
 use crate::solver::shooting::Shooting;
 use crate::solver::sweeps::{Transfer, solve};
 use crate::solver::{ShareEnergy, ShareId};
@@ -183,7 +184,7 @@ impl<'a> Bake<'a> {
         progress: &'a mut dyn FnMut(&Progress),
     ) -> Result<Self, BakeError> {
         let clock = Instant::now();
-        let mesh = Mesh::new(scene, settings.shooter_edge * extent(scene), settings.max_level);
+        let mesh = Mesh::new(scene, extent(scene), settings.shooter_edge * extent(scene), settings.max_level);
         if mesh.patches.is_empty() {
             return Err(BakeError::EmptyMesh);
         }
@@ -317,6 +318,7 @@ impl<'a> Bake<'a> {
     }
 
     fn finish(mut self) -> Baked {
+        self.irradiance = best_fit(&self.mesh, &self.irradiance);
         let radiosity = |vertex: VertexId| self.irradiance[vertex.index()];
         let triangles = triangulate(&self.mesh, self.scene.surfaces.len(), radiosity);
         let lit = receivers::lit_mesh(&self.mesh, &self.irradiance, triangles);

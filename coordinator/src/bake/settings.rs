@@ -30,8 +30,8 @@ pub struct BakeSettings {
 impl Default for BakeSettings {
     fn default() -> Self {
         Self {
-            shooter_edge: 0.12,
-            mesh_error: 0.02,
+            shooter_edge: 0.15,
+            mesh_error: 0.01,
             max_vertices: 200_000,
             max_level: 12,
             threshold: 1e-3,

@@ -15,8 +15,9 @@ impl Bake<'_> {
     /// its vertex: the better figure where a shadow line or a hot spot lies inside the share. No new rows are needed.
     pub(super) fn settle(&mut self) {
         self.office.enter(Phase::Settle, self.mesh.vertices.len());
+        let exposed = self.exposed_vertices();
         let means: Vec<Vec<(usize, f64)>> =
-            self.shares.iter().map(|share| mean_weights(&self.mesh, share)).collect();
+            self.shares.iter().map(|share| mean_weights(&self.mesh, share, &exposed)).collect();
         let columns = self
             .rows
             .iter()
@@ -34,6 +35,18 @@ impl Bake<'_> {
             .collect();
         let guess = std::mem::take(&mut self.radiosity);
         self.solve(&Transfer { columns }, &direct, guess);
+    }
+
+    /// Whether each vertex sees any surface. One that sees none, like the floor under a box, sends light to none either: what
+    /// it has must not dim the mean of a share that lies half in the open.
+    fn exposed_vertices(&self) -> Vec<bool> {
+        let mut exposed = vec![false; self.mesh.vertices.len()];
+        for row in &self.rows {
+            for (exposed, factor) in exposed.iter_mut().zip(row) {
+                *exposed |= *factor > 0.0;
+            }
+        }
+        exposed
     }
 
     pub(super) fn report(&self) -> BakeReport {
@@ -85,14 +98,16 @@ impl Bake<'_> {
     }
 }
 
-/// Weights of the vertices in the mean of a share: its parts are children of the patches that it was dealt, or quarters of
+/// Weights of the exposed vertices in the mean of a share: its parts are children of the patches that it was dealt, or quarters of
 /// those that were never divided.
-fn mean_weights(mesh: &Mesh, share: &Share) -> Vec<(usize, f64)> {
+fn mean_weights(mesh: &Mesh, share: &Share, exposed: &[bool]) -> Vec<(usize, f64)> {
     let mut weights = vec![];
     for &(patch, corner) in &share.corners {
-        match mesh.children(patch).nth(corner) {
-            Some(child) => add_leaves(mesh, child, &mut weights),
-            None => add_quarter(mesh, patch, corner, &mut weights),
+        if mesh.patch(patch).first_child.is_some() {
+            add_leaves(mesh, patch, corner, &mut weights);
+        } else {
+            let area = mesh.patch(patch).area / mesh.patch(patch).corners.len() as f64;
+            add_quarter(mesh, patch, corner, area, &mut weights);
         }
     }
     weights.sort_unstable_by_key(|(vertex, _)| *vertex);
@@ -103,26 +118,33 @@ fn mean_weights(mesh: &Mesh, share: &Share) -> Vec<(usize, f64)> {
         }
         same
     });
+    if weights.iter().any(|(vertex, _)| exposed[*vertex]) {
+        weights.retain(|(vertex, _)| exposed[*vertex]);
+    }
     let total: f64 = weights.iter().map(|(_, weight)| weight).sum();
     weights.iter_mut().for_each(|(_, weight)| *weight /= total);
     weights
 }
 
-fn add_leaves(mesh: &Mesh, id: PatchId, weights: &mut Vec<(usize, f64)>) {
-    if mesh.patch(id).first_child.is_some() {
-        mesh.children(id).for_each(|child| add_leaves(mesh, child, weights));
+/// Mean over the leaves of a divided patch's child. Between exact vertex values the mean of the interpolation is off by a
+/// multiple of the squared size, which Richardson extrapolation with the mean on the parent's level takes out.
+fn add_leaves(mesh: &Mesh, parent: PatchId, corner: usize, weights: &mut Vec<(usize, f64)>) {
+    let Some(id) = mesh.children(parent).nth(corner) else { return };
+    let patch = mesh.patch(id);
+    if patch.first_child.is_some() {
+        (0..patch.corners.len()).for_each(|corner| add_leaves(mesh, id, corner, weights));
         return;
     }
-    let patch = mesh.patch(id);
     let weight = patch.area / patch.corners.len() as f64;
-    weights.extend(patch.corners.iter().map(|corner| (corner.index(), weight)));
+    weights.extend(patch.corners.iter().map(|corner| (corner.index(), weight * 4.0 / 3.0)));
+    add_quarter(mesh, parent, corner, -patch.area / 3.0, weights);
 }
 
-/// Mean over the part of an undivided patch that a corner answers for, of the values interpolated between its corners.
-fn add_quarter(mesh: &Mesh, id: PatchId, corner: usize, weights: &mut Vec<(usize, f64)>) {
+/// `part` times the mean over the part of a patch that a corner answers for, of the values interpolated between the patch's
+/// corners.
+fn add_quarter(mesh: &Mesh, id: PatchId, corner: usize, part: f64, weights: &mut Vec<(usize, f64)>) {
     let patch = mesh.patch(id);
     let count = patch.corners.len();
-    let part = patch.area / count as f64;
     let mut add = |i: usize, weight: f64| weights.push((patch.corners[i % count].index(), weight * part));
     // A quarter each for the corner, the middles of its two edges and the centre.
     add(corner, 0.5);

@@ -105,6 +105,19 @@ fn join(mut polygons: Vec<ConvexPolygon>) -> Vec<ConvexPolygon> {
     }
 }
 
+/// Two polygons that share more than one edge leave a way there and back in their union.
+fn remove_spikes(corners: &mut Vec<DVec3>) {
+    let tip = |corners: &[DVec3]| {
+        let count = corners.len();
+        (0..count).find(|k| count > 2 && corners[(k + count - 1) % count] == corners[(k + 1) % count])
+    };
+    while let Some(k) = tip(corners) {
+        let next = (k + 1) % corners.len();
+        corners.remove(k.max(next));
+        corners.remove(k.min(next));
+    }
+}
+
 /// The union of two polygons of one plane with a common edge, if it is convex.
 fn convex_union(a: &ConvexPolygon, b: &ConvexPolygon) -> Option<ConvexPolygon> {
     if a.plane != b.plane {
@@ -116,7 +129,8 @@ fn convex_union(a: &ConvexPolygon, b: &ConvexPolygon) -> Option<ConvexPolygon> {
         .find(|&(i, j)| a.corners[i] == b.corners[(j + 1) % m] && a.corners[(i + 1) % n] == b.corners[j])?;
     let from_a = (1..=n).map(|k| a.corners[(i + k) % n]);
     let from_b = (2..m).map(|k| b.corners[(j + k) % m]);
-    let corners: Vec<DVec3> = from_a.chain(from_b).collect();
+    let mut corners: Vec<DVec3> = from_a.chain(from_b).collect();
+    remove_spikes(&mut corners);
     let normal = area_vector(&corners);
     let count = corners.len();
     let turn = |k: usize| {
@@ -126,7 +140,7 @@ fn convex_union(a: &ConvexPolygon, b: &ConvexPolygon) -> Option<ConvexPolygon> {
     };
     // A hair of concavity is rounding; a larger one would bend the contour.
     let turns: Vec<f64> = (0..count).map(turn).collect();
-    if turns.iter().any(|turn| *turn < -1e-9) {
+    if !turns.iter().all(|turn| *turn >= -1e-9) {
         return None;
     }
     let kept = corners.iter().zip(&turns).filter(|(_, turn)| **turn > 1e-9).map(|(corner, _)| *corner);

@@ -5,11 +5,13 @@
 //! | `shooting` | progressive refinement: which share shoots next, and what its shot gives |
 //! | `sweeps` | finishes the solution once all rows are there |
 //! | `refinement` | where the mesh needs more vertices |
+//! | `fit` | vertex values with the least error between the vertices |
 //! | `balance` | where the energy went |
 //!
 //! Colours are linear RGB in W/m^2 (or the scene's light unit), lengths in the frame.
 
 pub mod balance;
+pub mod fit;
 pub mod refinement;
 pub mod shooting;
 pub mod sweeps;

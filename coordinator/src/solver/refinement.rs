@@ -100,12 +100,14 @@ impl MeshError {
 }
 
 /// What dividing a patch revealed: the error of interpolation at the middle of each edge, and at the centre.
-struct Revealed {
-    middles: Vec<DVec3>,
-    centre: DVec3,
+pub(super) struct Revealed {
+    /// At the middle of each edge, in the order of the corners.
+    pub middles: Vec<DVec3>,
+    /// At the centre of gravity.
+    pub centre: DVec3,
 }
 
-fn revealed_errors(mesh: &Mesh, id: PatchId, irradiance: &[DVec3]) -> Revealed {
+pub(super) fn revealed_errors(mesh: &Mesh, id: PatchId, irradiance: &[DVec3]) -> Revealed {
     let patch = mesh.patch(id);
     let at = |vertex: crate::mesh::VertexId| irradiance[vertex.index()];
     let middles = mesh

@@ -1,0 +1,93 @@
+//! Files: formats, what is refused, and that nothing is left half-written.
+
+use glam::DVec3;
+use serde_json::json;
+
+use super::*;
+use crate::export::fixture::{Builder, light};
+
+fn square() -> (Scene, LitMesh) {
+    let mut builder = Builder::default();
+    let square = builder.square();
+    let scene = builder.import(json!({
+        "meshes": [{"primitives": [square]}],
+        "nodes": [{"mesh": 0}],
+        "scenes": [{"nodes": [0]}],
+    }));
+    let lit = light(&scene, 0, |_| DVec3::ONE);
+    (scene, lit)
+}
+
+fn names(directory: &TempDir) -> Vec<String> {
+    let entries = fs::read_dir(directory).unwrap();
+    let mut names: Vec<_> = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn a_gltf_has_its_buffer_beside_it() {
+    let (scene, lit) = square();
+    let directory = TempDir::new().unwrap();
+    let path = directory.path().join("lit room #1.gltf");
+    check_writable(&path).unwrap();
+    assert_eq!(names(&directory), [""; 0], "the check leaves nothing behind");
+    export(&scene, &lit, &settings(), &path).unwrap();
+
+    assert_eq!(names(&directory), ["lit room #1.bin", "lit room #1.gltf"]);
+    let gltf = Gltf::open(&path).unwrap();
+    let buffer = gltf.buffers().next().unwrap();
+    assert!(matches!(buffer.source(), gltf::buffer::Source::Uri("lit%20room%20%231.bin")));
+    let length = fs::metadata(path.with_extension("bin")).unwrap().len();
+    assert_eq!(buffer.length() as u64, length);
+}
+
+#[test]
+fn an_output_that_cannot_be_written_is_told_before_and_after_the_bake() {
+    let (scene, lit) = square();
+    let directory = TempDir::new().unwrap();
+    fs::create_dir(directory.path().join("folder.glb")).unwrap();
+    fs::write(directory.path().join("file"), "text").unwrap();
+    for (name, expected) in [
+        ("missing/lit.glb", "does not exist"),
+        ("file/lit.glb", "does not exist"),
+        ("folder.glb", "is a directory"),
+        ("lit.obj", "must end in .glb or .gltf"),
+        ("lit", "must end in .glb or .gltf"),
+    ] {
+        let path = directory.path().join(name);
+        let early = check_writable(&path).unwrap_err().to_string();
+        let late = export(&scene, &lit, &settings(), &path).unwrap_err().to_string();
+        assert!(early.contains(expected), "{early}");
+        assert_eq!(early, late);
+    }
+    assert_eq!(names(&directory), ["file", "folder.glb"]);
+}
+
+#[test]
+fn a_failed_export_leaves_the_old_file_as_it_was() {
+    let (scene, mut lit) = square();
+    let directory = TempDir::new().unwrap();
+    let path = directory.path().join("lit.glb");
+    fs::write(&path, "old").unwrap();
+    lit.vertices[0].irradiance.x = f64::NAN;
+    export(&scene, &lit, &settings(), &path).unwrap_err();
+    check_writable(&path).unwrap();
+    assert_eq!(fs::read(&path).unwrap(), b"old");
+
+    lit.vertices[0].irradiance.x = 0.0;
+    export(&scene, &lit, &settings(), &path).unwrap();
+    Gltf::open(&path).unwrap();
+    assert_eq!(names(&directory), ["lit.glb"]);
+}
+
+#[test]
+fn exposures_that_show_nothing_are_refused() {
+    let (scene, lit) = square();
+    let directory = TempDir::new().unwrap();
+    for exposure in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        let settings = ExportSettings { exposure: Some(exposure), ..settings() };
+        let error = export(&scene, &lit, &settings, &directory.path().join("lit.glb")).unwrap_err();
+        assert!(matches!(error, ExportError::Exposure(_)), "{error}");
+    }
+}

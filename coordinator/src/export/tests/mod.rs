@@ -1,0 +1,54 @@
+//! The exporter as a whole: scenes made by hand in, files read back.
+
+mod attributes;
+mod document;
+mod files;
+mod geometry;
+
+use std::fs;
+
+use glam::DVec3;
+use gltf::{Gltf, Semantic};
+use serde_json::json;
+use tempfile::TempDir;
+
+use super::*;
+
+fn settings() -> ExportSettings {
+    ExportSettings { exposure: Some(0.5), unit: "W/m^2".into(), extras: json!({"shots": 7}) }
+}
+
+/// Exports to a file of a new directory and reads it back.
+fn round_trip(scene: &Scene, lit: &LitMesh) -> (Exported, Gltf) {
+    let directory = TempDir::new().unwrap();
+    let path = directory.path().join("lit.glb");
+    let exported = export(scene, lit, &settings(), &path).unwrap();
+    assert_eq!(fs::read_dir(&directory).unwrap().count(), 1, "nothing but the output");
+    (exported, Gltf::open(path).unwrap())
+}
+
+/// The rows of an attribute of the output.
+fn attribute(gltf: &Gltf, primitive: &gltf::Primitive<'_>, semantic: &Semantic) -> Vec<Vec<f32>> {
+    let accessor = primitive.get(semantic).unwrap();
+    let view = accessor.view().unwrap();
+    let width = accessor.dimensions().multiplicity();
+    let bytes = &gltf.blob.as_ref().unwrap()[view.offset()..][..accessor.count() * width * 4];
+    let floats: Vec<f32> = bytes.as_chunks().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
+    floats.chunks_exact(width).map(<[f32]>::to_vec).collect()
+}
+
+fn point(row: &[f32]) -> DVec3 {
+    DVec3::new(row[0].into(), row[1].into(), row[2].into())
+}
+
+fn indices(gltf: &Gltf, primitive: &gltf::Primitive<'_>) -> Vec<u32> {
+    primitive.reader(|_| gltf.blob.as_deref()).read_indices().unwrap().into_u32().collect()
+}
+
+fn irradiance() -> Semantic {
+    Semantic::Extras("IRRADIANCE".into())
+}
+
+fn first_primitive(gltf: &Gltf, node: usize) -> gltf::Primitive<'_> {
+    gltf.nodes().nth(node).unwrap().mesh().unwrap().primitives().next().unwrap()
+}

@@ -1,0 +1,129 @@
+//! Files, all or nothing.
+
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use atomic_write_file::AtomicWriteFile;
+use gltf::Glb;
+use gltf::binary::Header;
+use gltf::json::Root;
+use percent_encoding::{AsciiSet, CONTROLS, utf8_percent_encode};
+
+use super::ExportError;
+
+/// What a file name may hold and a relative URI may not.
+const NOT_IN_URI: &AsciiSet = &CONTROLS
+    .add(b' ')
+    .add(b'"')
+    .add(b'#')
+    .add(b'%')
+    .add(b':')
+    .add(b'<')
+    .add(b'>')
+    .add(b'?')
+    .add(b'[')
+    .add(b'\\')
+    .add(b']')
+    .add(b'^')
+    .add(b'`')
+    .add(b'{')
+    .add(b'|')
+    .add(b'}');
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Format {
+    Glb,
+    Gltf,
+}
+
+/// Finds out whether the output can be written.
+pub(super) fn check(path: &Path) -> Result<(), ExportError> {
+    for path in files(path)? {
+        // A file beside the output that is given up at once: asks the operating system what the real one will.
+        open(&path)?.discard().map_err(|source| ExportError::Write { path, source })?;
+    }
+    Ok(())
+}
+
+/// Writes the document and its buffer in the format that the extension names.
+pub(super) fn write(mut root: Root, binary: Vec<u8>, path: &Path) -> Result<(), ExportError> {
+    let contents = match format(path)? {
+        Format::Glb => vec![glb(&root, binary, path)?],
+        Format::Gltf => {
+            if let Some(buffer) = root.buffers.first_mut() {
+                let name = binary_path(path);
+                let name = name.file_name().unwrap_or_default().to_string_lossy();
+                buffer.uri = Some(utf8_percent_encode(&name, NOT_IN_URI).to_string());
+            }
+            vec![root.to_vec_pretty()?, binary]
+        }
+    };
+    // All contents are on the disk before the first file takes its name; the document is the last to do so.
+    let written = files(path)?
+        .into_iter()
+        .zip(contents)
+        .map(|(path, bytes)| {
+            let mut file = open(&path)?;
+            match file.write_all(&bytes).and_then(|()| file.as_file().sync_all()) {
+                Ok(()) => Ok((file, path)),
+                Err(source) => Err(ExportError::Write { path, source }),
+            }
+        })
+        .collect::<Result<Vec<_>, _>>()?;
+    for (file, path) in written.into_iter().rev() {
+        file.commit().map_err(|source| ExportError::Write { path, source })?;
+    }
+    Ok(())
+}
+
+/// The files of an output, the document first.
+fn files(path: &Path) -> Result<Vec<PathBuf>, ExportError> {
+    Ok(match format(path)? {
+        Format::Glb => vec![path.to_owned()],
+        Format::Gltf => vec![path.to_owned(), binary_path(path)],
+    })
+}
+
+fn format(path: &Path) -> Result<Format, ExportError> {
+    let extension = path.extension().map(|extension| extension.to_ascii_lowercase());
+    match extension.as_ref().and_then(|extension| extension.to_str()) {
+        Some("glb") => Ok(Format::Glb),
+        Some("gltf") => Ok(Format::Gltf),
+        _ => Err(ExportError::Extension(path.to_owned())),
+    }
+}
+
+/// Where the buffer of a `.gltf` goes.
+fn binary_path(path: &Path) -> PathBuf {
+    path.with_extension("bin")
+}
+
+/// Opens a file that takes the path's place when it is committed.
+fn open(path: &Path) -> Result<AtomicWriteFile, ExportError> {
+    let directory = match path.parent() {
+        Some(parent) if parent != Path::new("") => parent,
+        _ => Path::new("."),
+    };
+    if !directory.is_dir() {
+        return Err(ExportError::NoDirectory(directory.to_owned()));
+    }
+    if path.is_dir() {
+        return Err(ExportError::IsDirectory(path.to_owned()));
+    }
+    AtomicWriteFile::open(path).map_err(|source| ExportError::Write { path: path.to_owned(), source })
+}
+
+/// The document as a binary glTF.
+fn glb(root: &Root, binary: Vec<u8>, path: &Path) -> Result<Vec<u8>, ExportError> {
+    let json = root.to_vec()?;
+    // Headers and padding take less than 64 bytes.
+    let length = json.len() + binary.len() + 64;
+    if length > u32::MAX as usize {
+        return Err(ExportError::TooLarge(length));
+    }
+    let bin = (!binary.is_empty()).then_some(binary.into());
+    // The length is computed on writing.
+    let glb = Glb { header: Header { magic: *b"glTF", version: 2, length: 0 }, json: json.into(), bin };
+    glb.to_vec()
+        .map_err(|error| ExportError::Write { path: path.to_owned(), source: io::Error::other(error) })
+}

@@ -1,0 +1,302 @@
+//! Removes edges between coplanar polygons as long as the union stays convex: the greedy half of Hertel and Mehlhorn, "Fast
+//! triangulation of simple polygons" (1983), on triangles that are given, and with polygons that share several edges.
+//!
+//! Corners are *straight* or real. Straight ones lie between two real ones, no farther from the line than the rounding of the
+//! file explains; convexity is decided between real corners, so that neither rounding nor a finely divided concave arc can
+//! deceive it.
+
+use glam::DVec3;
+
+use super::joint::{NONE, may_join, twins};
+use crate::import::primitives::VertexAttributes;
+use crate::import::triangles::TriangleMesh;
+
+/// Most straight corners in a row. Every merge looks at the whole row again, so without a bound long strips of triangles
+/// would take quadratic time.
+const LONGEST_RUN: usize = 256;
+
+/// Passes over all edges. A merge may make room for one that failed before; grids need two or three.
+const MOST_PASSES: usize = 32;
+
+/// Cosine of the turn below which a corner is not straight, however near to the line it lies: polygons may be smaller than
+/// the rounding.
+const STRAIGHT_COSINE: f64 = 0.999;
+
+/// A polygon as the merger leaves it.
+pub(super) struct Outline {
+    /// Corners, straight ones included, counter-clockwise.
+    pub(super) corners: Vec<OutlineCorner>,
+    /// Triangles that it is made of, ascending.
+    pub(super) triangles: Vec<u32>,
+    /// Sum of their area vectors.
+    pub(super) area_vector: DVec3,
+}
+
+/// A corner of a polygon: the corner of a triangle of it.
+pub(super) struct OutlineCorner {
+    /// Index of the triangle.
+    pub(super) triangle: u32,
+    /// Which of its corners.
+    pub(super) corner: usize,
+    /// Whether it lies on the line between the real corners around it.
+    pub(super) straight: bool,
+}
+
+/// What is known of a polygon; kept at its root triangle.
+#[derive(Clone, Copy)]
+struct Polygon {
+    area_vector: DVec3,
+    /// Sum of its triangles' areas.
+    area: f64,
+    /// Sum of its triangles' areas times their centres.
+    moment: DVec3,
+    /// Number of real corners.
+    corners: usize,
+}
+
+/// Polygons as loops of half-edges; see [`super::joint`] for their numbers.
+pub(super) struct Merger<'a> {
+    mesh: &'a TriangleMesh,
+    tolerance: f64,
+    twin: Vec<u32>,
+    next: Vec<u32>,
+    previous: Vec<u32>,
+    /// Whether the half-edge starts at a straight corner.
+    straight: Vec<bool>,
+    /// Whether the half-edge is still on a border.
+    alive: Vec<bool>,
+    /// Union-find over triangles.
+    parent: Vec<u32>,
+    polygons: Vec<Polygon>,
+}
+
+/// The edges that two polygons share: consecutive in both, given as the first polygon sees them.
+struct Chain {
+    /// Half-edges of the first polygon.
+    edges: Vec<u32>,
+    /// Half-edge of the first polygon before the chain, and after it.
+    before: u32,
+    after: u32,
+    /// Half-edge of the second polygon that ends where the chain ends, and the one that starts where it starts.
+    twin_before: u32,
+    twin_after: u32,
+}
+
+impl<'a> Merger<'a> {
+    /// Every triangle a polygon. Points may be `tolerance` away from the planes and lines that they are meant to lie on.
+    pub(super) fn new(mesh: &'a TriangleMesh, tolerance: f64) -> Self {
+        let halves = 3 * mesh.triangles.len() as u32;
+        let polygon = |triangle: &crate::import::triangles::Triangle| {
+            let area = triangle.area_vector.length();
+            let centre =
+                triangle.points.iter().map(|&point| mesh.points[point as usize]).sum::<DVec3>() / 3.0;
+            Polygon { area_vector: triangle.area_vector, area, moment: area * centre, corners: 3 }
+        };
+        Self {
+            mesh,
+            tolerance,
+            twin: twins(mesh),
+            next: (0..halves).map(|half| half - half % 3 + (half + 1) % 3).collect(),
+            previous: (0..halves).map(|half| half - half % 3 + (half + 2) % 3).collect(),
+            straight: vec![false; halves as usize],
+            alive: vec![true; halves as usize],
+            parent: (0..mesh.triangles.len() as u32).collect(),
+            polygons: mesh.triangles.iter().map(polygon).collect(),
+        }
+    }
+
+    /// Merges as long as anything can be merged, longest edges first: the diagonals of rectangles go before their sides.
+    pub(super) fn run(mut self, attributes: &VertexAttributes) -> Vec<Outline> {
+        let joinable = |half: &u32| {
+            let twin = self.twin[*half as usize];
+            twin != NONE && *half < twin && may_join(self.mesh, attributes, *half, twin)
+        };
+        let mut edges: Vec<u32> = (0..self.twin.len() as u32).filter(joinable).collect();
+        // What may not be joined must not become part of a chain either.
+        let mut kept = vec![NONE; self.twin.len()];
+        for &half in &edges {
+            let twin = self.twin[half as usize];
+            (kept[half as usize], kept[twin as usize]) = (twin, half);
+        }
+        self.twin = kept;
+        let length = |half: u32| self.start(self.next[half as usize]).distance_squared(self.start(half));
+        edges.sort_by(|&a, &b| length(b).total_cmp(&length(a)).then(a.cmp(&b)));
+
+        for _ in 0..MOST_PASSES {
+            let mut merged = false;
+            edges.retain(|&half| {
+                if self.alive[half as usize] {
+                    merged |= self.try_merge(half);
+                }
+                self.alive[half as usize]
+            });
+            if !merged {
+                break;
+            }
+        }
+        self.outlines()
+    }
+
+    /// Merges the polygons on both sides of an edge, if their union is flat and convex.
+    fn try_merge(&mut self, half: u32) -> bool {
+        let twin = self.twin[half as usize];
+        let (root, twin_root) = (self.root(half / 3), self.root(twin / 3));
+        // A chain is tried once, from its first edge as the polygon of the lower root sees it.
+        let first = if root < twin_root { half } else { twin };
+        let Some(chain) = self.chain_from(first) else { return false };
+        let (a, b) = (self.polygons[root as usize], self.polygons[twin_root as usize]);
+        let union = Polygon {
+            area_vector: a.area_vector + b.area_vector,
+            area: a.area + b.area,
+            moment: a.moment + b.moment,
+            corners: a.corners + b.corners,
+        };
+        let normal = union.area_vector.normalize();
+        let Some(straight_at_start) = self.corner_between(chain.before, chain.twin_after, normal) else {
+            return false;
+        };
+        let Some(straight_at_end) = self.corner_between(chain.twin_before, chain.after, normal) else {
+            return false;
+        };
+        let corners = union.corners - self.real_corners_on(&chain)
+            + usize::from(!straight_at_start)
+            + usize::from(!straight_at_end);
+        let centre = union.moment / union.area;
+        if corners < 3 || !self.is_flat(half, centre, normal) || !self.is_flat(twin, centre, normal) {
+            return false;
+        }
+        self.splice(&chain, straight_at_start, straight_at_end);
+        let (low, high) = (root.min(twin_root), root.max(twin_root));
+        self.parent[high as usize] = low;
+        self.polygons[low as usize] = Polygon { corners, ..union };
+        true
+    }
+
+    /// The shared edges from `first` on; `None` if they begin earlier.
+    fn chain_from(&self, first: u32) -> Option<Chain> {
+        let twin_of = |half: u32| self.twin[half as usize];
+        let (before, twin_after) = (self.previous[first as usize], self.next[twin_of(first) as usize]);
+        if twin_of(before) == twin_after {
+            return None;
+        }
+        let mut edges = vec![first];
+        loop {
+            let last = edges[edges.len() - 1];
+            let (after, twin_before) = (self.next[last as usize], self.previous[twin_of(last) as usize]);
+            if twin_of(after) != twin_before || twin_before == NONE {
+                return Some(Chain { edges, before, after, twin_before, twin_after });
+            }
+            edges.push(after);
+        }
+    }
+
+    /// Real corners of both polygons on the chain, its ends included.
+    fn real_corners_on(&self, chain: &Chain) -> usize {
+        let starts = chain.edges.iter().chain([&chain.after, &chain.twin_after]);
+        let twin_starts = chain.edges.iter().map(|&edge| &self.twin[edge as usize]);
+        starts.chain(twin_starts).filter(|&&half| !self.straight[half as usize]).count()
+    }
+
+    /// The corner that forms where the half-edge `outgoing` comes to follow `incoming`: straight or not, `None` if the union
+    /// would be concave there.
+    fn corner_between(&self, incoming: u32, outgoing: u32, normal: DVec3) -> Option<bool> {
+        // Next to a straight corner of one polygon the other one's angle can only be concave.
+        if self.straight[outgoing as usize] || self.straight[self.next[incoming as usize] as usize] {
+            return None;
+        }
+        let here = self.start(outgoing);
+        let mut between = Vec::new();
+        let mut back = incoming;
+        while self.straight[back as usize] {
+            between.push(self.start(back));
+            back = self.previous[back as usize];
+        }
+        let mut ahead = self.next[outgoing as usize];
+        while self.straight[ahead as usize] {
+            between.push(self.start(ahead));
+            ahead = self.next[ahead as usize];
+        }
+        let (from, to) = (self.start(back), self.start(ahead));
+        let chord = to - from;
+        let is_on_chord =
+            |point: DVec3| (point - from).cross(chord).length() <= self.tolerance * chord.length();
+        let (arriving, leaving) = (here - from, to - here);
+        let runs_on = arriving.dot(leaving) > STRAIGHT_COSINE * arriving.length() * leaving.length();
+        if runs_on && between.len() < LONGEST_RUN && is_on_chord(here) && between.into_iter().all(is_on_chord)
+        {
+            return Some(true);
+        }
+        let is_convex = arriving.cross(leaving).dot(normal) > 0.0;
+        is_convex.then_some(false)
+    }
+
+    /// Whether the border that `half` is part of lies in a plane.
+    fn is_flat(&self, half: u32, centre: DVec3, normal: DVec3) -> bool {
+        self.border(half).all(|half| (self.start(half) - centre).dot(normal).abs() <= self.tolerance)
+    }
+
+    /// Makes one loop of two.
+    fn splice(&mut self, chain: &Chain, straight_at_start: bool, straight_at_end: bool) {
+        for &edge in &chain.edges {
+            self.alive[edge as usize] = false;
+            self.alive[self.twin[edge as usize] as usize] = false;
+        }
+        for (incoming, outgoing, straight) in [
+            (chain.before, chain.twin_after, straight_at_start),
+            (chain.twin_before, chain.after, straight_at_end),
+        ] {
+            self.next[incoming as usize] = outgoing;
+            self.previous[outgoing as usize] = incoming;
+            self.straight[outgoing as usize] = straight;
+        }
+    }
+
+    fn outlines(mut self) -> Vec<Outline> {
+        let mut outline_of_root = vec![NONE; self.parent.len()];
+        let mut outlines: Vec<Outline> = Vec::new();
+        for triangle in 0..self.parent.len() as u32 {
+            let root = self.root(triangle) as usize;
+            if outline_of_root[root] == NONE {
+                outline_of_root[root] = outlines.len() as u32;
+                let area_vector = self.polygons[root].area_vector;
+                outlines.push(Outline { corners: Vec::new(), triangles: Vec::new(), area_vector });
+            }
+            let outline = &mut outlines[outline_of_root[root] as usize];
+            outline.triangles.push(triangle);
+            let on_border = (3 * triangle..3 * triangle + 3).find(|&half| self.alive[half as usize]);
+            if let (true, Some(half)) = (outline.corners.is_empty(), on_border) {
+                let corner = |half: u32| OutlineCorner {
+                    triangle: half / 3,
+                    corner: half as usize % 3,
+                    straight: self.straight[half as usize],
+                };
+                outline.corners = self.border(half).map(corner).collect();
+            }
+        }
+        outlines
+    }
+
+    /// The half-edges of a border, once round.
+    fn border(&self, first: u32) -> impl Iterator<Item = u32> {
+        std::iter::successors(Some(first), move |&half| {
+            let next = self.next[half as usize];
+            (next != first).then_some(next)
+        })
+    }
+
+    /// Where a half-edge starts.
+    fn start(&self, half: u32) -> DVec3 {
+        let triangle = &self.mesh.triangles[half as usize / 3];
+        self.mesh.points[triangle.points[half as usize % 3] as usize]
+    }
+
+    /// Root triangle of a triangle's polygon.
+    fn root(&mut self, mut triangle: u32) -> u32 {
+        while self.parent[triangle as usize] != triangle {
+            let grandparent = self.parent[self.parent[triangle as usize] as usize];
+            self.parent[triangle as usize] = grandparent;
+            triangle = grandparent;
+        }
+        triangle
+    }
+}

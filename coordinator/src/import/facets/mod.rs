@@ -1,0 +1,85 @@
+//! From triangles to flat convex facets.
+//!
+//! Refinement starts from facets, so a wall should be one of them however its file is triangulated: the fewer and rounder
+//! they are, the fewer vertices an accurate solution takes.
+//!
+//! | module | step |
+//! |---|---|
+//! | [`joint`] | which neighbouring triangles may share a facet |
+//! | [`merge`] | removes edges between them as long as the union stays convex |
+//! | this one | outlines: leaves out corners that became straight, and gives normals |
+
+mod joint;
+mod merge;
+
+use glam::DVec3;
+use shared::geometry::PlaneId;
+
+use self::merge::{Merger, Outline, OutlineCorner};
+use super::primitives::VertexAttributes;
+use super::triangles::TriangleMesh;
+use crate::scene::{Corner, Facet, SourceTriangle};
+
+/// Distance in roundings of the file's coordinates that a point may have from a plane or line that it is meant to lie on.
+const FLATNESS: f64 = 4.0;
+
+/// Plane of facets that have not been given theirs yet.
+const UNASSIGNED: PlaneId = PlaneId(u32::MAX);
+
+/// The facets of a mesh, seen from its front, in the order of their first triangles. Planes are not assigned yet.
+pub(super) fn build(mesh: &TriangleMesh, attributes: &VertexAttributes) -> Vec<Facet> {
+    let outlines = Merger::new(mesh, FLATNESS * mesh.rounding).run(attributes);
+    let mut is_corner = vec![false; mesh.points.len()];
+    for corner in outlines.iter().flat_map(|outline| &outline.corners) {
+        is_corner[corner.point(mesh) as usize] |= !corner.straight || corner.smooth_normal(mesh).is_some();
+    }
+    outlines.iter().map(|outline| facet(mesh, outline, &is_corner)).collect()
+}
+
+/// A straight corner is left out where no facet has a real corner at its point; elsewhere it is a T-vertex and stays.
+fn facet(mesh: &TriangleMesh, outline: &Outline, is_corner: &[bool]) -> Facet {
+    let normal = outline.area_vector.normalize();
+    let corner = |corner: &OutlineCorner| Corner {
+        position: mesh.points[corner.point(mesh) as usize],
+        normal: corner.smooth_normal(mesh).unwrap_or(normal),
+    };
+    let stays = |corner: &&OutlineCorner| is_corner[corner.point(mesh) as usize];
+    let triangles = outline.triangles.iter().map(|&triangle| {
+        let triangle = &mesh.triangles[triangle as usize];
+        SourceTriangle {
+            vertices: triangle.vertices,
+            positions: triangle.points.map(|point| mesh.points[point as usize]),
+        }
+    });
+    Facet {
+        plane: UNASSIGNED,
+        normal,
+        corners: outline.corners.iter().filter(stays).map(corner).collect(),
+        triangles: triangles.collect(),
+    }
+}
+
+/// A facet seen from the other side of a `doubleSided` primitive.
+pub(super) fn turn(facet: &Facet) -> Facet {
+    let turn_corner = |corner: &Corner| Corner { position: corner.position, normal: -corner.normal };
+    let turn_triangle = |triangle: &SourceTriangle| {
+        let ([a, b, c], [p, q, r]) = (triangle.vertices, triangle.positions);
+        SourceTriangle { vertices: [a, c, b], positions: [p, r, q] }
+    };
+    Facet {
+        plane: facet.plane,
+        normal: -facet.normal,
+        corners: facet.corners.iter().rev().map(turn_corner).collect(),
+        triangles: facet.triangles.iter().map(turn_triangle).collect(),
+    }
+}
+
+impl OutlineCorner {
+    fn point(&self, mesh: &TriangleMesh) -> u32 {
+        mesh.triangles[self.triangle as usize].points[self.corner]
+    }
+
+    fn smooth_normal(&self, mesh: &TriangleMesh) -> Option<DVec3> {
+        mesh.triangles[self.triangle as usize].smooth_normals[self.corner]
+    }
+}

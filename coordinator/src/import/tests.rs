@@ -1,0 +1,4 @@
+//! Whole documents, from bytes to scene.
+
+mod facets;
+mod files;

@@ -1,0 +1,103 @@
+// A picture of a lit GLB, by three.js in a headless browser:
+//   node picture.mjs FILE.glb OUT.png [--camera x,y,z --target x,y,z --size 900x600 --fov 75]
+// Without a camera: from inside one end of the scene along its longest horizontal axis, as suits a closed room.
+// Colours are linear inside and sRGB in the picture, without tone mapping. Everything is served from loopback.
+// CHROMIUM names the browser; /usr/bin/chromium where it is not set.
+import { createServer } from 'node:http';
+import { readFile, writeFile } from 'node:fs/promises';
+import path from 'node:path';
+import { parseArgs } from 'node:util';
+import { chromium } from 'playwright-core';
+
+const USAGE = 'usage: node picture.mjs FILE.glb OUT.png [--camera x,y,z --target x,y,z --size 900x600 --fov 75]';
+
+const BROWSER_FLAGS = [
+  '--headless',
+  '--no-sandbox',
+  '--use-gl=angle',
+  '--use-angle=swiftshader',
+  '--enable-unsafe-swiftshader',
+  '--disable-background-networking',
+  '--disable-component-update',
+  '--disable-sync',
+  '--disable-quic',
+  '--no-first-run',
+];
+
+const { values: options, positionals } = parseArgs({
+  allowPositionals: true,
+  options: {
+    camera: { type: 'string' },
+    target: { type: 'string' },
+    size: { type: 'string', default: '900x600' },
+    fov: { type: 'string', default: '75' },
+  },
+});
+if (positionals.length !== 2) {
+  console.error(USAGE);
+  process.exit(2);
+}
+const [scene, out] = positionals;
+const view = {
+  camera: numbers(options.camera, ',', 3),
+  target: numbers(options.target, ',', 3),
+  size: numbers(options.size, 'x', 2),
+  fov: numbers(options.fov, ',', 1)[0],
+};
+
+function numbers(text, separator, count) {
+  if (text === undefined) return undefined;
+  const found = text.split(separator).map(Number);
+  if (found.length === count && found.every(Number.isFinite)) return found;
+  console.error(`${text} is not ${count} numbers\n${USAGE}`);
+  process.exit(2);
+}
+
+const three = path.join(import.meta.dirname, 'node_modules', 'three');
+const sources = new Map([
+  ['/', { type: 'text/html', read: () => PAGE }],
+  ['/page.js', { type: 'text/javascript', read: () => readFile(path.join(import.meta.dirname, 'page.js')) }],
+  ['/scene.glb', { type: 'model/gltf-binary', read: () => readFile(scene) }],
+]);
+const PAGE = `<!doctype html><link rel="icon" href="data:,"><script type="importmap">
+{"imports": {"three": "/three/build/three.module.js", "three/addons/": "/three/examples/jsm/"}}
+</script><script type="module" src="/page.js"></script>`;
+
+const server = createServer(async (request, response) => {
+  const { pathname } = new URL(request.url, 'http://localhost');
+  const library = pathname.startsWith('/three/') && path.join(three, path.normalize(pathname.slice(7)));
+  const source = library
+    ? { type: 'text/javascript', read: () => readFile(library) }
+    : sources.get(pathname);
+  try {
+    const body = await source.read();
+    response.writeHead(200, { 'content-type': source.type }).end(body);
+  } catch {
+    response.writeHead(404).end();
+  }
+});
+try {
+  await readFile(scene); // A missing file is told by name before a browser starts.
+} catch (error) {
+  console.error(error.message);
+  process.exit(1);
+}
+await new Promise((resolve) => server.listen(0, '127.0.0.1', resolve));
+
+const browser = await chromium.launch({
+  executablePath: process.env.CHROMIUM ?? '/usr/bin/chromium',
+  args: BROWSER_FLAGS,
+});
+try {
+  const page = await browser.newPage();
+  page.on('console', (message) => console.error(`page: ${message.text()}`));
+  page.on('pageerror', (error) => console.error(`page: ${error.message}`));
+  await page.goto(`http://127.0.0.1:${server.address().port}/`);
+  await page.waitForFunction(() => globalThis.takePicture, { timeout: 30_000 });
+  const { url, camera, target } = await page.evaluate((view) => globalThis.takePicture(view), view);
+  await writeFile(out, Buffer.from(url.split(',')[1], 'base64'));
+  console.log(`${out}: camera ${camera.join(',')}, target ${target.join(',')}`);
+} finally {
+  await browser.close();
+  server.close();
+}
