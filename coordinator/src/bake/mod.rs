@@ -27,7 +27,7 @@ use serde::Serialize;
 use shared::replica::encode_scene;
 use shared::row::{Shape, Shooter};
 
-pub use rows::{BakeError, FinishedRows, JobId, RowService};
+pub use rows::{BakeError, RowService};
 pub use settings::BakeSettings;
 
 use crate::lit::LitMesh;

@@ -8,26 +8,12 @@ use shared::row::{RowRequest, Sampling, Shooter};
 
 use super::receivers::receivers;
 use super::{BakeSettings, Phase, Progress};
+use crate::cluster::{Cluster, FinishedJob, JobId};
 use crate::mesh::{Mesh, VertexId};
 
 /// A job should have about this many pairs of shooter and receiver: some milliseconds of work, so that the message costs
 /// nothing beside it and the end of a batch does not wait for one worker.
 const PAIRS_PER_JOB: usize = 8_000;
-
-/// Number of a job.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub struct JobId(pub u64);
-
-/// The rows of one job.
-#[derive(Debug, Clone)]
-pub struct FinishedRows {
-    /// The job.
-    pub job: JobId,
-    /// One row for each shooter, one factor for each receiver.
-    pub rows: Vec<Vec<f32>>,
-    /// What they cost.
-    pub statistics: RowStatistics,
-}
 
 /// Whoever computes rows: a cluster of workers, in this process or elsewhere.
 pub trait RowService {
@@ -39,7 +25,21 @@ pub trait RowService {
     ///
     /// # Errors
     /// When no more rows can be had.
-    fn next(&mut self) -> Result<FinishedRows, BakeError>;
+    fn next(&mut self) -> Result<FinishedJob, BakeError>;
+}
+
+impl RowService for Cluster {
+    fn publish(&mut self, replica: EncodedReplica) {
+        Cluster::publish(self, replica);
+    }
+
+    fn submit(&mut self, requests: Vec<(JobId, RowRequest)>) {
+        Cluster::submit(self, requests);
+    }
+
+    fn next(&mut self) -> Result<FinishedJob, BakeError> {
+        Cluster::next(self).map_err(|error| BakeError::Rows(Box::new(error)))
+    }
 }
 
 /// Why a bake failed.

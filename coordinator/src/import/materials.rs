@@ -73,7 +73,9 @@ fn evaluate(material: &Material, warnings: &mut Vec<String>) -> Result<Diffuse, 
     }
     if metallic == 1.0 && base != DVec3::ZERO && exitance == DVec3::ZERO {
         let default = if material.index().is_none() { ", as glTF's default material is" } else { "" };
-        warnings.push(format!("{label}: fully metallic{default}, so it reflects no diffuse light; set metallicFactor to 0 if it should"));
+        warnings.push(format!(
+            "{label}: fully metallic{default}, so it reflects no diffuse light; set metallicFactor to 0 if it should"
+        ));
     }
     if material.alpha_mode() != AlphaMode::Opaque {
         warnings.push(format!("{label}: transparency is ignored, it blocks all light"));

@@ -2,14 +2,14 @@
 //!
 //! | module | step |
 //! |---|---|
-//! | [`document`] | bytes to a validated document |
-//! | [`buffers`] | its buffers, from the file or next to it |
-//! | [`nodes`] | the nodes of the scene and their world matrices |
-//! | [`accessors`], [`primitives`] | vertex data and triangles of each primitive |
-//! | [`materials`], [`lights`] | reflectance, exitance, intensity |
-//! | [`frame`], [`triangles`] | triangles in the frame, welded |
-//! | [`facets`] | flat convex pieces |
-//! | [`planes`] | which of them are coplanar |
+//! | `document` | bytes to a validated document |
+//! | `buffers` | its buffers, from the file or next to it |
+//! | `nodes` | the nodes of the scene and their world matrices |
+//! | `accessors`, `primitives` | vertex data and triangles of each primitive |
+//! | `materials`, `lights` | reflectance, exitance, intensity |
+//! | `frame`, `triangles` | triangles in the frame, welded |
+//! | `facets` | flat convex pieces |
+//! | `planes` | which of them are coplanar |
 //!
 //! Files are not trusted: whatever the bytes, the answer is a scene or an [`ImportError`].
 

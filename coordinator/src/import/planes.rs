@@ -28,8 +28,8 @@ const ROUNDINGS: f64 = 4.0;
 const NORMAL_CELL: f64 = 1.0 / 8192.0;
 const OFFSET_CELL: f64 = 0.125;
 
-/// Gives every facet its plane and returns the number of planes. `rounding`: how far the rounding of the file may have moved a
-/// point, frame units.
+/// Gives every facet its plane and returns the number of planes. `rounding`: how far the rounding of the
+/// file may have moved a point, frame units.
 pub(super) fn assign(surfaces: &mut [Surface], rounding: f64) -> u32 {
     let mut facets: Vec<&mut Facet> = surfaces.iter_mut().flat_map(|surface| &mut surface.facets).collect();
     let thickness: Vec<f64> = facets.iter().map(|facet| least_height(facet)).collect();

@@ -1,4 +1,12 @@
 //! Whole documents, from bytes to scene.
 
+mod bad_input;
+mod buffers;
 mod facets;
 mod files;
+mod fuzz;
+mod geometry;
+mod joining;
+mod lights;
+mod materials;
+mod planes;

@@ -20,6 +20,9 @@ const LEAST_NORMAL_COSINE: f64 = 0.1;
 /// Half a unit in the last place of an f32, relative: how far the file's coordinates may be off by rounding.
 const F32_ROUNDING: f64 = 1.0 / (1u64 << 24) as f64;
 
+/// The rounding of frame coordinates themselves, which reach 1024.
+const FRAME_ROUNDING: f64 = 1024.0 * f64::EPSILON;
+
 /// A triangle in the frame.
 pub(super) struct Triangle {
     /// Indices into the primitive's vertex attributes.
@@ -53,7 +56,7 @@ impl TriangleMesh {
         let mut mesh = Self {
             points: Vec::new(),
             triangles: Vec::with_capacity(geometry.triangles.len()),
-            rounding: rounding(geometry, &world.matrix3) / frame.scale,
+            rounding: rounding(geometry, &world.matrix3) / frame.scale + FRAME_ROUNDING,
             degenerate: 0,
             duplicates: 0,
         };

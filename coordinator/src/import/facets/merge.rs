@@ -1,15 +1,18 @@
 //! Removes edges between coplanar polygons as long as the union stays convex: the greedy half of Hertel and Mehlhorn, "Fast
 //! triangulation of simple polygons" (1983), on triangles that are given, and with polygons that share several edges.
 //!
-//! Corners are *straight* or real. Straight ones lie between two real ones, no farther from the line than the rounding of the
-//! file explains; convexity is decided between real corners, so that neither rounding nor a finely divided concave arc can
+//! Corners are *straight* or real. Straight ones lie between two real ones, no farther from the line than the
+//! rounding of the file explains; convexity is decided between real corners, so that neither rounding nor a finely divided concave arc can
 //! deceive it.
+
+use std::cmp::Reverse;
 
 use glam::DVec3;
 
 use super::joint::{NONE, may_join, twins};
+use super::outline::{Outline, OutlineCorner};
 use crate::import::primitives::VertexAttributes;
-use crate::import::triangles::TriangleMesh;
+use crate::import::triangles::{Triangle, TriangleMesh};
 
 /// Most straight corners in a row. Every merge looks at the whole row again, so without a bound long strips of triangles
 /// would take quadratic time.
@@ -21,26 +24,6 @@ const MOST_PASSES: usize = 32;
 /// Cosine of the turn below which a corner is not straight, however near to the line it lies: polygons may be smaller than
 /// the rounding.
 const STRAIGHT_COSINE: f64 = 0.999;
-
-/// A polygon as the merger leaves it.
-pub(super) struct Outline {
-    /// Corners, straight ones included, counter-clockwise.
-    pub(super) corners: Vec<OutlineCorner>,
-    /// Triangles that it is made of, ascending.
-    pub(super) triangles: Vec<u32>,
-    /// Sum of their area vectors.
-    pub(super) area_vector: DVec3,
-}
-
-/// A corner of a polygon: the corner of a triangle of it.
-pub(super) struct OutlineCorner {
-    /// Index of the triangle.
-    pub(super) triangle: u32,
-    /// Which of its corners.
-    pub(super) corner: usize,
-    /// Whether it lies on the line between the real corners around it.
-    pub(super) straight: bool,
-}
 
 /// What is known of a polygon; kept at its root triangle.
 #[derive(Clone, Copy)]
@@ -86,7 +69,7 @@ impl<'a> Merger<'a> {
     /// Every triangle a polygon. Points may be `tolerance` away from the planes and lines that they are meant to lie on.
     pub(super) fn new(mesh: &'a TriangleMesh, tolerance: f64) -> Self {
         let halves = 3 * mesh.triangles.len() as u32;
-        let polygon = |triangle: &crate::import::triangles::Triangle| {
+        let polygon = |triangle: &Triangle| {
             let area = triangle.area_vector.length();
             let centre =
                 triangle.points.iter().map(|&point| mesh.points[point as usize]).sum::<DVec3>() / 3.0;
@@ -119,8 +102,7 @@ impl<'a> Merger<'a> {
             (kept[half as usize], kept[twin as usize]) = (twin, half);
         }
         self.twin = kept;
-        let length = |half: u32| self.start(self.next[half as usize]).distance_squared(self.start(half));
-        edges.sort_by(|&a, &b| length(b).total_cmp(&length(a)).then(a.cmp(&b)));
+        edges.sort_by_cached_key(|&half| (self.rank(half), half));
 
         for _ in 0..MOST_PASSES {
             let mut merged = false;
@@ -135,6 +117,16 @@ impl<'a> Merger<'a> {
             }
         }
         self.outlines()
+    }
+
+    /// Longest edges first, and parallel ones together, so that a grid becomes strips and the strips one rectangle
+    /// however its triangles are numbered. Lengths and directions are rounded, lest the rounding of the file decide.
+    fn rank(&self, half: u32) -> (Reverse<u64>, [i64; 3]) {
+        let edge = self.start(self.next[half as usize]) - self.start(half);
+        // The leading bits of a positive float grow with it: 64 steps per octave, with powers of two inside a step.
+        let length = (edge.length_squared().to_bits() + (1 << 45)) >> 46;
+        let direction = edge.normalize().to_array().map(|axis| (axis * 16.0).round() as i64);
+        (Reverse(length), direction.max(direction.map(|axis| -axis)))
     }
 
     /// Merges the polygons on both sides of an edge, if their union is flat and convex.

@@ -7,24 +7,19 @@
 //! |---|---|
 //! | [`joint`] | which neighbouring triangles may share a facet |
 //! | [`merge`] | removes edges between them as long as the union stays convex |
-//! | this one | outlines: leaves out corners that became straight, and gives normals |
+//! | [`outline`] | leaves out corners that became straight, and gives normals |
 
 mod joint;
 mod merge;
+mod outline;
 
-use glam::DVec3;
-use shared::geometry::PlaneId;
-
-use self::merge::{Merger, Outline, OutlineCorner};
+use self::merge::Merger;
 use super::primitives::VertexAttributes;
 use super::triangles::TriangleMesh;
 use crate::scene::{Corner, Facet, SourceTriangle};
 
 /// Distance in roundings of the file's coordinates that a point may have from a plane or line that it is meant to lie on.
 const FLATNESS: f64 = 4.0;
-
-/// Plane of facets that have not been given theirs yet.
-const UNASSIGNED: PlaneId = PlaneId(u32::MAX);
 
 /// The facets of a mesh, seen from its front, in the order of their first triangles. Planes are not assigned yet.
 pub(super) fn build(mesh: &TriangleMesh, attributes: &VertexAttributes) -> Vec<Facet> {
@@ -33,30 +28,7 @@ pub(super) fn build(mesh: &TriangleMesh, attributes: &VertexAttributes) -> Vec<F
     for corner in outlines.iter().flat_map(|outline| &outline.corners) {
         is_corner[corner.point(mesh) as usize] |= !corner.straight || corner.smooth_normal(mesh).is_some();
     }
-    outlines.iter().map(|outline| facet(mesh, outline, &is_corner)).collect()
-}
-
-/// A straight corner is left out where no facet has a real corner at its point; elsewhere it is a T-vertex and stays.
-fn facet(mesh: &TriangleMesh, outline: &Outline, is_corner: &[bool]) -> Facet {
-    let normal = outline.area_vector.normalize();
-    let corner = |corner: &OutlineCorner| Corner {
-        position: mesh.points[corner.point(mesh) as usize],
-        normal: corner.smooth_normal(mesh).unwrap_or(normal),
-    };
-    let stays = |corner: &&OutlineCorner| is_corner[corner.point(mesh) as usize];
-    let triangles = outline.triangles.iter().map(|&triangle| {
-        let triangle = &mesh.triangles[triangle as usize];
-        SourceTriangle {
-            vertices: triangle.vertices,
-            positions: triangle.points.map(|point| mesh.points[point as usize]),
-        }
-    });
-    Facet {
-        plane: UNASSIGNED,
-        normal,
-        corners: outline.corners.iter().filter(stays).map(corner).collect(),
-        triangles: triangles.collect(),
-    }
+    outlines.iter().map(|outline| outline.facet(mesh, &is_corner)).collect()
 }
 
 /// A facet seen from the other side of a `doubleSided` primitive.
@@ -71,15 +43,5 @@ pub(super) fn turn(facet: &Facet) -> Facet {
         normal: -facet.normal,
         corners: facet.corners.iter().rev().map(turn_corner).collect(),
         triangles: facet.triangles.iter().map(turn_triangle).collect(),
-    }
-}
-
-impl OutlineCorner {
-    fn point(&self, mesh: &TriangleMesh) -> u32 {
-        mesh.triangles[self.triangle as usize].points[self.corner]
-    }
-
-    fn smooth_normal(&self, mesh: &TriangleMesh) -> Option<DVec3> {
-        mesh.triangles[self.triangle as usize].smooth_normals[self.corner]
     }
 }

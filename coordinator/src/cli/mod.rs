@@ -1,0 +1,62 @@
+//! The command line.
+
+mod progress;
+mod report;
+mod solve;
+
+use std::num::NonZeroUsize;
+
+use anyhow::Context;
+use clap::{Parser, Subcommand};
+use coordinator::cluster::Workers;
+use tracing_subscriber::EnvFilter;
+
+/// Bakes diffuse global illumination into glTF scenes by progressive radiosity.
+#[derive(Parser)]
+#[command(version)]
+pub struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+    #[command(flatten)]
+    workers: WorkerArguments,
+}
+
+#[derive(clap::Args)]
+struct WorkerArguments {
+    /// Workers that compute the rows, as host:port, separated by commas. A name with several addresses stands for all of
+    /// them [default: this process].
+    #[arg(long, env = "COORDINATOR_WORKERS", value_delimiter = ',', global = true)]
+    workers: Vec<String>,
+    /// Jobs computed at the same time when this process computes the rows [default: one for each core].
+    #[arg(long, env = "COORDINATOR_THREADS", global = true, conflicts_with = "workers")]
+    threads: Option<NonZeroUsize>,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Bake a glTF file: a lit glTF comes out.
+    Solve(solve::SolveArguments),
+}
+
+impl WorkerArguments {
+    fn workers(&self) -> anyhow::Result<Workers> {
+        if !self.workers.is_empty() {
+            return Ok(Workers::Remote(self.workers.clone()));
+        }
+        let threads = match self.threads {
+            Some(threads) => threads,
+            None => std::thread::available_parallelism().context("cannot count the cores: give --threads")?,
+        };
+        Ok(Workers::Embedded { threads: threads.get() })
+    }
+}
+
+/// Carries out what the command line asks for.
+pub fn run(arguments: Arguments) -> anyhow::Result<()> {
+    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("warn"));
+    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).without_time().init();
+    let workers = arguments.workers.workers()?;
+    match arguments.command {
+        Command::Solve(solve) => solve::run(&solve, &workers),
+    }
+}

@@ -1,0 +1,75 @@
+use std::time::{Duration, Instant};
+
+use coordinator::bake::{Phase, Progress};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+/// Between plain lines, where standard error is not a terminal.
+const PLAIN_INTERVAL: Duration = Duration::from_secs(5);
+
+/// The progress bar; plain lines now and then where there is no terminal.
+pub struct ProgressLine {
+    bar: ProgressBar,
+    started: Instant,
+    last_plain: Instant,
+}
+
+impl ProgressLine {
+    /// Shows an empty bar.
+    pub fn new() -> Self {
+        let bar = ProgressBar::with_draw_target(Some(1), ProgressDrawTarget::stderr_with_hz(10));
+        let template = "{prefix:8} [{bar:32}] {msg}";
+        // The template is fixed and right.
+        bar.set_style(
+            ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar()),
+        );
+        Self { bar, started: Instant::now(), last_plain: Instant::now() }
+    }
+
+    /// Shows how far the bake has come.
+    pub fn show(&mut self, progress: &Progress) {
+        let elapsed = self.started.elapsed().as_secs_f64();
+        let step = match progress.phase {
+            Phase::Light => "light",
+            Phase::Shoot => "shoot",
+            Phase::Refine => "refine",
+            Phase::Settle => "settle",
+        };
+        let part = progress.rows as f64 / progress.rows_needed.max(1) as f64;
+        let left = if part > 0.0 { elapsed * (1.0 - part) / part } else { 0.0 };
+        let message = format!(
+            "unshot {:.2} % · rows {}/{} · {} rays/s · {} vertices · {:.0} s left",
+            progress.unshot * 100.0,
+            progress.rows,
+            progress.rows_needed,
+            short(progress.rays as f64 / elapsed.max(1e-9)),
+            progress.vertices,
+            left,
+        );
+        if self.bar.is_hidden() {
+            if self.last_plain.elapsed() >= PLAIN_INTERVAL {
+                self.last_plain = Instant::now();
+                eprintln!("{step}: {message}");
+            }
+            return;
+        }
+        self.bar.set_prefix(step);
+        self.bar.set_length(progress.rows_needed);
+        self.bar.set_position(progress.rows);
+        self.bar.set_message(message);
+    }
+
+    /// Removes the bar: the table follows.
+    pub fn finish(self) {
+        self.bar.finish_and_clear();
+    }
+}
+
+/// A number with three digits and a letter.
+pub fn short(value: f64) -> String {
+    match value {
+        v if v >= 1e9 => format!("{:.2} G", v * 1e-9),
+        v if v >= 1e6 => format!("{:.2} M", v * 1e-6),
+        v if v >= 1e3 => format!("{:.1} k", v * 1e-3),
+        v => format!("{v:.0}"),
+    }
+}

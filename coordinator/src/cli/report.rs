@@ -1,0 +1,131 @@
+use std::time::Duration;
+
+use comfy_table::{Table, presets};
+use coordinator::bake::{BakeReport, BakeSettings};
+use coordinator::cluster::WorkerSummary;
+use coordinator::export::Exported;
+use serde_json::json;
+
+use super::progress::short;
+
+/// All figures of a bake, for people and for programs.
+pub struct Summary<'a> {
+    /// Wall time from the file to the lit file.
+    pub seconds: f64,
+    /// Unit of the irradiance.
+    pub unit: &'a str,
+    /// Triangles dropped on import.
+    pub degenerate_triangles: usize,
+    /// Of the bake.
+    pub bake: &'a BakeReport,
+    /// Of the output.
+    pub exported: &'a Exported,
+    /// Of each worker.
+    pub workers: &'a [WorkerSummary],
+}
+
+impl Summary<'_> {
+    /// Prints the tables.
+    pub fn print(&self) {
+        let bake = self.bake;
+        let mut table = new_table();
+        let mut row = |name: &str, value: String| {
+            table.add_row([name.to_owned(), value]);
+        };
+        let steps: Vec<String> =
+            bake.seconds.iter().map(|(name, seconds)| format!("{name} {seconds:.2}")).collect();
+        row("time", format!("{:.2} s ({})", self.seconds, steps.join(", ")));
+        row("vertices", format!("{} ({} shooting)", bake.vertices, bake.shooting_vertices));
+        row("triangles", self.exported.triangles.to_string());
+        row("rows", format!("{} ({} form factors)", bake.rows, short(bake.factors as f64)));
+        row(
+            "rays",
+            format!("{} ({} pairs sampled)", short(bake.rays as f64), short(bake.sampled_pairs as f64)),
+        );
+        let balance = &bake.balance;
+        let percent = |flux: &[f64; 3]| {
+            let emitted: f64 = balance.emitted.iter().sum();
+            100.0 * flux.iter().sum::<f64>() / emitted
+        };
+        let fluxes = [&balance.absorbed, &balance.unshot, &balance.escaped, &balance.imbalance].map(percent);
+        row(
+            "energy balance",
+            format!(
+                "absorbed {:.2} %, unshot {:.4} %, escaped {:.2} %, imbalance {:.2} %",
+                fluxes[0], fluxes[1], fluxes[2], fluxes[3]
+            ),
+        );
+        row("unshot bound", format!("{:.1e} of the reflected flux", bake.unshot_bound));
+        row("mesh error", format!("{:.2} % predicted", bake.mesh_error * 100.0));
+        let sums = &bake.row_sums;
+        row("row sums", format!("mean {:.4}, {:.4} to {:.4}", sums.mean, sums.least, sums.largest));
+        let classes = ["<.5", ".5", ".9", ".99", ".999", ">1.001"].iter().zip(&sums.histogram);
+        let classes: Vec<String> =
+            classes.map(|(name, part)| format!("{name}: {:.1} %", part * 100.0)).collect();
+        row("  of the area", classes.join("  "));
+        row("exposure", format!("{:.4e} per {}", self.exported.exposure, self.unit));
+        if self.degenerate_triangles > 0 {
+            row("dropped", format!("{} triangles without area", self.degenerate_triangles));
+        }
+        println!("{table}");
+        if self.workers.len() > 1 {
+            println!("{}", self.worker_table());
+        }
+    }
+
+    fn worker_table(&self) -> Table {
+        let mut table = new_table();
+        table.set_header(["worker", "threads", "jobs", "rows", "rays", "busy", "received"]);
+        for worker in self.workers {
+            table.add_row([
+                worker
+                    .lost
+                    .as_ref()
+                    .map_or(worker.name.clone(), |why| format!("{} (lost: {why})", worker.name)),
+                worker.threads.to_string(),
+                worker.jobs.to_string(),
+                worker.rows.to_string(),
+                short(worker.rays as f64),
+                format!("{:.2} s", seconds(worker.busy)),
+                format!("{}B", short(worker.bytes_received as f64)),
+            ]);
+        }
+        table
+    }
+
+    /// All figures as JSON.
+    pub fn to_json(&self, settings: &BakeSettings) -> serde_json::Result<String> {
+        let workers: Vec<_> = self
+            .workers
+            .iter()
+            .map(|worker| {
+                json!({
+                    "name": worker.name, "address": worker.address, "threads": worker.threads, "jobs": worker.jobs,
+                    "rows": worker.rows, "rays": worker.rays, "busy_seconds": seconds(worker.busy),
+                    "bytes_received": worker.bytes_received, "lost": worker.lost,
+                })
+            })
+            .collect();
+        serde_json::to_string_pretty(&json!({
+            "seconds": self.seconds,
+            "unit": self.unit,
+            "exposure": self.exported.exposure,
+            "output_vertices": self.exported.vertices,
+            "output_triangles": self.exported.triangles,
+            "degenerate_triangles": self.degenerate_triangles,
+            "bake": self.bake,
+            "settings": settings,
+            "workers": workers,
+        }))
+    }
+}
+
+fn seconds(duration: Duration) -> f64 {
+    duration.as_secs_f64()
+}
+
+fn new_table() -> Table {
+    let mut table = Table::new();
+    table.load_preset(presets::UTF8_BORDERS_ONLY);
+    table
+}
