@@ -6,8 +6,12 @@ use smallvec::SmallVec;
 /// Corners of a small convex polygon; no allocation up to eight corners.
 pub type Corners = SmallVec<[DVec3; 8]>;
 
+/// Corners closer than this part of their distance from the origin become one: the direction of the edge between them would be
+/// rounding error, and so would be the side of a plane through it.
+const SAME_CORNER: f64 = 1e-12;
+
 /// The part of a convex polygon where `height` is positive or zero, given the height of each corner. Corners at height 0
-/// belong to the part; cuts are made on the edges, between a corner above and one below.
+/// belong to the part; cuts are made on the edges, between a corner above and one below. Empty where no area is left.
 pub fn clip(corners: &[DVec3], heights: &[f64]) -> Corners {
     let mut kept = Corners::new();
     let Some(last) = corners.len().checked_sub(1) else { return kept };
@@ -15,14 +19,30 @@ pub fn clip(corners: &[DVec3], heights: &[f64]) -> Corners {
     for (&corner, &height) in corners.iter().zip(heights) {
         let (from, from_height) = previous;
         if (from_height > 0.0 && height < 0.0) || (from_height < 0.0 && height > 0.0) {
-            kept.push(from + (corner - from) * (from_height / (from_height - height)));
+            push_distinct(&mut kept, from + (corner - from) * (from_height / (from_height - height)));
         }
         if height >= 0.0 {
-            kept.push(corner);
+            push_distinct(&mut kept, corner);
         }
         previous = (corner, height);
     }
+    while kept.len() > 1 && is_same(kept[0], kept[kept.len() - 1]) {
+        kept.pop();
+    }
+    if kept.len() < 3 {
+        kept.clear();
+    }
     kept
+}
+
+fn push_distinct(corners: &mut Corners, corner: DVec3) {
+    if corners.last().is_none_or(|last| !is_same(*last, corner)) {
+        corners.push(corner);
+    }
+}
+
+fn is_same(a: DVec3, b: DVec3) -> bool {
+    a.distance_squared(b) <= SAME_CORNER * SAME_CORNER * a.length_squared()
 }
 
 /// The part of a convex polygon on the positive side of a plane through the origin.

@@ -59,7 +59,7 @@ impl Shaft {
             return Some(relative);
         }
         let part = crate::geometry::clip(&relative, &heights);
-        (part.len() >= 3).then_some(part)
+        (!part.is_empty()).then_some(part)
     }
 }
 

@@ -18,10 +18,10 @@ use crate::row::Sampling;
 pub use sample::pair_seed;
 
 /// With more occluders than this in a shaft, rays are cheaper than cutting.
-const MAX_BLOCKERS: usize = 24;
+const MAX_BLOCKERS: usize = 40;
 
 /// With more pieces than this, rays are cheaper than cutting on.
-const MAX_PIECES: usize = 48;
+const MAX_PIECES: usize = 64;
 
 /// Computes visible form factors; keeps its buffers from pair to pair.
 #[derive(Default)]
