@@ -10,7 +10,7 @@ build:
 
 # The tests, as the README runs them.
 test *arguments:
-    cargo test --release --workspace {{arguments}}
+    cargo test --release --workspace {{ arguments }}
 
 # Formatting, clippy and documentation, with warnings denied.
 lint:
@@ -29,16 +29,16 @@ ci:
 
 # Bake a scene of tests/scenes: target/NAME-lit.glb and target/NAME-report.json.
 bake name="cornell" *arguments:
-    cargo run --release -p coordinator -- solve tests/scenes/{{name}}.glb -o target/{{name}}-lit.glb \
-        --report target/{{name}}-report.json {{arguments}}
+    cargo run --release -p coordinator -- solve tests/scenes/{{ name }}.glb -o target/{{ name }}-lit.glb \
+        --report target/{{ name }}-report.json {{ arguments }}
 
 # A picture of a baked scene: target/NAME.png (needs Node and chromium).
 picture name="cornell" *arguments: node
-    node tests/node/picture.mjs target/{{name}}-lit.glb target/{{name}}.png {{arguments}}
+    node tests/node/picture.mjs target/{{ name }}-lit.glb target/{{ name }}.png {{ arguments }}
 
 # A baked scene through the Khronos validator (needs Node).
 validate name="cornell": node
-    node tests/node/validate.mjs target/{{name}}-lit.glb
+    node tests/node/validate.mjs target/{{ name }}-lit.glb
 
 [private]
 node:
