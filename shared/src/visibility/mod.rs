@@ -5,6 +5,8 @@
 
 mod cut;
 mod sample;
+#[cfg(test)]
+mod tests;
 
 use glam::DVec3;
 
