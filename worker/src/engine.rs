@@ -6,7 +6,10 @@ use shared::occluder::Occluder;
 use shared::protocol::RowStatistics;
 use shared::replica::Receiver;
 use shared::row::{Sampling, Shape, Shooter};
-use shared::visibility::{VisibilityBuffers, pair_seed, visible_form_factor};
+use shared::visibility::{VisibilityKernel, pair_seed};
+
+/// Receivers that look for their occluders together: neighbours in a set mostly lie close to each other.
+const GROUP: usize = 16;
 
 /// A scene replica made ready.
 pub struct Scene {
@@ -33,25 +36,17 @@ pub fn compute_row(
     let mut statistics = RowStatistics::default();
     let row = match &shooter.shape {
         Shape::Polygons(polygons) => {
-            let polygons: Vec<PreparedPolygon> = polygons.iter().map(PreparedPolygon::new).collect();
-            let mut buffers = VisibilityBuffers::default();
-            let mut factor = |(index, receiver): (usize, &Receiver)| {
-                let seed = pair_seed(sampling.seed, shooter.key, first_key + index as u64);
-                let to_polygon = |polygon| {
-                    let occluder = &scene.occluder;
-                    visible_form_factor(
-                        occluder,
-                        receiver,
-                        polygon,
-                        sampling,
-                        seed,
-                        &mut buffers,
-                        &mut statistics,
-                    )
-                };
-                polygons.iter().map(to_polygon).sum::<f64>() as f32
-            };
-            receivers.iter().enumerate().map(&mut factor).collect()
+            let mut kernel = VisibilityKernel::new(&scene.occluder, sampling);
+            let mut factors = vec![0.0; receivers.len()];
+            for polygon in polygons.iter().map(PreparedPolygon::new) {
+                let groups = receivers.chunks(GROUP).zip(factors.chunks_mut(GROUP)).enumerate();
+                for (group, (receivers, factors)) in groups {
+                    let first = first_key + (group * GROUP) as u64;
+                    let seed = |index: usize| pair_seed(sampling.seed, shooter.key, first + index as u64);
+                    kernel.add_form_factors(receivers, &polygon, seed, factors, &mut statistics);
+                }
+            }
+            factors.into_iter().map(|factor| factor as f32).collect()
         }
         Shape::Point(light) => {
             let weight = |_| 1.0;

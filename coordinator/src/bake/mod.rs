@@ -127,7 +127,7 @@ pub struct BakeReport {
 /// Bakes a scene. Rows come from `service`; `progress` is told how far it is, often.
 ///
 /// # Errors
-/// When the rows cannot be had, or the scene gives no mesh.
+/// When the rows cannot be had or do not fit in memory, or the scene gives no mesh.
 pub fn bake(
     scene: &Scene,
     settings: &BakeSettings,
@@ -191,6 +191,10 @@ impl<'a> Bake<'a> {
         let plane_of =
             |surface: u32, facet: u32| scene.surfaces[surface as usize].facets[facet as usize].plane;
         let shares = mesh.shares(plane_of);
+        if mesh.vertices.len() > settings.vertex_limit(shares.len()) {
+            let (vertices, mebibytes) = (mesh.vertices.len(), settings.row_memory);
+            return Err(BakeError::TooManyVertices { vertices, mebibytes });
+        }
         let reflectance: Vec<DVec3> = scene.surfaces.iter().map(|surface| surface.reflectance).collect();
         let energies = shares
             .iter()

@@ -16,13 +16,17 @@ impl Bake<'_> {
         loop {
             let error = MeshError::predict(&self.mesh, &self.irradiance, &self.reflectance);
             self.mesh_error = error.relative();
-            let room = self.settings.max_vertices.saturating_sub(self.mesh.vertices.len()) / 3;
+            let limit = self.settings.vertex_limit(self.shares.len());
+            // A divided patch brings up to five vertices, and may make its neighbours divide.
+            let room = limit.saturating_sub(self.mesh.vertices.len()) / 5;
             let may_divide = |id: PatchId| self.mesh.longest_edge(id) > shortest_edge;
-            let worst = error.worst_leaves(self.settings.mesh_error, room, may_divide);
+            let mut worst = error.worst_leaves(self.settings.mesh_error, room, may_divide);
             if worst.is_empty() {
                 break;
             }
             let first = VertexId(self.mesh.vertices.len() as u32);
+            // By place rather than by error: rows are cheaper when neighbours among the receivers are neighbours in space.
+            worst.sort_unstable();
             for id in worst {
                 self.mesh.divide(id);
             }

@@ -48,6 +48,16 @@ pub enum BakeError {
     /// Nothing is left of the scene after welding.
     #[error("the scene has no surface large enough to hold a patch")]
     EmptyMesh,
+    /// The rows would not fit in memory.
+    #[error(
+        "rows between {vertices} vertices take more than {mebibytes} MiB: simplify the scene's geometry, or raise --row-memory"
+    )]
+    TooManyVertices {
+        /// Vertices of the mesh before refinement.
+        vertices: usize,
+        /// What the settings allow.
+        mebibytes: usize,
+    },
     /// No more rows.
     #[error("rows cannot be computed: {0}")]
     Rows(#[source] Box<dyn std::error::Error + Send + Sync>),

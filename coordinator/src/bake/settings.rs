@@ -9,6 +9,8 @@ pub struct BakeSettings {
     pub mesh_error: f64,
     /// Refinement also ends at this number of vertices.
     pub max_vertices: usize,
+    /// Rows are kept in memory, 4 bytes for each pair of share and vertex; refinement also ends when they take this many MiB.
+    pub row_memory: usize,
     /// Patches are divided this often at most.
     pub max_level: u32,
     /// Shooting ends when rho / (1 - rho) x unshot flux is under this part of the reflected flux.
@@ -27,12 +29,21 @@ pub struct BakeSettings {
     pub planar_point_lights: bool,
 }
 
+impl BakeSettings {
+    /// Most vertices that a mesh with so many shares may have.
+    #[must_use]
+    pub fn vertex_limit(&self, shares: usize) -> usize {
+        self.max_vertices.min((self.row_memory << 20) / (4 * shares.max(1)))
+    }
+}
+
 impl Default for BakeSettings {
     fn default() -> Self {
         Self {
             shooter_edge: 0.15,
             mesh_error: 0.01,
             max_vertices: 200_000,
+            row_memory: 8192,
             max_level: 12,
             threshold: 1e-3,
             window: 32,

@@ -45,7 +45,8 @@ impl Summary<'_> {
         let balance = &bake.balance;
         let percent = |flux: &[f64; 3]| {
             let emitted: f64 = balance.emitted.iter().sum();
-            100.0 * flux.iter().sum::<f64>() / emitted
+            // Adding zero turns -0 into 0.
+            (1e6 * flux.iter().sum::<f64>() / emitted).round() / 1e4 + 0.0
         };
         let fluxes = [&balance.absorbed, &balance.unshot, &balance.escaped, &balance.imbalance].map(percent);
         row(

@@ -45,6 +45,9 @@ struct Knobs {
     /// Refinement also ends at this number of vertices.
     #[arg(long, default_value_t = BakeSettings::default().max_vertices)]
     max_vertices: usize,
+    /// Memory for rows, in MiB: 4 bytes for each pair of shooting vertex and vertex. Refinement also ends when it is full.
+    #[arg(long, default_value_t = BakeSettings::default().row_memory)]
+    row_memory: usize,
     /// Shooting ends when rho / (1 - rho) x unshot flux is under this part of the reflected flux; sweeps do the rest.
     #[arg(long, default_value_t = BakeSettings::default().threshold, value_parser = positive)]
     threshold: f64,
@@ -82,6 +85,7 @@ impl Knobs {
             shooter_edge: self.shooter_edge,
             mesh_error: self.mesh_error,
             max_vertices: self.max_vertices,
+            row_memory: self.row_memory,
             threshold: self.threshold,
             window: self.window,
             rays_per_hemisphere: self.rays,

@@ -25,7 +25,7 @@ use tower::service_fn;
 use worker::Settings;
 
 use super::ClusterError;
-use super::error::innermost;
+use super::error::{innermost, words};
 
 /// How long a worker may take from the first packet to its hello.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
@@ -162,8 +162,8 @@ async fn greet(
     let refused = |reason: String| ClusterError::Refused { address: address.clone(), reason };
     let opening = async {
         let session = client(channel).session(UnboundedReceiverStream::new(messages)).await;
-        let mut inbound = session.map_err(|status| refused(status.message().into()))?.into_inner();
-        let first = inbound.message().await.map_err(|status| refused(status.message().into()))?;
+        let mut inbound = session.map_err(|status| refused(words(&status)))?.into_inner();
+        let first = inbound.message().await.map_err(|status| refused(words(&status)))?;
         let Some(Incoming::Hello(hello)) = first.and_then(|message| message.body) else {
             return Err(refused("it does not say hello".into()));
         };

@@ -83,3 +83,8 @@ pub(super) fn innermost(error: &dyn Error) -> String {
     }
     innermost.to_string()
 }
+
+/// What a status says: a worker's own words, or why the connection failed.
+pub(super) fn words(status: &tonic::Status) -> String {
+    if status.source().is_some() { innermost(status) } else { status.message().into() }
+}

@@ -175,6 +175,10 @@ impl Cluster {
     /// # Errors
     /// When all workers are lost (from then on always), when a job failed wherever it was tried, or needs a replica that
     /// is not published.
+    #[expect(
+        clippy::should_implement_trait,
+        reason = "jobs may be submitted between two results, and never end by themselves"
+    )]
     pub fn next(&mut self) -> Result<FinishedJob, ClusterError> {
         self.check()?;
         let result = self.results.recv().map_err(|_| ClusterError::Stopped)?;

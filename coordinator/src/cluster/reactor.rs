@@ -187,9 +187,8 @@ impl Reactor {
                     self.report(Err(ClusterError::Abandoned { job, why, message: message.into() }));
                 }
                 Action::AllWorkersLost => {
-                    let reason = |summary: &WorkerSummary| {
-                        let WorkerSummary { name, address, lost, .. } = summary;
-                        format!("{name} at {address}: {}", lost.as_deref().unwrap_or("lost"))
+                    let reason = |worker: &WorkerSummary| {
+                        format!("worker at {}: {}", worker.address, worker.lost.as_deref().unwrap_or("lost"))
                     };
                     let reasons = self.summaries.values().map(reason).collect();
                     self.report(Err(ClusterError::AllWorkersLost { reasons }));

@@ -18,6 +18,7 @@ use tokio::time::{MissedTickBehavior, interval};
 use tonic::Status;
 
 use super::connect::Connection;
+use super::error::words;
 use super::upload::upload;
 use crate::scheduler::JobId;
 
@@ -120,7 +121,7 @@ pub(super) async fn run(
                     (session.tell)(News::Loaded(digest));
                     Ok(())
                 }
-                Ok((digest, Err(status))) => Err(LostWorkerReason::Upload(digest, status.message().into())),
+                Ok((digest, Err(status))) => Err(LostWorkerReason::Upload(digest, words(&status))),
                 Err(error) => Err(LostWorkerReason::Broken(error.to_string())),
             },
             // A worker in this very process cannot be lost alone.
@@ -174,7 +175,7 @@ impl<T: Fn(News)> Session<T> {
     /// Takes in what the worker says. Any end of its stream, whatever its code, is the loss of the worker.
     fn hear(&mut self, message: Result<Option<WorkerMessage>, Status>) -> Result<(), LostWorkerReason> {
         let message = message
-            .map_err(|status| LostWorkerReason::Broken(status.message().into()))?
+            .map_err(|status| LostWorkerReason::Broken(words(&status)))?
             .ok_or(LostWorkerReason::Closed)?;
         match message.body {
             Some(Incoming::Finished(finished)) => {

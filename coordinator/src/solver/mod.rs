@@ -15,6 +15,8 @@ pub mod fit;
 pub mod refinement;
 pub mod shooting;
 pub mod sweeps;
+#[cfg(test)]
+mod tests;
 
 use glam::DVec3;
 

@@ -20,6 +20,8 @@ pub struct Shooting {
     /// Shots that are chosen and not yet applied, in their order.
     chosen: VecDeque<ShareId>,
     is_chosen: Vec<bool>,
+    /// Shares that have shot: their rows are certain to be there when the next shot is chosen, whatever has arrived early.
+    has_shot: Vec<bool>,
     window: usize,
     threshold: f64,
     shots: u64,
@@ -45,6 +47,7 @@ impl Shooting {
             rows: vec![None; shares.len()],
             chosen: VecDeque::new(),
             is_chosen: vec![false; shares.len()],
+            has_shot: vec![false; shares.len()],
             shares,
             window,
             threshold,
@@ -112,21 +115,25 @@ impl Shooting {
         sums
     }
 
-    /// Chooses the share with the largest unshot flux, unless too little is left.
+    /// Chooses the share with the largest unshot flux, unless too little is left, or only shares that have shot have much left:
+    /// with their rows at hand the sweeps finish faster than more shots would.
     fn choose(&mut self, wanted: &mut Vec<ShareId>) -> bool {
         let (unshot, reflected) = self.fluxes();
         let missing = ratio(unshot, reflected) * interreflection_bound(&self.shares);
         if missing.max_element() <= self.threshold {
             return false;
         }
-        let candidates = (0..self.shares.len()).filter(|index| !self.is_chosen[*index]);
-        let flux = |index: usize| self.unshot(index).element_sum() * self.shares[index].area;
-        let best = candidates.map(|index| (index, flux(index))).reduce(|a, b| if b.1 > a.1 { b } else { a });
-        let Some((index, flux)) = best else { return false };
-        // With every row at hand the sweeps finish faster than more shots would.
-        if flux <= 0.0 || self.rows.iter().all(Option::is_some) {
+        let flux = |index: usize| self.unshot(index) * self.shares[index].area;
+        let without_row =
+            (0..self.shares.len()).filter(|index| !self.is_chosen[*index] && !self.has_shot[*index]);
+        let held: DVec3 = without_row.map(flux).sum();
+        if ratio(held, reflected).max_element() <= self.threshold {
             return false;
         }
+        let candidates = (0..self.shares.len()).filter(|index| !self.is_chosen[*index]);
+        let sum = |index: usize| flux(index).element_sum();
+        let best = candidates.map(|index| (index, sum(index))).reduce(|a, b| if b.1 > a.1 { b } else { a });
+        let Some((index, _)) = best.filter(|(_, flux)| *flux > 0.0) else { return false };
         let share = ShareId(index as u32);
         self.chosen.push_back(share);
         self.is_chosen[index] = true;
@@ -144,6 +151,7 @@ impl Shooting {
                 *irradiance += current * f64::from(*factor);
             }
         }
+        self.has_shot[share.index()] = true;
         self.shots += 1;
     }
 }

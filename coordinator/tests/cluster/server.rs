@@ -110,12 +110,15 @@ impl Drop for Server {
     }
 }
 
+/// What a fake says to a job, if anything.
+type Answer = dyn Fn(&RowJob) -> Option<Body> + Send + Sync;
+
 #[derive(Clone)]
 struct Fake {
     protocol_version: u32,
     /// Whether it takes messages in.
     hears: bool,
-    answer: Arc<dyn Fn(&RowJob) -> Option<Body> + Send + Sync>,
+    answer: Arc<Answer>,
 }
 
 #[tonic::async_trait]

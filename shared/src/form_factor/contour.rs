@@ -1,6 +1,8 @@
 use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
+// Not f64::atan2, which is the platform's: its last bit may differ between the machines of a cluster.
+use libm::atan2;
 
 use crate::geometry::{area_vector, clip_by_plane};
 
@@ -19,7 +21,7 @@ pub fn contour(normal: DVec3, corners: &[DVec3]) -> f64 {
         let cross = (corner - previous).cross(previous);
         let length = cross.length();
         if length > 0.0 {
-            sum += length.atan2(previous.dot(corner)) / length * normal.dot(cross);
+            sum += atan2(length, previous.dot(corner)) / length * normal.dot(cross);
         }
         previous = corner;
     }
@@ -62,7 +64,7 @@ pub fn point_to_polygon_limit(position: DVec3, normal: DVec3, inward: DVec3, cor
         let edge = corner - previous;
         let (from, to) = (approached(previous), approached(corner));
         let mut cross = if from == previous && to == corner { edge.cross(from) } else { to.cross(from) };
-        let mut angle = cross.length().atan2(from.dot(to));
+        let mut angle = atan2(cross.length(), from.dot(to));
         if cross == DVec3::ZERO && from.dot(to) < 0.0 {
             cross = -edge.cross(inward);
             angle = PI;

@@ -52,6 +52,12 @@ impl PreparedPolygon {
         }
     }
 
+    /// Corners, counter-clockwise seen from the front.
+    #[must_use]
+    pub fn corners(&self) -> &Corners {
+        &self.corners
+    }
+
     /// Plane that the polygon lies in.
     #[must_use]
     pub fn plane(&self) -> PlaneId {

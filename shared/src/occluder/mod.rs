@@ -1,5 +1,6 @@
 //! The surfaces that block light, behind a BVH.
 
+mod bundle;
 mod segment;
 mod shaft;
 
@@ -11,7 +12,8 @@ use obvhs::{Boundable, BvhBuildParams};
 
 use crate::geometry::{ConvexPolygon, PlaneId, area_vector};
 
-pub use shaft::Shaft;
+pub use bundle::{Bounds, Bundle};
+pub use shaft::{Blockage, Shaft};
 
 /// Boxes are padded by this part of the scene's largest coordinate: rays are rounded to f32 when they meet a box, and must
 /// not slip past one that their exact counterpart touches.

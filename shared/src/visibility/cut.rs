@@ -52,11 +52,11 @@ fn cut_piece(piece: Corners, sides: &[DVec3], kept: &mut Vec<Corners>) {
         }
         let negated: SmallVec<[f64; 8]> = heights.iter().map(|height| -height).collect();
         let outside = clip(&inside, &negated);
-        if outside.len() >= 3 {
+        if !outside.is_empty() {
             kept.push(outside);
         }
         inside = clip(&inside, &heights);
-        if inside.len() < 3 {
+        if inside.is_empty() {
             return;
         }
     }

@@ -5,12 +5,14 @@
 
 mod cut;
 mod sample;
+#[cfg(test)]
+mod tests;
 
 use glam::DVec3;
 
-use crate::form_factor::{PreparedPolygon, contour};
+use crate::form_factor::{PreparedPolygon, View, contour};
 use crate::geometry::Corners;
-use crate::occluder::{Occluder, Shaft};
+use crate::occluder::{Blockage, Bounds, Bundle, Occluder, Shaft};
 use crate::protocol::RowStatistics;
 use crate::replica::Receiver;
 use crate::row::Sampling;
@@ -18,79 +20,115 @@ use crate::row::Sampling;
 pub use sample::pair_seed;
 
 /// With more occluders than this in a shaft, rays are cheaper than cutting.
-const MAX_BLOCKERS: usize = 24;
+const MAX_BLOCKERS: usize = 40;
 
 /// With more pieces than this, rays are cheaper than cutting on.
-const MAX_PIECES: usize = 48;
+const MAX_PIECES: usize = 64;
 
-/// Computes visible form factors; keeps its buffers from pair to pair.
-#[derive(Default)]
-pub struct VisibilityBuffers {
+/// With more candidates than this for a whole group, each of its shafts asks the BVH itself.
+const MAX_CANDIDATES: usize = 96;
+
+/// Computes visible form factors from groups of receivers to one polygon; keeps its buffers from pair to pair.
+pub struct VisibilityKernel<'a> {
+    occluder: &'a Occluder,
+    sampling: &'a Sampling,
+    candidates: Vec<u32>,
     blockers: Vec<Corners>,
     pieces: Vec<Corners>,
     scratch: Vec<Corners>,
 }
 
-/// The visible form factor of a receiver's point to a polygon.
-///
-/// `seed` is the pair's own (see [`pair_seed`]): who computes it does not matter.
-pub fn visible_form_factor(
-    occluder: &Occluder,
-    receiver: &Receiver,
-    polygon: &PreparedPolygon,
-    sampling: &Sampling,
-    seed: u32,
-    buffers: &mut VisibilityBuffers,
-    statistics: &mut RowStatistics,
-) -> f64 {
-    if receiver.plane == polygon.plane() {
-        return 0.0;
+impl<'a> VisibilityKernel<'a> {
+    /// A kernel for these occluders.
+    #[must_use]
+    pub fn new(occluder: &'a Occluder, sampling: &'a Sampling) -> Self {
+        Self { occluder, sampling, candidates: vec![], blockers: vec![], pieces: vec![], scratch: vec![] }
     }
-    let Some(view) = polygon.view(receiver.position, receiver.normal) else { return 0.0 };
-    statistics.factors += 1;
-    if occluder.is_empty() {
-        return view.factor;
-    }
-    let planes = [receiver.plane, polygon.plane()];
-    let shaft = Shaft::new(receiver.position, &view.corners, polygon.normal(), planes);
-    let few = occluder.collect_blockers(&shaft, MAX_BLOCKERS, &mut buffers.blockers);
-    if buffers.blockers.is_empty() {
-        return view.factor;
-    }
-    if few && let Some(visible) = cut_factor(receiver.normal, &view.corners, view.factor, buffers) {
-        return visible;
-    }
-    statistics.sampled_pairs += 1;
-    let blocked = |target: DVec3| occluder.blocks(receiver.position, receiver.position + target, planes);
-    let rays = sample::ray_count(view.factor, sampling);
-    let sample =
-        sample::sample_visibility(&view.corners, receiver.normal, polygon.normal(), rays, seed, blocked);
-    statistics.rays += u64::from(sample.rays);
-    view.factor * sample.fraction
-}
 
-/// The form factor of what the blockers leave; `None` when that falls into too many pieces.
-fn cut_factor(
-    normal: DVec3,
-    corners: &Corners,
-    unblocked: f64,
-    buffers: &mut VisibilityBuffers,
-) -> Option<f64> {
-    let VisibilityBuffers { blockers, pieces, scratch } = buffers;
-    pieces.clear();
-    pieces.push(corners.clone());
-    let mut touched = false;
-    for blocker in blockers.iter() {
-        touched |= cut::cut(pieces, blocker, scratch);
-        if pieces.is_empty() {
-            return Some(0.0);
+    /// Adds the visible form factor of each receiver's point to a polygon to `factors`. `seeds` are the pairs' own (see
+    /// [`pair_seed`]): neither who computes a pair nor the group that it is in makes a difference. Groups pay when receivers
+    /// lie close together.
+    pub fn add_form_factors(
+        &mut self,
+        receivers: &[Receiver],
+        polygon: &PreparedPolygon,
+        seeds: impl Fn(usize) -> u32,
+        factors: &mut [f64],
+        statistics: &mut RowStatistics,
+    ) {
+        let mut is_prepared = false;
+        for (index, (receiver, factor)) in receivers.iter().zip(factors).enumerate() {
+            if receiver.plane == polygon.plane() {
+                continue;
+            }
+            let Some(view) = polygon.view(receiver.position, receiver.normal) else { continue };
+            statistics.factors += 1;
+            if !is_prepared {
+                self.prepare(receivers, polygon);
+                is_prepared = true;
+            }
+            *factor += self.visible(receiver, polygon, &view, seeds(index), statistics);
         }
-        if pieces.len() > MAX_PIECES {
+    }
+
+    fn prepare(&mut self, receivers: &[Receiver], polygon: &PreparedPolygon) {
+        let group = Bounds::around(receivers.iter().map(|receiver| receiver.position));
+        let target = Bounds::around(polygon.corners().iter().copied());
+        self.occluder.candidates(&Bundle::new(&group, &target), &mut self.candidates);
+    }
+
+    fn visible(
+        &mut self,
+        receiver: &Receiver,
+        polygon: &PreparedPolygon,
+        view: &View,
+        seed: u32,
+        statistics: &mut RowStatistics,
+    ) -> f64 {
+        if self.candidates.is_empty() {
+            return view.factor;
+        }
+        let planes = [receiver.plane, polygon.plane()];
+        let shaft = Shaft::new(receiver.position, &view.corners, polygon.normal(), planes);
+        let candidates = (self.candidates.len() <= MAX_CANDIDATES).then_some(self.candidates.as_slice());
+        match self.occluder.collect_blockers(&shaft, candidates, &mut self.blockers) {
+            Blockage::Free => return view.factor,
+            Blockage::Full => return 0.0,
+            Blockage::Partial => {}
+        }
+        if let Some(visible) = self.cut_factor(receiver.normal, view) {
+            return visible;
+        }
+        statistics.sampled_pairs += 1;
+        let blocked =
+            |target: DVec3| self.occluder.blocks(receiver.position, receiver.position + target, planes);
+        let rays = sample::ray_count(view.factor, self.sampling);
+        let sample =
+            sample::sample_visibility(&view.corners, receiver.normal, polygon.normal(), rays, seed, blocked);
+        statistics.rays += u64::from(sample.rays);
+        view.factor * sample.fraction
+    }
+
+    /// The form factor of what the blockers leave; `None` when they are too many, or it falls into too many pieces.
+    fn cut_factor(&mut self, normal: DVec3, view: &View) -> Option<f64> {
+        if self.blockers.len() > MAX_BLOCKERS {
             return None;
         }
+        self.pieces.clear();
+        self.pieces.push(view.corners.clone());
+        let mut touched = false;
+        for blocker in &self.blockers {
+            touched |= cut::cut(&mut self.pieces, blocker, &mut self.scratch);
+            if self.pieces.is_empty() {
+                return Some(0.0);
+            }
+            if self.pieces.len() > MAX_PIECES {
+                return None;
+            }
+        }
+        if !touched {
+            return Some(view.factor);
+        }
+        Some(self.pieces.iter().map(|piece| contour(normal, piece)).sum::<f64>().clamp(0.0, view.factor))
     }
-    if !touched {
-        return Some(unblocked);
-    }
-    Some(pieces.iter().map(|piece| contour(normal, piece)).sum::<f64>().clamp(0.0, unblocked))
 }

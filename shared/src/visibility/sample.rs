@@ -10,6 +10,9 @@ use crate::row::Sampling;
 /// estimate nearly unbiased; stopping on hidden pairs only would darken.
 const PROBE_RAYS: u32 = 8;
 
+/// Pairs with more rays than this matter too much to be stopped early.
+const MAX_STOPPED_RAYS: u32 = 32;
+
 /// Seed of a pair's rays.
 #[must_use]
 pub fn pair_seed(scene_seed: u64, shooter: u64, receiver: u64) -> u32 {
@@ -65,7 +68,8 @@ pub fn sample_visibility(
                 arrived += weight;
             }
         }
-        if index + 1 == PROBE_RAYS && (hits == 0 || hits == count) {
+        let undecided = hits > 0 && hits < count;
+        if index + 1 == PROBE_RAYS && rays <= MAX_STOPPED_RAYS && !undecided {
             break;
         }
     }

@@ -1,0 +1,45 @@
+# What is done often. `just` lists it.
+
+[private]
+default:
+    @just --list
+
+# Build both programs.
+build:
+    cargo build --release -p coordinator -p worker
+
+# The tests, as the README runs them.
+test *arguments:
+    cargo test --release --workspace {{ arguments }}
+
+# Formatting, clippy and documentation, with warnings denied.
+lint:
+    cargo fmt --all --check
+    cargo clippy --workspace --all-targets --locked -- -D warnings
+    RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked
+
+# Licences, advisories and sources of the dependencies, and those that nobody uses (needs cargo-deny and cargo-machete).
+dependencies:
+    cargo deny check
+    cargo machete
+
+# All that a change must pass.
+ci:
+    .ci/run
+
+# Bake a scene of tests/scenes: target/NAME-lit.glb and target/NAME-report.json.
+bake name="cornell" *arguments:
+    cargo run --release -p coordinator -- solve tests/scenes/{{ name }}.glb -o target/{{ name }}-lit.glb \
+        --report target/{{ name }}-report.json {{ arguments }}
+
+# A picture of a baked scene: target/NAME.png (needs Node and chromium).
+picture name="cornell" *arguments: node
+    node tests/node/picture.mjs target/{{ name }}-lit.glb target/{{ name }}.png {{ arguments }}
+
+# A baked scene through the Khronos validator (needs Node).
+validate name="cornell": node
+    node tests/node/validate.mjs target/{{ name }}-lit.glb
+
+[private]
+node:
+    npm ci --prefix tests/node --no-audit --no-fund

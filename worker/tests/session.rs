@@ -1,0 +1,198 @@
+//! A worker as a coordinator sees it, message by message.
+
+use std::io;
+use std::num::NonZeroUsize;
+
+use glam::DVec3;
+use shared::geometry::PlaneId;
+use shared::protocol::coordinator_message::Body as Outgoing;
+use shared::protocol::worker_client::WorkerClient;
+use shared::protocol::worker_message::Body as Incoming;
+use shared::protocol::{
+    CoordinatorHello, CoordinatorMessage, FailureReason, Goodbye, KeepAlive, MAX_MESSAGE_BYTES,
+    PROTOCOL_VERSION, ReplicaChunk, ReplicaHeader, WorkerMessage, replica_chunk,
+};
+use shared::replica::{Digest, EncodedReplica, Receiver, Receivers, encode_receivers, encode_scene};
+use shared::row::{RowRequest, Sampling, Shape, Shooter};
+use tokio::net::TcpListener;
+use tokio::sync::mpsc;
+use tokio_stream::wrappers::{TcpListenerStream, UnboundedReceiverStream};
+use tokio_util::sync::CancellationToken;
+use tonic::transport::Channel;
+use tonic::{Code, Status, Streaming};
+use worker::Settings;
+
+/// A worker of one thread, and a coordinator's connection to it.
+struct Setup {
+    client: WorkerClient<Channel>,
+    shutdown: CancellationToken,
+    serving: tokio::task::JoinHandle<Result<(), worker::ServeError>>,
+}
+
+async fn setup() -> io::Result<Setup> {
+    let listener = TcpListener::bind("127.0.0.1:0").await?;
+    let address = format!("http://{}", listener.local_addr()?);
+    let shutdown = CancellationToken::new();
+    let settings = Settings { name: "test".into(), threads: NonZeroUsize::MIN, replica_bytes: 4 << 20 };
+    let serving = tokio::spawn(worker::serve(TcpListenerStream::new(listener), settings, shutdown.clone()));
+    let client = WorkerClient::connect(address).await.map_err(io::Error::other)?;
+    let client = client.max_decoding_message_size(MAX_MESSAGE_BYTES);
+    Ok(Setup { client, shutdown, serving })
+}
+
+struct Session {
+    outbound: mpsc::UnboundedSender<CoordinatorMessage>,
+    inbound: Streaming<WorkerMessage>,
+}
+
+impl Session {
+    /// Opens a session; the worker's hello is the next message.
+    async fn open(client: &mut WorkerClient<Channel>, protocol_version: u32) -> Self {
+        let (outbound, messages) = mpsc::unbounded_channel();
+        let inbound = client.session(UnboundedReceiverStream::new(messages)).await.unwrap().into_inner();
+        let mut session = Self { outbound, inbound };
+        session.say(Outgoing::Hello(CoordinatorHello { protocol_version, name: "test".into() }));
+        let Incoming::Hello(hello) = session.hear().await.unwrap() else { panic!("no hello") };
+        assert_eq!((hello.protocol_version, hello.threads), (PROTOCOL_VERSION, 1));
+        session
+    }
+
+    fn say(&self, body: Outgoing) {
+        self.outbound.send(CoordinatorMessage { body: Some(body) }).unwrap();
+    }
+
+    fn ask(&self, job: u64, request: &RowRequest) {
+        self.say(Outgoing::Job(request.to_job(job)));
+    }
+
+    async fn hear(&mut self) -> Result<Incoming, Status> {
+        let message = self.inbound.message().await?;
+        Ok(message.and_then(|message| message.body).expect("the worker has ended the session"))
+    }
+
+    async fn is_over(&mut self) -> bool {
+        self.inbound.message().await.unwrap().is_none()
+    }
+}
+
+/// Replicas, and a job that keeps a thread busy for so many rows.
+fn work(rows: u64) -> ([EncodedReplica; 2], RowRequest) {
+    let receiver = |x| Receiver { position: DVec3::X * f64::from(x), normal: DVec3::Y, plane: PlaneId(0) };
+    let set = Receivers { first_key: 0, receivers: (0..1000).map(receiver).collect() };
+    let (scene, receivers) = (encode_scene(&[]), encode_receivers(&set));
+    let request = RowRequest {
+        scene: scene.digest,
+        receivers: receivers.digest,
+        first_receiver: 0,
+        receiver_count: 1000,
+        shooters: (0..rows).map(|key| Shooter { key, shape: Shape::Point(DVec3::Y) }).collect(),
+        sampling: Sampling { rays_per_hemisphere: 64, minimum_rays: 1, maximum_rays: 64, seed: 1 },
+    };
+    ([scene, receivers], request)
+}
+
+fn chunks(replica: &EncodedReplica) -> Vec<ReplicaChunk> {
+    let header = ReplicaHeader {
+        digest: replica.digest.to_bytes(),
+        kind: replica.kind.into(),
+        length: replica.bytes.len() as u64,
+    };
+    [replica_chunk::Body::Header(header), replica_chunk::Body::Data(replica.bytes.clone())]
+        .map(|body| ReplicaChunk { body: Some(body) })
+        .to_vec()
+}
+
+async fn load(client: &mut WorkerClient<Channel>, chunks: Vec<ReplicaChunk>) -> Result<bool, Status> {
+    let reply = client.load_replica(tokio_stream::iter(chunks)).await?;
+    Ok(reply.into_inner().already_held)
+}
+
+#[tokio::test]
+async fn a_coordinator_of_another_version_is_refused() {
+    let Setup { mut client, .. } = setup().await.unwrap();
+    let mut session = Session::open(&mut client, PROTOCOL_VERSION + 1).await;
+    let status = session.hear().await.unwrap_err();
+    assert_eq!(status.code(), Code::FailedPrecondition);
+    for version in [PROTOCOL_VERSION, PROTOCOL_VERSION + 1] {
+        assert!(status.message().contains(&format!("version {version}")), "{}", status.message());
+    }
+}
+
+#[tokio::test]
+async fn a_replica_is_taken_once_and_only_whole() {
+    let Setup { mut client, .. } = setup().await.unwrap();
+    let ([scene, receivers], _) = work(1);
+    assert!(!load(&mut client, chunks(&scene)).await.unwrap());
+    assert!(load(&mut client, chunks(&scene)[..1].to_vec()).await.unwrap());
+
+    let cut = load(&mut client, chunks(&receivers)[..1].to_vec()).await.unwrap_err();
+    assert_eq!(cut.code(), Code::InvalidArgument);
+    let changed = EncodedReplica { digest: Digest::of(b"other"), ..receivers.clone() };
+    assert_eq!(load(&mut client, chunks(&changed)).await.unwrap_err().code(), Code::InvalidArgument);
+    let headless = load(&mut client, chunks(&receivers)[1..].to_vec()).await.unwrap_err();
+    assert_eq!(headless.code(), Code::InvalidArgument);
+    let mut endless = chunks(&receivers);
+    let Some(replica_chunk::Body::Header(header)) = &mut endless[0].body else { panic!("no header") };
+    header.length = 1 << 40;
+    assert_eq!(load(&mut client, endless).await.unwrap_err().code(), Code::ResourceExhausted);
+}
+
+#[tokio::test]
+async fn jobs_that_cannot_be_done_say_why() {
+    let Setup { mut client, .. } = setup().await.unwrap();
+    let ([scene, receivers], request) = work(1);
+    let mut session = Session::open(&mut client, PROTOCOL_VERSION).await;
+    load(&mut client, chunks(&scene)).await.unwrap();
+    session.ask(1, &request);
+    let Incoming::Failed(failed) = session.hear().await.unwrap() else { panic!("not failed") };
+    assert_eq!((failed.job_id, failed.reason()), (1, FailureReason::UnknownReplica));
+
+    load(&mut client, chunks(&receivers)).await.unwrap();
+    session.ask(2, &RowRequest { first_receiver: 1, ..request });
+    let Incoming::Failed(failed) = session.hear().await.unwrap() else { panic!("not failed") };
+    assert_eq!((failed.job_id, failed.reason()), (2, FailureReason::InvalidJob));
+}
+
+#[tokio::test]
+async fn keep_alives_are_answered_while_every_thread_computes() {
+    let Setup { mut client, .. } = setup().await.unwrap();
+    let (replicas, request) = work(10_000);
+    for replica in &replicas {
+        load(&mut client, chunks(replica)).await.unwrap();
+    }
+    let mut session = Session::open(&mut client, PROTOCOL_VERSION).await;
+    session.ask(1, &request);
+    session.say(Outgoing::KeepAlive(KeepAlive { number: 7 }));
+    assert_eq!(session.hear().await.unwrap(), Incoming::KeepAlive(KeepAlive { number: 7 }));
+    assert!(matches!(session.hear().await.unwrap(), Incoming::Finished(_)));
+}
+
+#[tokio::test]
+async fn a_goodbye_lets_all_jobs_finish() {
+    let Setup { mut client, .. } = setup().await.unwrap();
+    let (replicas, request) = work(20);
+    for replica in &replicas {
+        load(&mut client, chunks(replica)).await.unwrap();
+    }
+    let mut session = Session::open(&mut client, PROTOCOL_VERSION).await;
+    (0..5).for_each(|job| session.ask(job, &request));
+    session.say(Outgoing::Goodbye(Goodbye::default()));
+    // The coordinator's half closes at once.
+    session.outbound = mpsc::unbounded_channel().0;
+    for _ in 0..5 {
+        let Incoming::Finished(finished) = session.hear().await.unwrap() else { panic!("not finished") };
+        assert_eq!(finished.rows.len(), 20);
+    }
+    assert!(matches!(session.hear().await.unwrap(), Incoming::Goodbye(_)));
+    assert!(session.is_over().await);
+}
+
+#[tokio::test]
+async fn a_worker_told_to_stop_says_goodbye_and_leaves() {
+    let Setup { mut client, shutdown, serving } = setup().await.unwrap();
+    let mut session = Session::open(&mut client, PROTOCOL_VERSION).await;
+    shutdown.cancel();
+    assert!(matches!(session.hear().await.unwrap(), Incoming::Goodbye(_)));
+    assert!(session.is_over().await);
+    serving.await.unwrap().unwrap();
+}
