@@ -30,8 +30,8 @@ fn assert_furnace(parts: &[(&str, Vec<Polygon>)], reflectance: f64, tolerance: f
     assert!(worst <= tolerance, "rho {reflectance}: off by {:.3} %", worst * 100.0);
 }
 
-/// Half a percent, the demand on every enclosure and reflectance here.
-const TOLERANCE: f64 = 0.005;
+/// Rows are stored in f32: row sums are good to 3e-8, which 1 / (1 - rho) enlarges. All of these enclosures are within 2e-5.
+const TOLERANCE: f64 = 1e-4;
 
 #[test]
 fn cube() {
