@@ -141,7 +141,7 @@ impl SceneBuilder {
         let (mut meshes, mut materials, mut nodes) = (vec![], vec![], vec![]);
         for (index, part) in self.parts.iter().enumerate() {
             let positions: Vec<[f32; 3]> =
-                part.polygons.iter().flat_map(|p| fan(p)).map(|p| p.as_vec3().into()).collect();
+                part.polygons.iter().flat_map(fan).map(|p| p.as_vec3().into()).collect();
             assert!(!positions.is_empty(), "part {} has no polygon", part.name);
             let bound = |pick: fn(f32, f32) -> f32| {
                 let each = |axis: usize| positions.iter().map(|p| p[axis]).reduce(pick);

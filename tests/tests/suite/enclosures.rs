@@ -63,9 +63,9 @@ fn flux(scene: &Scene, baked: &Baked, face: usize, counts: impl Fn(DVec3) -> boo
 fn isotropic_light_in_the_middle() {
     let [face_part, quarter_part] = case("D15").values()[..] else { panic!("two values") };
     let (scene, baked) = cube_around_light(DVec3::splat(0.5), 0.5, &BakeSettings::default());
-    for face in 0..6 {
+    for (face, name) in FACES.iter().enumerate() {
         let whole = flux(&scene, &baked, face, |_| true);
-        assert!((whole / (2.0 * face_part) - 1.0).abs() <= 0.005, "{}: {whole} W", FACES[face]);
+        assert!((whole / (2.0 * face_part) - 1.0).abs() <= 0.005, "{name}: {whole} W");
         let is_low = |middle: DVec3| middle.to_array().iter().filter(|value| **value < 0.5).count();
         // Of the three coordinates the one across the face is 0 or 1.
         let low = 2 + usize::from(face % 2 == 0);
@@ -86,7 +86,7 @@ const NEARLY_BLACK: f64 = 1e-6;
 fn isotropic_light_anywhere() {
     let light = DVec3::new(0.3, 0.2, 0.45);
     let (scene, baked) = cube_around_light(light, NEARLY_BLACK, &BakeSettings::default());
-    for face in 0..6 {
+    for (face, name) in FACES.iter().enumerate() {
         let axis = face / 2;
         let distance = if face % 2 == 0 { light[axis] } else { 1.0 - light[axis] };
         let (u, v) = (light[(axis + 1) % 3], light[(axis + 2) % 3]);
@@ -96,7 +96,7 @@ fn isotropic_light_anywhere() {
         let solid_angle = angle(u, v) + angle(1.0 - u, v) + angle(u, 1.0 - v) + angle(1.0 - u, 1.0 - v);
         let expected = solid_angle / (4.0 * std::f64::consts::PI);
         let found = flux(&scene, &baked, face, |_| true);
-        assert!((found / expected - 1.0).abs() <= 0.005, "{}: {found} W, expected {expected}", FACES[face]);
+        assert!((found / expected - 1.0).abs() <= 0.005, "{name}: {found} W, expected {expected}");
     }
 }
 
