@@ -312,6 +312,7 @@ impl<'a> Bake<'a> {
         self.sweeps += solution.sweeps;
         self.unshot_bound = solution.missing;
         self.unshot = solution.unshot;
+        self.office.set_unshot(solution.missing);
         self.radiosity = solution.radiosity;
         self.irradiance = self.direct.clone();
         for (row, radiosity) in self.rows.iter().zip(&self.radiosity) {
