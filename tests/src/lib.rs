@@ -1,6 +1,18 @@
-//! What the end-to-end tests share: where the scenes and references lie, and the cases of `form_factors.json`.
+//! What the end-to-end tests share.
+//!
+//! | module | what lives there |
+//! |---|---|
+//! | [`cases`] | the cases of `references/form_factors.json` |
+//! | [`builder`] | small scenes, as the bytes of a GLB |
+//! | [`shapes`] | polygons to build them from |
+//! | [`baking`] | such a scene baked, and figures of the result |
+//! | [`programs`] | the binaries of the workspace as processes |
 
+pub mod baking;
+pub mod builder;
 pub mod cases;
+pub mod programs;
+pub mod shapes;
 
 use std::path::PathBuf;
 

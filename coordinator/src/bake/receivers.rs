@@ -6,8 +6,7 @@ use shared::replica::{Receiver, Receivers};
 use crate::lit::{LitMesh, LitTriangle, LitVertex};
 use crate::mesh::{Mesh, VertexId, surroundings};
 
-/// How far a receiver is moved from its vertex towards the middle of the surface around it, relative to the distance of that
-/// middle. A vertex on a room's edge lies in the planes of both walls and sees nothing of the other; a hair inside, half of
+/// How far a receiver is moved from its vertex into the surface around it, relative to that surface's width. A vertex on a room's edge lies in the planes of both walls and sees nothing of the other; a hair inside, half of
 /// its hemisphere is the other wall, and the form factors of a closed room sum to 1.
 const INWARD: f64 = 1e-3;
 
@@ -18,7 +17,7 @@ pub fn receivers(mesh: &Mesh, first: VertexId) -> Receivers {
         .iter()
         .zip(surroundings(mesh, first))
         .map(|(vertex, around)| {
-            let in_plane = around.middle - vertex.normal * vertex.normal.dot(around.middle);
+            let in_plane = around.inward - vertex.normal * vertex.normal.dot(around.inward);
             // Facets around a smooth vertex lie under its horizon or rise over it: start above them all.
             let lift = if vertex.smooth { vertex.normal * around.area.sqrt() } else { DVec3::ZERO };
             Receiver {

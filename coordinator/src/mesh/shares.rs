@@ -62,10 +62,11 @@ impl Mesh {
 /// The surface around a vertex: the leaves' parts that it answers for.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Surroundings {
-    /// Their centre of gravity, relative to the vertex: it points inwards from an edge and vanishes in the middle of a regular
-    /// mesh.
-    pub middle: DVec3,
-    /// Their area.
+    /// From the vertex into the surface, where that does not lie all around it: the mean of all directions into it, about as long as the
+    /// parts are wide. Unlike their centre of gravity it lies in the surface around a concave corner too, and it vanishes
+    /// inside every mesh, however irregular.
+    pub inward: DVec3,
+    /// Area of the parts.
     pub area: f64,
 }
 
@@ -77,16 +78,23 @@ pub fn surroundings(mesh: &Mesh, first: VertexId) -> Vec<Surroundings> {
         for (i, vertex) in patch.corners.iter().enumerate() {
             if let Some(index) = vertex.index().checked_sub(first.index()) {
                 let quad = mesh.corner_quad(id, i);
-                let area = area_vector(&quad).length();
-                all[index].middle += (quad.iter().sum::<DVec3>() / 4.0 - quad[0]) * area;
-                all[index].area += area;
+                let [next, centre, before] = [1, 2, 3].map(|k| (quad[k] - quad[0]).normalize_or_zero());
+                // In two parts, since the corner of a patch may be straight.
+                all[index].inward += direction_integral(next, centre) + direction_integral(centre, before);
+                all[index].area += area_vector(&quad).length();
             }
         }
     }
-    for around in all.iter_mut().filter(|around| around.area > 0.0) {
-        around.middle /= around.area;
+    for around in &mut all {
+        around.inward *= around.area.sqrt() / 2.0;
     }
     all
+}
+
+/// Integral of the unit vectors between two, over the angle between them: 2 sin(angle / 2) along the middle.
+fn direction_integral(from: DVec3, to: DVec3) -> DVec3 {
+    let half_tangent = from.cross(to).length() / (1.0 + from.dot(to));
+    (from + to) * half_tangent
 }
 
 /// Joins polygons along common edges where the union is convex: fewer polygons make cheaper rows.

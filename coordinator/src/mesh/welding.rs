@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-use glam::DVec3;
+use glam::{DVec3, I64Vec3};
 use shared::geometry::PlaneId;
 
 use super::contact::Contact;
@@ -67,8 +67,11 @@ impl Welder {
             let leading = facet.normal.to_array().into_iter().find(|value| value.abs() > 0.5).unwrap_or(0.0);
             SmoothingGroup::Flat(facet.plane, leading > 0.0)
         };
-        let cell = (corner.position / WELD).round().as_i64vec3().to_array();
-        *self.found.entry((cell, group)).or_insert_with(|| {
+        let cell = (corner.position / WELD).round().as_i64vec3();
+        if let Some(near) = self.near(corner.position, cell, group) {
+            return near;
+        }
+        *self.found.entry((cell.to_array(), group)).or_insert_with(|| {
             let id = self.points.len();
             self.points.push(Vertex {
                 position: corner.position,
@@ -82,6 +85,22 @@ impl Welder {
             }
             id
         })
+    }
+
+    /// A point closer than half the welding distance in a cell beside: rounding may have put the two on either side of a border.
+    fn near(&self, position: DVec3, cell: I64Vec3, group: SmoothingGroup) -> Option<PointId> {
+        if self.found.contains_key(&(cell.to_array(), group)) {
+            return None;
+        }
+        // The nearer neighbour on each axis: what is half the distance away lies there.
+        let offset = position / WELD - cell.as_dvec3();
+        let steps = [0, 1, 2].map(|axis| [0, if offset[axis] < 0.0 { -1 } else { 1 }]);
+        let beside = steps[0].into_iter().flat_map(|x| {
+            steps[1].into_iter().flat_map(move |y| steps[2].into_iter().map(move |z| I64Vec3::new(x, y, z)))
+        });
+        beside
+            .filter_map(|step| self.found.get(&((cell + step).to_array(), group)).copied())
+            .find(|point| self.points[*point].position.distance(position) < WELD / 2.0)
     }
 
     /// Makes every point that lies on an edge of its own plane a corner there, so that both sides of the edge divide it alike;

@@ -34,7 +34,9 @@ pub fn best_fit(mesh: &Mesh, exact: &[DVec3]) -> Vec<DVec3> {
         }
     }
     let fit = |(exact, (shift, area)): (&DVec3, (DVec3, f64))| {
-        if area > 0.0 { (*exact + shift * (FIT / area)).max(DVec3::ZERO) } else { *exact }
+        let fitted = if area > 0.0 { *exact + shift * (FIT / area) } else { *exact };
+        // The fit, and the extrapolated means that shares shoot, can fall a hair below 0 where light jumps.
+        fitted.max(DVec3::ZERO)
     };
     exact.iter().zip(sums).map(fit).collect()
 }

@@ -1,0 +1,81 @@
+//! The same file comes out, bit for bit, whoever computes the rows and however often.
+
+use std::fs;
+use std::path::Path;
+
+use assert_cmd::Command;
+use glam::DVec3;
+use serde_json::Value;
+use tests::builder::{Material, SceneBuilder};
+use tests::data;
+use tests::programs::{WorkerProcess, binary};
+use tests::shapes;
+
+/// The lit file that the `coordinator` binary makes of a scene, and its report.
+fn solve(scene: &Path, folder: &Path, arguments: &[&str]) -> (Vec<u8>, Value) {
+    let (output, report) = (folder.join("lit.glb"), folder.join("report.json"));
+    Command::new(binary("coordinator"))
+        .arg("solve")
+        .arg(scene)
+        .arg("-o")
+        .arg(&output)
+        .arg("--report")
+        .arg(&report)
+        .args(arguments)
+        .assert()
+        .success();
+    let bytes = fs::read(&output).unwrap();
+    fs::remove_file(&output).unwrap();
+    (bytes, serde_json::from_slice(&fs::read(&report).unwrap()).unwrap())
+}
+
+/// Bakes a scene in all ways that there are, with these settings; gives one of the reports.
+fn assert_deterministic(scene: &Path, knobs: &[&str]) -> Value {
+    let folder = tempfile::tempdir().unwrap();
+    let solve = |arguments: &[&str]| solve(scene, folder.path(), &[knobs, arguments].concat());
+    let (expected, report) = solve(&["--threads", "2"]);
+    assert!(solve(&["--threads", "2"]).0 == expected, "a second run differs");
+    assert!(solve(&["--threads", "1"]).0 == expected, "one thread differs from two");
+    let workers = [WorkerProcess::start(1), WorkerProcess::start(2)];
+    let addresses = workers.each_ref().map(|worker| worker.address.as_str()).join(",");
+    let (remote, remote_report) = solve(&["--workers", &addresses]);
+    assert!(remote == expected, "remote workers differ from embedded ones");
+    let jobs: Vec<u64> = remote_report["workers"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|worker| worker["jobs"].as_u64().unwrap())
+        .collect();
+    assert!(jobs.len() == 2 && jobs.iter().all(|jobs| *jobs > 0), "jobs of the workers: {jobs:?}");
+    report
+}
+
+#[test]
+fn area_light() {
+    assert_deterministic(&data("scenes/cornell.glb"), &["--mesh-error", "0.03"]);
+}
+
+#[test]
+fn point_light() {
+    assert_deterministic(&data("scenes/table.glb"), &["--mesh-error", "0.03"]);
+}
+
+/// Under a grille the shafts are so crowded that rays decide visibility: their seeds must not depend on who casts them.
+#[test]
+fn sampled_visibility() {
+    let slats = (0..60).flat_map(|i| {
+        let x = f64::from(i) / 60.0;
+        shapes::box_facing_out(DVec3::new(x, 0.02, 0.6), DVec3::new(x + 0.008, 0.98, 0.605))
+    });
+    let glb = SceneBuilder::new()
+        .part("room", &shapes::unit_room(), Material::grey(0.6).emitting(0.1))
+        .part("grille", &slats.collect::<Vec<_>>(), Material::grey(0.4))
+        .point_light(DVec3::new(0.4, 0.5, 0.9), 1.0)
+        .glb();
+    let folder = tempfile::tempdir().unwrap();
+    let scene = folder.path().join("grille.glb");
+    fs::write(&scene, glb).unwrap();
+    let knobs = ["--mesh-error", "0.2", "--shooter-edge", "0.3", "--rays", "256"];
+    let report = assert_deterministic(&scene, &knobs);
+    assert!(report["bake"]["sampled_pairs"].as_u64().unwrap() > 1000, "{}", report["bake"]);
+}

@@ -1,0 +1,23 @@
+//! The end-to-end tests: one program, because linking is what a test program costs most.
+//!
+//! | module | what is held against what |
+//! |---|---|
+//! | `form_factors` | factors of points and polygons against 60-digit values |
+//! | `occlusion` | visible factors against 60-digit values |
+//! | `leaks` | closed walls against light |
+//! | `mesh` | the mesh against its promises: tiling, convexity, no cracks, balance |
+//! | `furnace` | enclosures of constant radiosity against E / (1 - rho) |
+//! | `enclosures` | a cube with one bright face and with a point light against their exact answers |
+//! | `scenes` | whole bakes against path-traced references, and the files that come out |
+//! | `determinism` | bakes against bakes by other workers, bit for bit |
+//! | `bad_input` | the command line against wrong files, wrong addresses and lost workers |
+
+mod bad_input;
+mod determinism;
+mod enclosures;
+mod form_factors;
+mod furnace;
+mod leaks;
+mod mesh;
+mod occlusion;
+mod scenes;

@@ -1,0 +1,174 @@
+//! The three scenes at default settings, from GLB to GLB, against their path-traced references.
+
+use std::path::PathBuf;
+use std::sync::LazyLock;
+
+use coordinator::bake::{BakeReport, BakeSettings};
+use coordinator::export::{ExportSettings, Exported, export};
+use coordinator::import::{ImportOptions, import};
+use coordinator::score::score;
+use gltf::{Gltf, Semantic};
+use serde_json::{Value, json};
+use tests::baking::baked;
+use tests::data;
+
+/// A scene that was baked and written.
+struct LitScene {
+    name: &'static str,
+    path: PathBuf,
+    exported: Exported,
+    report: BakeReport,
+}
+
+impl LitScene {
+    fn new(name: &'static str) -> Self {
+        let scene = import(&data(&format!("scenes/{name}.glb")), &ImportOptions::default()).unwrap();
+        let baked = baked(&scene, &BakeSettings::default());
+        // In cargo's folder for tests' files: shared by the tests of this program, replaced by the next run.
+        let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!("{name}-lit.glb"));
+        let extras = json!({ "energy_balance": baked.report.balance });
+        let settings = ExportSettings { exposure: None, unit: "W/m^2".into(), extras };
+        let exported = export(&scene, &baked.lit, &settings, &path).unwrap();
+        Self { name, path, exported, report: baked.report }
+    }
+
+    fn all() -> [&'static Self; 3] {
+        [&CORNELL, &TABLE, &DOORWAY].map(|scene| &**scene)
+    }
+
+    /// The score, which must be within these limits.
+    fn assert_score(&self, relative_l2: f64, energy: f64) {
+        let reference = data(&format!("references/{}.reference.csv", self.name));
+        let score = score(&self.path, &reference, &data(&format!("scenes/{}.glb", self.name))).unwrap();
+        assert_eq!((score.uncovered, score.not_finite), (0, 0), "{score:?}");
+        assert!(score.relative_l2 <= relative_l2, "{score:?}");
+        assert!((score.energy_ratio - 1.0).abs() <= energy, "{score:?}");
+    }
+
+    fn read(&self) -> (Gltf, Gltf) {
+        (Gltf::open(&self.path).unwrap(), Gltf::open(data(&format!("scenes/{}.glb", self.name))).unwrap())
+    }
+}
+
+static CORNELL: LazyLock<LitScene> = LazyLock::new(|| LitScene::new("cornell"));
+static TABLE: LazyLock<LitScene> = LazyLock::new(|| LitScene::new("table"));
+static DOORWAY: LazyLock<LitScene> = LazyLock::new(|| LitScene::new("doorway"));
+
+#[test]
+fn cornell_agrees_with_its_reference() {
+    CORNELL.assert_score(0.03, 0.01);
+}
+
+#[test]
+fn table_agrees_with_its_reference() {
+    TABLE.assert_score(0.025, 0.01);
+}
+
+#[test]
+fn doorway_agrees_with_its_reference() {
+    DOORWAY.assert_score(0.03, 0.015);
+}
+
+/// Energy is neither lost nor made, and no vertex sees more than its hemisphere.
+#[test]
+fn reports_add_up() {
+    for scene in LitScene::all() {
+        let report = &scene.report;
+        let balance = &report.balance;
+        assert!(balance.relative_imbalance().abs() <= 0.02, "{}: {balance:?}", scene.name);
+        for channel in 0..3 {
+            let parts = [balance.absorbed, balance.unshot, balance.escaped, balance.imbalance]
+                .map(|part| part[channel]);
+            let emitted = balance.emitted[channel];
+            assert!(
+                (parts.iter().sum::<f64>() / emitted - 1.0).abs() <= 1e-12,
+                "{}: {balance:?}",
+                scene.name
+            );
+        }
+        assert!(report.unshot_bound <= 1e-6, "{}: {}", scene.name, report.unshot_bound);
+        // Rows are stored in f32: a sum of thousands of them may be off by 1e-5.
+        assert!(report.row_sums.largest <= 1.0 + 1e-5, "{}: {:?}", scene.name, report.row_sums);
+    }
+}
+
+#[test]
+fn nodes_names_and_materials_are_kept() {
+    for scene in LitScene::all() {
+        let (lit, source) = scene.read();
+        assert_eq!(lit.nodes().len(), source.nodes().len());
+        for (lit, source) in lit.nodes().zip(source.nodes()) {
+            assert_eq!(lit.name(), source.name());
+            assert_eq!(lit.transform().matrix(), source.transform().matrix());
+            assert_eq!(lit.light().map(|light| light.index()), source.light().map(|light| light.index()));
+            assert_eq!(lit.mesh().is_some(), source.mesh().is_some());
+            let Some((lit, source)) = lit.mesh().zip(source.mesh()) else { continue };
+            assert_eq!(lit.name(), source.name());
+            for (lit, source) in lit.primitives().zip(source.primitives()) {
+                let (lit, source) = (lit.material(), source.material());
+                assert_eq!(lit.name(), source.name());
+                assert_eq!(
+                    lit.pbr_metallic_roughness().base_color_factor(),
+                    source.pbr_metallic_roughness().base_color_factor()
+                );
+                assert_eq!(lit.emissive_factor(), source.emissive_factor());
+                assert_eq!(lit.emissive_strength(), source.emissive_strength());
+                assert_eq!(lit.unlit(), source.emissive_factor() == [0.0; 3]);
+            }
+        }
+    }
+}
+
+#[test]
+fn light_stands_at_every_vertex() {
+    for scene in LitScene::all() {
+        let (lit, _) = scene.read();
+        let (mut vertices, mut triangles) = (0, 0);
+        for primitive in lit.meshes().flat_map(|mesh| mesh.primitives()) {
+            let reader = primitive.reader(|_| lit.blob.as_deref());
+            let colours: Vec<[f32; 3]> = reader.read_colors(0).unwrap().into_rgb_f32().collect();
+            let accessor = primitive.get(&Semantic::Extras("IRRADIANCE".into())).unwrap();
+            let irradiances: Vec<[f32; 3]> =
+                gltf::accessor::Iter::new(accessor, |_| lit.blob.as_deref()).unwrap().collect();
+            let count = reader.read_positions().unwrap().len();
+            assert_eq!((colours.len(), irradiances.len()), (count, count));
+            for (colour, irradiance) in colours.as_flattened().iter().zip(irradiances.as_flattened()) {
+                assert!(
+                    irradiance.is_finite() && *irradiance >= 0.0,
+                    "{}: irradiance {irradiance}",
+                    scene.name
+                );
+                assert!((0.0..=1.0).contains(colour), "{}: colour {colour}", scene.name);
+                let exposed = (f64::from(*irradiance) * scene.exported.exposure).min(1.0);
+                assert!(
+                    (f64::from(*colour) - exposed).abs() <= 1e-6,
+                    "{}: {colour}, not {exposed}",
+                    scene.name
+                );
+            }
+            vertices += count;
+            triangles += reader.read_indices().unwrap().into_u32().count() / 3;
+        }
+        assert_eq!((vertices, triangles), (scene.exported.vertices, scene.exported.triangles));
+    }
+}
+
+#[test]
+fn extras_say_how_the_light_was_made() {
+    for scene in LitScene::all() {
+        let (lit, _) = scene.read();
+        let extras = lit.as_json().asset.extras.as_ref().unwrap();
+        let extras: Value = serde_json::from_str(extras.get()).unwrap();
+        let halflight = &extras["halflight"];
+        // JSON's decimal numbers may be off in their last digit.
+        let assert_near = |found: &Value, expected: f64| {
+            let found = found.as_f64().unwrap();
+            assert!((found / expected - 1.0).abs() <= 1e-15, "{found}, not {expected}");
+        };
+        assert_near(&halflight["exposure"], scene.exported.exposure);
+        assert_eq!(halflight["unit"], "W/m^2");
+        for (channel, absorbed) in scene.report.balance.absorbed.into_iter().enumerate() {
+            assert_near(&halflight["energy_balance"]["absorbed"][channel], absorbed);
+        }
+    }
+}
