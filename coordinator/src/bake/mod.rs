@@ -191,7 +191,7 @@ impl<'a> Bake<'a> {
         let plane_of =
             |surface: u32, facet: u32| scene.surfaces[surface as usize].facets[facet as usize].plane;
         let shares = mesh.shares(plane_of);
-        if mesh.vertices.len() > settings.vertex_limit(shares.len()) {
+        if mesh.vertices.len() > settings.row_limit(shares.len()) {
             let (vertices, mebibytes) = (mesh.vertices.len(), settings.row_memory);
             return Err(BakeError::TooManyVertices { vertices, mebibytes });
         }
@@ -312,6 +312,7 @@ impl<'a> Bake<'a> {
         self.sweeps += solution.sweeps;
         self.unshot_bound = solution.missing;
         self.unshot = solution.unshot;
+        self.office.set_unshot(solution.missing);
         self.radiosity = solution.radiosity;
         self.irradiance = self.direct.clone();
         for (row, radiosity) in self.rows.iter().zip(&self.radiosity) {

@@ -16,7 +16,7 @@ impl Bake<'_> {
         loop {
             let error = MeshError::predict(&self.mesh, &self.irradiance, &self.reflectance);
             self.mesh_error = error.relative();
-            let limit = self.settings.vertex_limit(self.shares.len());
+            let limit = self.settings.max_vertices.min(self.settings.row_limit(self.shares.len()));
             // A divided patch brings up to five vertices, and may make its neighbours divide.
             let room = limit.saturating_sub(self.mesh.vertices.len()) / 5;
             let may_divide = |id: PatchId| self.mesh.longest_edge(id) > shortest_edge;

@@ -30,10 +30,10 @@ pub struct BakeSettings {
 }
 
 impl BakeSettings {
-    /// Most vertices that a mesh with so many shares may have.
+    /// Most vertices for which the rows of so many shares fit in memory.
     #[must_use]
-    pub fn vertex_limit(&self, shares: usize) -> usize {
-        self.max_vertices.min((self.row_memory << 20) / (4 * shares.max(1)))
+    pub fn row_limit(&self, shares: usize) -> usize {
+        (self.row_memory << 20) / (4 * shares.max(1))
     }
 }
 
