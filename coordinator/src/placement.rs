@@ -5,7 +5,8 @@ use gltf::scene::Transform;
 
 /// The node's transform relative to its parent.
 ///
-/// Composed in f64: `gltf::scene::Transform::matrix` rounds every product to f32, which moves vertices far from the origin.
+/// The quaternion is normalised in f64, so that its rounding to f32 does not scale the node, and the parts are composed in
+/// f64: `gltf::scene::Transform::matrix` rounds every product to f32, which moves vertices far from the origin.
 pub(crate) fn local_matrix(node: &gltf::Node<'_>) -> DMat4 {
     match node.transform() {
         Transform::Matrix { matrix } => {
@@ -13,7 +14,7 @@ pub(crate) fn local_matrix(node: &gltf::Node<'_>) -> DMat4 {
         }
         Transform::Decomposed { translation, rotation, scale } => DMat4::from_scale_rotation_translation(
             DVec3::from_array(scale.map(f64::from)),
-            DQuat::from_array(rotation.map(f64::from)),
+            DQuat::from_array(rotation.map(f64::from)).normalize(),
             DVec3::from_array(translation.map(f64::from)),
         ),
     }

@@ -82,5 +82,5 @@ fn point_light_factor(
             return 0.0;
         }
     }
-    (weight(to_light / squared.sqrt()) * cosine / squared) as f32
+    (weight(to_light / squared.sqrt()) * cosine / squared).min(f64::from(f32::MAX)) as f32
 }

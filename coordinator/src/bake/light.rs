@@ -6,6 +6,7 @@ use shared::row::{Shape, Shooter};
 
 use super::BakeSettings;
 use crate::scene::Scene;
+use crate::solver::ShareEnergy;
 
 /// A light source with a row of its own.
 pub struct LightSource {
@@ -36,6 +37,14 @@ pub fn sources(scene: &Scene, settings: &BakeSettings, first_key: u64) -> Vec<Li
             strength,
         })
         .collect()
+}
+
+/// Flux that shares get from the point lights alone, given the sources' rows.
+pub fn flux_of_point_lights(sources: &[LightSource], rows: &[Vec<f32>], shares: &[ShareEnergy]) -> DVec3 {
+    let flux = |row: &Vec<f32>| -> f64 { shares.iter().map(|s| s.area * f64::from(row[s.receiver])).sum() };
+    let lights =
+        sources.iter().zip(rows).filter(|(source, _)| !matches!(source.shooter.shape, Shape::Polygons(_)));
+    lights.map(|(source, row)| source.strength * flux(row)).sum()
 }
 
 /// Adds what the sources give the receivers of their rows to the last entries of `irradiance`.

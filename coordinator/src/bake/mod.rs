@@ -19,6 +19,7 @@ mod refine;
 mod rows;
 mod settings;
 mod settle;
+mod shoot;
 
 use std::time::Instant;
 
@@ -33,19 +34,11 @@ pub use settings::BakeSettings;
 use crate::lit::LitMesh;
 use crate::mesh::{Mesh, Share, VertexId, triangulate};
 use crate::scene::Scene;
+use crate::solver::ShareEnergy;
 use crate::solver::balance::{EnergyBalance, RowSums};
 use crate::solver::fit::best_fit;
-use crate::solver::shooting::Shooting;
-use crate::solver::sweeps::{Transfer, solve};
-use crate::solver::{ShareEnergy, ShareId};
 use light::LightSource;
 use rows::{ReceiverSet, RowOffice};
-
-/// Accuracy to which sweeps solve, relative to the reflected flux: far below every other error.
-const SWEEP_TOLERANCE: f64 = 1e-7;
-
-/// Sweeps end here even if the accuracy was not reached; the bound is reported.
-const MAX_SWEEPS: u32 = 1000;
 
 /// What a bake is doing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -120,6 +113,8 @@ pub struct BakeReport {
     pub row_sums: RowSums,
     /// Seconds that workers computed, over all threads.
     pub busy_seconds: f64,
+    /// What the user should know about the result.
+    pub warnings: Vec<String>,
     /// Seconds of each step.
     pub seconds: Vec<(&'static str, f64)>,
 }
@@ -138,7 +133,7 @@ pub fn bake(
     bake.light()?;
     bake.shoot()?;
     bake.refine()?;
-    bake.settle();
+    bake.settle()?;
     Ok(bake.finish())
 }
 
@@ -165,6 +160,8 @@ struct Bake<'a> {
     /// Irradiance, per vertex.
     irradiance: Vec<DVec3>,
     occluders: usize,
+    /// Flux that the shares get from point lights, in frame units.
+    from_point_lights: DVec3,
     row_sums: Vec<f64>,
     unshot: DVec3,
     unshot_bound: f64,
@@ -229,6 +226,7 @@ impl<'a> Bake<'a> {
             radiosity: vec![DVec3::ZERO; count],
             irradiance: vec![],
             occluders: blockers.len(),
+            from_point_lights: DVec3::ZERO,
             row_sums: vec![],
             unshot: DVec3::ZERO,
             unshot_bound: 0.0,
@@ -254,72 +252,9 @@ impl<'a> Bake<'a> {
         let shooters: Vec<Shooter> = self.sources.iter().map(|source| source.shooter.clone()).collect();
         let rows = self.office.rows(&shooters, self.coarse)?;
         light::add(&mut self.direct, &self.sources, &rows);
+        self.from_point_lights = light::flux_of_point_lights(&self.sources, &rows, &self.energies);
         self.end_step("light");
         Ok(())
-    }
-
-    /// Shooting, then the rows that no shot needed, then sweeps.
-    fn shoot(&mut self) -> Result<(), BakeError> {
-        self.office.enter(Phase::Shoot, self.mesh.vertices.len());
-        self.office.expect_rows(self.shooters.len() as u64);
-        let threshold = self.settings.threshold;
-        let mut shooting =
-            Shooting::new(self.energies.clone(), self.direct.clone(), self.settings.window, threshold);
-        let mut wanted = shooting.start();
-        while !shooting.is_done() {
-            for share in wanted.drain(..) {
-                let shooter = self.shooters[share.index()].clone();
-                self.office.submit(u64::from(share.0), vec![shooter], self.coarse);
-            }
-            let (tag, mut rows) = self.office.next()?;
-            wanted = shooting.row_arrived(ShareId(tag as u32), rows.pop().unwrap_or_default());
-            self.office.set_unshot(shooting.progress().unshot);
-        }
-        self.shots = shooting.progress().shots;
-        let (shot, rows) = shooting.into_parts();
-        self.rows = self.missing_rows(rows)?;
-        let transfer = Transfer {
-            columns: self
-                .rows
-                .iter()
-                .map(|row| self.energies.iter().map(|share| row[share.receiver]).collect())
-                .collect(),
-        };
-        self.row_sums = (0..self.shares.len())
-            .map(|share| transfer.columns.iter().map(|column| f64::from(column[share])).sum())
-            .collect();
-        let direct: Vec<DVec3> = self.energies.iter().map(|share| self.direct[share.receiver]).collect();
-        self.solve(&transfer, &direct, shot);
-        self.end_step("shoot");
-        Ok(())
-    }
-
-    /// Rows of the shares that shooting did not need: dark ones, which the row sums need all the same.
-    fn missing_rows(&mut self, rows: Vec<Option<Vec<f32>>>) -> Result<Vec<Vec<f32>>, BakeError> {
-        let missing: Vec<usize> = (0..rows.len()).filter(|index| rows[*index].is_none()).collect();
-        let shooters: Vec<Shooter> = missing.iter().map(|index| self.shooters[*index].clone()).collect();
-        let made = self.office.rows(&shooters, self.coarse)?;
-        let mut rows: Vec<Vec<f32>> = rows.into_iter().map(Option::unwrap_or_default).collect();
-        for (index, row) in missing.into_iter().zip(made) {
-            rows[index] = row;
-        }
-        Ok(rows)
-    }
-
-    /// Solves for the radiosity of the shares and gathers the irradiance of all vertices.
-    fn solve(&mut self, transfer: &Transfer, direct: &[DVec3], guess: Vec<DVec3>) {
-        let solution = solve(&self.energies, transfer, direct, guess, SWEEP_TOLERANCE, MAX_SWEEPS);
-        self.sweeps += solution.sweeps;
-        self.unshot_bound = solution.missing;
-        self.unshot = solution.unshot;
-        self.office.set_unshot(solution.missing);
-        self.radiosity = solution.radiosity;
-        self.irradiance = self.direct.clone();
-        for (row, radiosity) in self.rows.iter().zip(&self.radiosity) {
-            for (irradiance, factor) in self.irradiance.iter_mut().zip(row) {
-                *irradiance += *radiosity * f64::from(*factor);
-            }
-        }
     }
 
     fn finish(mut self) -> Baked {

@@ -19,7 +19,7 @@ impl Bake<'_> {
             let limit = self.settings.max_vertices.min(self.settings.row_limit(self.shares.len()));
             // A divided patch brings up to five vertices, and may make its neighbours divide.
             let room = limit.saturating_sub(self.mesh.vertices.len()) / 5;
-            let may_divide = |id: PatchId| self.mesh.longest_edge(id) > shortest_edge;
+            let may_divide = |id: PatchId| self.mesh.size(id) > shortest_edge;
             let mut worst = error.worst_leaves(self.settings.mesh_error, room, may_divide);
             if worst.is_empty() {
                 break;
@@ -42,6 +42,7 @@ impl Bake<'_> {
         self.office.enter(Phase::Refine, self.mesh.vertices.len());
         let set = self.office.publish_receivers(&self.mesh, first);
         let mut rows = self.office.rows(shooters, set)?;
+        self.office.release_receivers(set);
         let from_shares = rows.split_off(self.sources.len());
         let count = self.mesh.vertices.len();
         self.direct.resize(count, DVec3::ZERO);

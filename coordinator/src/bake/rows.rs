@@ -19,6 +19,8 @@ const PAIRS_PER_JOB: usize = 8_000;
 pub trait RowService {
     /// Makes a replica known before the first job that needs it.
     fn publish(&mut self, replica: EncodedReplica);
+    /// Says that a replica will not be used again.
+    fn release(&mut self, digest: Digest);
     /// Asks for rows; earlier requests are more urgent.
     fn submit(&mut self, requests: Vec<(JobId, RowRequest)>);
     /// Waits for the next finished job, in any order.
@@ -31,6 +33,10 @@ pub trait RowService {
 impl RowService for Cluster {
     fn publish(&mut self, replica: EncodedReplica) {
         Cluster::publish(self, replica);
+    }
+
+    fn release(&mut self, digest: Digest) {
+        Cluster::release(self, digest);
     }
 
     fn submit(&mut self, requests: Vec<(JobId, RowRequest)>) {
@@ -58,6 +64,9 @@ pub enum BakeError {
         /// What the settings allow.
         mebibytes: usize,
     },
+    /// The arithmetic went wrong: better no output than a black one.
+    #[error("the solution is not finite: please report the scene as a fault of this program")]
+    NotFinite,
     /// No more rows.
     #[error("rows cannot be computed: {0}")]
     Rows(#[source] Box<dyn std::error::Error + Send + Sync>),
@@ -76,7 +85,7 @@ pub struct RowOffice<'a> {
     report: &'a mut dyn FnMut(&Progress),
     scene: Digest,
     sampling: Sampling,
-    /// What the caller called each job under way, and how many shooters it has.
+    /// What the caller called each job under way.
     tags: HashMap<JobId, u64>,
     next_job: u64,
     /// What has been computed so far.
@@ -125,6 +134,11 @@ impl<'a> RowOffice<'a> {
         let set = ReceiverSet { digest: replica.digest, count: receivers.receivers.len() };
         self.service.publish(replica);
         set
+    }
+
+    /// Lets the workers forget a set of receivers.
+    pub fn release_receivers(&mut self, set: ReceiverSet) {
+        self.service.release(set.digest);
     }
 
     /// Rows of these shooters over all receivers of a set.

@@ -30,10 +30,10 @@ pub struct BakeSettings {
 }
 
 impl BakeSettings {
-    /// Most vertices for which the rows of so many shares fit in memory.
+    /// Most vertices for which the rows of so many shares fit in memory, with the factors between shares beside them.
     #[must_use]
     pub fn row_limit(&self, shares: usize) -> usize {
-        (self.row_memory << 20) / (4 * shares.max(1))
+        ((self.row_memory << 20) / (4 * shares.max(1))).saturating_sub(shares)
     }
 }
 

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::{Bake, BakeReport, Phase};
+use super::{Bake, BakeError, BakeReport, Phase};
 use crate::mesh::{Mesh, PatchId, Share};
 use crate::solver::balance::{EnergyBalance, RowSums};
 use crate::solver::sweeps::Transfer;
@@ -10,10 +10,22 @@ use crate::solver::sweeps::Transfer;
 /// A vertex whose row sums to more than this is counted as enclosed: what its row lacks is error, not sky.
 const ENCLOSED: f64 = 0.999;
 
+/// A scene whose vertices see less than this of their hemisphere covered, in the mean, is open.
+const OPEN: f64 = 0.99;
+
+/// Row sums over this are worth a warning.
+const LARGEST_ROW_SUM: f64 = 1.01;
+
+/// More unshot flux than this after the sweeps is worth a warning.
+const MOST_UNSHOT: f64 = 1e-4;
+
+/// A share of which less than this part is exposed takes the value at its vertex.
+const LEAST_EXPOSED: f64 = 0.1;
+
 impl Bake<'_> {
     /// Solves again with each share's radiosity taken as the mean over its part of the refined mesh instead of the value at
     /// its vertex: the better figure where a shadow line or a hot spot lies inside the share. No new rows are needed.
-    pub(super) fn settle(&mut self) {
+    pub(super) fn settle(&mut self) -> Result<(), BakeError> {
         self.office.enter(Phase::Settle, self.mesh.vertices.len());
         let exposed = self.exposed_vertices();
         let means: Vec<Vec<(usize, f64)>> =
@@ -34,7 +46,7 @@ impl Bake<'_> {
             .map(|weights| weights.iter().map(|(vertex, weight)| self.direct[*vertex] * *weight).sum())
             .collect();
         let guess = std::mem::take(&mut self.radiosity);
-        self.solve(&Transfer { columns }, &direct, guess);
+        self.solve(&Transfer { columns }, &direct, guess)
     }
 
     /// Whether each vertex sees any surface. One that sees none, like the floor under a box, sends light to none either: what
@@ -53,7 +65,9 @@ impl Bake<'_> {
         let statistics = &self.office.statistics;
         let areas = self.energies.iter().map(|share| share.area);
         let sums: Vec<(f64, f64)> = self.row_sums.iter().copied().zip(areas).collect();
+        let row_sums = RowSums::new(&sums);
         BakeReport {
+            warnings: self.warnings(&row_sums),
             vertices: self.mesh.vertices.len(),
             shooting_vertices: self.shares.len(),
             patches: self.mesh.leaves().count(),
@@ -68,10 +82,40 @@ impl Bake<'_> {
             unshot_bound: self.unshot_bound,
             mesh_error: self.mesh_error,
             balance: self.balance(),
-            row_sums: RowSums::new(&sums),
+            row_sums,
             busy_seconds: statistics.busy_nanoseconds as f64 * 1e-9,
             seconds: self.seconds.clone(),
         }
+    }
+
+    /// True when light can leave the scene: then what a point light sends to no surface has escaped, where in a closed scene
+    /// it is an error of the mesh. Shares that see next to nothing lie between surfaces and do not count.
+    fn is_open(&self) -> bool {
+        let seeing = self.row_sums.iter().zip(&self.energies).filter(|(sum, _)| **sum > 1.0 - ENCLOSED);
+        let (covered, area) =
+            seeing.fold((0.0, 0.0), |(c, a), (sum, share)| (c + sum.min(1.0) * share.area, a + share.area));
+        covered < OPEN * area
+    }
+
+    fn warnings(&self, row_sums: &RowSums) -> Vec<String> {
+        let mut warnings = vec![];
+        if self.mesh_error > self.settings.mesh_error {
+            warnings.push(format!(
+                "refinement ended at {:.2} % predicted error of the mesh, not {:.2} %: raise --max-vertices or --row-memory",
+                100.0 * self.mesh_error,
+                100.0 * self.settings.mesh_error
+            ));
+        }
+        if row_sums.largest > LARGEST_ROW_SUM {
+            warnings.push(format!(
+                "form factors of a vertex sum to {:.4}, more than 1: surfaces overlap, or smooth normals bend far",
+                row_sums.largest
+            ));
+        }
+        if self.unshot_bound > MOST_UNSHOT {
+            warnings.push(format!("the sweeps left {:.1e} of the reflected flux unshot", self.unshot_bound));
+        }
+        warnings
     }
 
     fn balance(&self) -> EnergyBalance {
@@ -94,7 +138,10 @@ impl Bake<'_> {
         let [emitted, absorbed, unshot, escaped] =
             [emitted, absorbed, self.unshot, escaped].map(|f| f * square_unit);
         let intensity: DVec3 = self.scene.point_lights.iter().map(|light| light.intensity).sum();
-        EnergyBalance::new(emitted + intensity * 4.0 * std::f64::consts::PI, absorbed, unshot, escaped)
+        let from_lights = intensity * 4.0 * std::f64::consts::PI;
+        let past =
+            if self.is_open() { from_lights - self.from_point_lights * square_unit } else { DVec3::ZERO };
+        EnergyBalance::new(emitted + from_lights, absorbed, unshot, escaped + past.max(DVec3::ZERO))
     }
 }
 
@@ -118,10 +165,16 @@ fn mean_weights(mesh: &Mesh, share: &Share, exposed: &[bool]) -> Vec<(usize, f64
         }
         same
     });
-    if weights.iter().any(|(vertex, _)| exposed[*vertex]) {
-        weights.retain(|(vertex, _)| exposed[*vertex]);
+    let is_exposed = |entry: &(usize, f64)| exposed[entry.0];
+    let sum = |weights: &[(usize, f64)]| weights.iter().map(|entry| entry.1).sum::<f64>();
+    if weights.iter().any(is_exposed) {
+        weights.retain(is_exposed);
     }
-    let total: f64 = weights.iter().map(|(_, weight)| weight).sum();
+    let total = sum(&weights);
+    // Extrapolation has negative weights: where few vertices are left they may outweigh the others.
+    if total < LEAST_EXPOSED * share.area {
+        return vec![(share.vertex.index(), 1.0)];
+    }
     weights.iter_mut().for_each(|(_, weight)| *weight /= total);
     weights
 }

@@ -40,8 +40,10 @@ enum Command {
 
 impl WorkerArguments {
     fn workers(&self) -> anyhow::Result<Workers> {
-        if !self.workers.is_empty() {
-            return Ok(Workers::Remote(self.workers.clone()));
+        // An empty variable, as compose files have it, names no worker.
+        let named: Vec<String> = self.workers.iter().filter(|worker| !worker.is_empty()).cloned().collect();
+        if !named.is_empty() {
+            return Ok(Workers::Remote(named));
         }
         let threads = match self.threads {
             Some(threads) => threads,

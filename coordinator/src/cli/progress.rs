@@ -3,14 +3,14 @@ use std::time::{Duration, Instant};
 use coordinator::bake::{Phase, Progress};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-/// Between plain lines, where standard error is not a terminal.
+/// Between plain lines of one step, where standard error is not a terminal.
 const PLAIN_INTERVAL: Duration = Duration::from_secs(5);
 
 /// The progress bar; plain lines now and then where there is no terminal.
 pub struct ProgressLine {
     bar: ProgressBar,
     started: Instant,
-    last_plain: Instant,
+    last_plain: Option<(Instant, Phase)>,
 }
 
 impl ProgressLine {
@@ -22,7 +22,7 @@ impl ProgressLine {
         bar.set_style(
             ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar()),
         );
-        Self { bar, started: Instant::now(), last_plain: Instant::now() }
+        Self { bar, started: Instant::now(), last_plain: None }
     }
 
     /// Shows how far the bake has come.
@@ -46,8 +46,10 @@ impl ProgressLine {
             left,
         );
         if self.bar.is_hidden() {
-            if self.last_plain.elapsed() >= PLAIN_INTERVAL {
-                self.last_plain = Instant::now();
+            let due =
+                |(time, phase): (Instant, Phase)| phase != progress.phase || time.elapsed() >= PLAIN_INTERVAL;
+            if self.last_plain.is_none_or(due) {
+                self.last_plain = Some((Instant::now(), progress.phase));
                 eprintln!("{step}: {message}");
             }
             return;

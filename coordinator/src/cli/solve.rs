@@ -24,7 +24,7 @@ pub struct SolveArguments {
     #[arg(long)]
     report: Option<PathBuf>,
     /// COLOR_0 per unit of irradiance [default: one at which 5 % of the surface is clipped].
-    #[arg(long)]
+    #[arg(long, value_parser = positive)]
     exposure: Option<f64>,
     /// Unit of the irradiance, as the scene's lights mean it; written to the output.
     #[arg(long, default_value = "W/m^2")]
@@ -37,7 +37,7 @@ pub struct SolveArguments {
 #[derive(Args)]
 struct Knobs {
     /// Longest edge of a shooting patch, relative to the scene's extent.
-    #[arg(long, default_value_t = BakeSettings::default().shooter_edge, value_parser = positive)]
+    #[arg(long, default_value_t = BakeSettings::default().shooter_edge, value_parser = proportion)]
     shooter_edge: f64,
     /// Interpolation error at which refinement ends: relative L2 of the radiosity.
     #[arg(long, default_value_t = BakeSettings::default().mesh_error, value_parser = positive)]
@@ -72,6 +72,13 @@ fn positive(text: &str) -> Result<f64, String> {
     }
 }
 
+fn proportion(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if (1e-3..=1.0).contains(&value) => Ok(value),
+        _ => Err("must be a number from 0.001 to 1".into()),
+    }
+}
+
 fn at_least_one(text: &str) -> Result<usize, String> {
     match text.parse() {
         Ok(0) | Err(_) => Err("must be a whole number from 1".into()),
@@ -103,6 +110,7 @@ pub fn run(arguments: &SolveArguments, workers: &Workers) -> anyhow::Result<()> 
     if let Some(report) = &arguments.report {
         check_report(report)?;
     }
+    check_distinct(arguments)?;
     let scene = import(&arguments.scene, &ImportOptions::default())?;
     for warning in &scene.warnings {
         eprintln!("warning: {warning}");
@@ -112,6 +120,9 @@ pub fn run(arguments: &SolveArguments, workers: &Workers) -> anyhow::Result<()> 
     let mut line = ProgressLine::new();
     let baked = bake(&scene, &settings, &mut cluster, &mut |progress| line.show(progress))?;
     line.finish();
+    for warning in &baked.report.warnings {
+        eprintln!("warning: {warning}");
+    }
     let per_worker = cluster.workers();
     cluster.shutdown();
     let extras = json!({ "energy_balance": baked.report.balance, "settings": settings });
@@ -129,6 +140,26 @@ pub fn run(arguments: &SolveArguments, workers: &Workers) -> anyhow::Result<()> 
     summary.print();
     if let Some(path) = &arguments.report {
         write_report(path, &summary.to_json(&settings)?)?;
+    }
+    Ok(())
+}
+
+/// Nothing that the bake reads or writes may overwrite another of its files.
+fn check_distinct(arguments: &SolveArguments) -> anyhow::Result<()> {
+    let whole = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    let output = whole(&arguments.output);
+    anyhow::ensure!(
+        output != whole(&arguments.scene),
+        "output {} is the scene itself: choose another output",
+        arguments.output.display()
+    );
+    if let Some(report) = &arguments.report {
+        let report_path = whole(report);
+        anyhow::ensure!(
+            report_path != output && report_path != whole(&arguments.scene),
+            "report {} is the scene or the output: choose another --report",
+            report.display()
+        );
     }
     Ok(())
 }

@@ -111,8 +111,7 @@ pub(super) async fn embed(
     shutdown: CancellationToken,
 ) -> Result<Connection, ClusterError> {
     let (dialled, accepted) = mpsc::unbounded_channel::<DuplexStream>();
-    let settings =
-        Settings { name: "embedded".into(), threads, replica_bytes: Settings::DEFAULT_REPLICA_BYTES };
+    let settings = Settings { name: "embedded".into(), threads, replica_bytes: u64::MAX };
     let incoming = UnboundedReceiverStream::new(accepted).map(Ok::<_, io::Error>);
     let serving = tokio::spawn(worker::serve(incoming, settings, shutdown));
 

@@ -15,7 +15,7 @@ pub(super) fn fit(positions: impl Iterator<Item = DVec3>) -> Result<Frame, Impor
     });
     let extent = (high - low).max_element();
     // Beyond these, scale or sizes in the frame would leave the range of normal numbers.
-    if !(1e-280..1e280).contains(&extent) {
+    if !(1e-100..1e100).contains(&extent) {
         return Err(ImportProblem::Extent { extent: extent.max(0.0) });
     }
     // The exponent as IEEE 754 stores it: a logarithm may be rounded up to the next integer.

@@ -165,7 +165,8 @@ impl Content {
             return Err(ImportProblem::NoTriangles);
         }
         let positions = primitives.iter().flat_map(PlacedPrimitive::corners);
-        let frame = frame::fit(positions.chain(lights.iter().map(|light| light.position)))?;
+        // Not the lights: a lamp far away must not make the surfaces small.
+        let frame = frame::fit(positions)?;
 
         let mut surfaces = Vec::new();
         let (mut degenerate_triangles, mut rounding) = (0, 0f64);

@@ -1,10 +1,10 @@
 //! The walk over the nodes: world matrices in f64.
 
-use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3};
-use gltf::scene::Transform;
+use glam::{DAffine3, DMat3};
 use gltf::{Document, Node};
 
 use super::error::ImportProblem;
+use crate::placement::local_matrix;
 
 /// A node of the default scene and where it stands.
 pub(super) struct PlacedNode<'a> {
@@ -36,7 +36,7 @@ pub(super) fn walk(document: &Document) -> Result<Vec<PlacedNode<'_>>, ImportPro
         if std::mem::replace(&mut visited[node.index()], true) {
             return Err(ImportProblem::CyclicNodes { node: node_label(&node) });
         }
-        let world = parent * local_transform(&node);
+        let world = parent * DAffine3::from_mat4(local_matrix(&node));
         if !world.is_finite() {
             return Err(ImportProblem::NodeTransform { node: node_label(&node) });
         }
@@ -60,23 +60,6 @@ fn roots(document: &Document) -> Result<Vec<Node<'_>>, ImportProblem> {
     match document.nodes().next() {
         Some(node) if roots.is_empty() => Err(ImportProblem::CyclicNodes { node: node_label(&node) }),
         _ => Ok(roots),
-    }
-}
-
-/// Node to parent. The quaternion is normalised in f64, so that its rounding to f32 does not scale the node.
-fn local_transform(node: &Node) -> DAffine3 {
-    match node.transform() {
-        Transform::Matrix { matrix } => {
-            DAffine3::from_mat4(DMat4::from_cols_array_2d(&matrix.map(|column| column.map(f64::from))))
-        }
-        Transform::Decomposed { translation, rotation, scale } => {
-            let rotation = DQuat::from_array(rotation.map(f64::from)).normalize();
-            DAffine3::from_scale_rotation_translation(
-                DVec3::from_array(scale.map(f64::from)),
-                rotation,
-                DVec3::from_array(translation.map(f64::from)),
-            )
-        }
     }
 }
 

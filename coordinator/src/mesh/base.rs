@@ -45,7 +45,8 @@ impl Mesh {
     fn divide_longer_than(&mut self, longest_edge: f64, max_level: u32) {
         for _ in 0..max_level {
             let leaves = self.leaves().map(|(id, _)| id);
-            let long: Vec<PatchId> = leaves.filter(|id| self.longest_edge(*id) > longest_edge).collect();
+            let long: Vec<PatchId> =
+                leaves.filter(|id| self.size(*id) > longest_edge * (1.0 + 1e-9)).collect();
             if long.is_empty() {
                 break;
             }

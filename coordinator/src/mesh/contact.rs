@@ -86,7 +86,9 @@ fn contact(facet: &Facet, riser: &Facet) -> Option<Contact> {
             points.push(corner.position.lerp(riser.corners[next].position, t));
         }
     }
-    let ends = [*points.first()?, *points.last()?];
+    let along = facet.normal.cross(riser.normal);
+    let by_place = |a: &&DVec3, b: &&DVec3| along.dot(**a).total_cmp(&along.dot(**b));
+    let ends = [*points.iter().min_by(by_place)?, *points.iter().max_by(by_place)?];
     clip_to_facet(ends, facet)
 }
 

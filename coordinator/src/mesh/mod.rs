@@ -151,9 +151,15 @@ impl Mesh {
         corners.iter().map(|corner| self.position(*corner)).sum::<DVec3>() / corners.len() as f64
     }
 
-    /// Longest edge of a patch.
+    /// Longest edge of a patch, or of the square with its diagonal where that is longer: a patch may be large though
+    /// T-vertices leave it only short edges.
     #[must_use]
-    pub fn longest_edge(&self, id: PatchId) -> f64 {
-        self.edges(id).map(|(a, b)| self.position(a).distance(self.position(b))).fold(0.0, f64::max)
+    pub fn size(&self, id: PatchId) -> f64 {
+        let edge =
+            self.edges(id).map(|(a, b)| self.position(a).distance(self.position(b))).fold(0.0, f64::max);
+        let positions = || self.patch(id).corners.iter().map(|corner| self.position(*corner));
+        let centre = self.centre(id);
+        let reach = positions().map(|corner| corner.distance(centre)).fold(0.0, f64::max);
+        edge.max(reach * std::f64::consts::SQRT_2)
     }
 }

@@ -62,7 +62,7 @@ pub fn cut_long(corners: Vec<Corner>, normal: DVec3, longest_edge: f64, done: &m
     let along: Vec<f64> = positions.iter().map(|position| direction.dot(*position)).collect();
     let (low, high) = along.iter().fold((f64::MAX, f64::MIN), |(low, high), s| (low.min(*s), high.max(*s)));
     let length = high - low;
-    if length <= longest_edge || length * length <= LONGEST_PROPORTION * area {
+    if length <= longest_edge.max(4.0 * WELD) || length * length <= LONGEST_PROPORTION * area {
         done(corners);
         return;
     }

@@ -93,7 +93,12 @@ pub fn surroundings(mesh: &Mesh, first: VertexId) -> Vec<Surroundings> {
 
 /// Integral of the unit vectors between two, over the angle between them: 2 sin(angle / 2) along the middle.
 fn direction_integral(from: DVec3, to: DVec3) -> DVec3 {
-    let half_tangent = from.cross(to).length() / (1.0 + from.dot(to));
+    let cosine = from.dot(to);
+    // Opposite directions, or none: the parts of a patch are never that wide unless they have no area.
+    if cosine < -1.0 + 1e-12 {
+        return DVec3::ZERO;
+    }
+    let half_tangent = from.cross(to).length() / (1.0 + cosine);
     (from + to) * half_tangent
 }
 

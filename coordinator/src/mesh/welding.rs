@@ -3,11 +3,14 @@
 use std::collections::{BTreeMap, HashMap};
 
 use glam::{DVec3, I64Vec3};
-use shared::geometry::PlaneId;
+use shared::geometry::{PlaneId, area_vector};
 
 use super::contact::Contact;
 use super::{Vertex, VertexId, WELD};
 use crate::scene::{Corner, Facet};
+
+/// Tells the two directions of a plane apart. Perpendicular to no normal that is likely, so that rounding does not decide.
+const NO_COMMON_NORMAL: DVec3 = DVec3::new(0.537_7, 0.651_3, 0.535_4);
 
 /// Which corners at one position have the same normal: those of one plane and direction, or of one smooth normal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -64,8 +67,7 @@ impl Welder {
         let group = if smooth {
             SmoothingGroup::Smooth((corner.normal * 1e6).round().as_ivec3().to_array())
         } else {
-            let leading = facet.normal.to_array().into_iter().find(|value| value.abs() > 0.5).unwrap_or(0.0);
-            SmoothingGroup::Flat(facet.plane, leading > 0.0)
+            SmoothingGroup::Flat(facet.plane, facet.normal.dot(NO_COMMON_NORMAL) > 0.0)
         };
         let cell = (corner.position / WELD).round().as_i64vec3();
         if let Some(near) = self.near(corner.position, cell, group) {
@@ -108,6 +110,7 @@ impl Welder {
     #[must_use]
     pub fn weld<'a>(mut self, contacts: impl Fn(usize) -> &'a [Contact]) -> Welded {
         self.insert_t_vertices();
+        self.drop_flat_polygons();
         for (index, polygon) in self.polygons.iter().enumerate() {
             let contacts = contacts(index);
             if !contacts.is_empty() {
@@ -119,6 +122,22 @@ impl Welder {
             }
         }
         self.vertices()
+    }
+
+    /// A needle thinner than the welding distance folds onto itself: nothing of it is left that could hold light.
+    fn drop_flat_polygons(&mut self) {
+        for polygon in &mut self.polygons {
+            let positions: Vec<DVec3> = polygon.iter().map(|id| self.points[*id].position).collect();
+            let longest =
+                edges(polygon).map(|(a, b)| self.points[a].position.distance(self.points[b].position));
+            let least_area = WELD * longest.fold(0.0, f64::max);
+            let mut distinct = polygon.clone();
+            distinct.sort_unstable();
+            distinct.dedup();
+            if distinct.len() < polygon.len() || area_vector(&positions).length() <= least_area {
+                polygon.clear();
+            }
+        }
     }
 
     /// The corners of one point that are joined through edges without contact are one vertex.

@@ -11,6 +11,10 @@ use crate::mesh::{Mesh, PatchId};
 /// The radiosity error falls by 16 in the square where light is smooth, and hardly at all where a shadow line crosses.
 const DECAY: std::ops::RangeInclusive<f64> = 1.0 / 16.0..=0.75;
 
+/// Surfaces that reflect less are refined as if they reflected this much: their radiosity is nothing, but a viewer shows the
+/// irradiance of a black metal times its base colour.
+const LEAST_WEIGHT: f64 = 0.05;
+
 /// Decay taken where only one level is known.
 const FIRST_DECAY: f64 = 0.25;
 
@@ -38,7 +42,7 @@ impl MeshError {
         }
         let (mut leaves, mut norm) = (vec![], 0.0);
         for (id, patch) in mesh.leaves() {
-            let weight = reflectance[patch.surface as usize];
+            let weight = reflectance[patch.surface as usize].max(DVec3::splat(LEAST_WEIGHT));
             let corners = patch.corners.iter().map(|corner| weight * irradiance[corner.index()]);
             norm += patch.area * corners.clone().map(DVec3::length_squared).sum::<f64>()
                 / patch.corners.len() as f64;

@@ -59,7 +59,7 @@ pub fn solve(
     let unshot = (0..shares.len())
         .map(|i| (shares[i].reflectance * irradiance[i] - radiosity[i]) * shares[i].area)
         .sum();
-    Solution { unshot, radiosity, missing: if missing.is_finite() { missing } else { 0.0 }, sweeps }
+    Solution { unshot, radiosity, missing, sweeps }
 }
 
 fn add_column(irradiance: &mut [DVec3], column: &[f32], radiosity: DVec3) {

@@ -19,12 +19,16 @@ pub use shaft::{Blockage, Shaft};
 /// not slip past one that their exact counterpart touches.
 const PADDING: f64 = 1e-6;
 
+/// Clearance at the ends of rays, relative to the scene's largest coordinate. Hits are computed in f64 and the planes of both
+/// ends do not count, so that rounding is all that it has to cover; a sheet may stand this close to a receiver.
+const CLEARANCE: f64 = 1e-11;
+
 /// The occluders of a scene. Built from the same polygons it is the same, bit for bit, everywhere.
 pub struct Occluder {
     /// In the order of the BVH's leaves.
     polygons: Vec<OccluderPolygon>,
     bvh: Bvh2,
-    /// Rays end this much before and start this much after their ends: a few units in the last place of f32 coordinates.
+    /// Rays start this much after and end this much before their ends: coordinates are not known better.
     clearance: f64,
 }
 
@@ -70,7 +74,7 @@ impl Occluder {
                 }
             })
             .collect();
-        Self { polygons, bvh, clearance: largest * 4.0 * f64::from(f32::EPSILON) }
+        Self { polygons, bvh, clearance: largest * CLEARANCE }
     }
 
     /// Number of polygons.

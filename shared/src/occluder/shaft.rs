@@ -97,7 +97,7 @@ impl<'a> Shaft<'a> {
 impl Occluder {
     /// Collects what may block the shaft, clipped to the near side of its base and relative to its apex, in the order of the
     /// polygons. `candidates`, if given, are all polygons that can be in it, in ascending order; without them the BVH is
-    /// asked. Both ways give the same.
+    /// asked.
     pub fn collect_blockers(
         &self,
         shaft: &Shaft<'_>,

@@ -46,8 +46,7 @@ impl<'a> VisibilityKernel<'a> {
     }
 
     /// Adds the visible form factor of each receiver's point to a polygon to `factors`. `seeds` are the pairs' own (see
-    /// [`pair_seed`]): neither who computes a pair nor the group that it is in makes a difference. Groups pay when receivers
-    /// lie close together.
+    /// [`pair_seed`]): who computes a pair makes no difference. Groups pay when receivers lie close together.
     pub fn add_form_factors(
         &mut self,
         receivers: &[Receiver],

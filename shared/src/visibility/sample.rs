@@ -29,7 +29,7 @@ pub fn pair_seed(scene_seed: u64, shooter: u64, receiver: u64) -> u32 {
 /// A pair's rays: its form factor's part of the hemisphere's, a power of two.
 pub fn ray_count(factor: f64, sampling: &Sampling) -> u32 {
     let share = (factor * f64::from(sampling.rays_per_hemisphere)).ceil() as u32;
-    share.next_power_of_two().clamp(sampling.minimum_rays, sampling.maximum_rays)
+    share.min(sampling.maximum_rays).next_power_of_two().max(sampling.minimum_rays)
 }
 
 /// An estimate of visibility.

@@ -22,12 +22,13 @@ fn point_light_stands_where_its_node_does() {
 }
 
 #[test]
-fn frame_holds_the_lights_too() {
+fn a_light_far_away_does_not_make_the_surfaces_small() {
     let mut document = TestDocument::square();
     document.light(json!({ "type": "point" }), json!({ "translation": [0.5, 0.5, 100] }));
     let scene = document.scene();
-    assert_eq!(scene.frame.centre, DVec3::new(0.5, 0.5, 50.0));
-    assert_eq!(scene.frame.scale, 1.0 / 16.0);
+    assert_eq!(scene.frame.centre, DVec3::new(0.5, 0.5, 0.0));
+    assert_eq!(scene.frame.scale, 1.0 / 1024.0);
+    assert_eq!(scene.frame.to_world(scene.point_lights[0].position), DVec3::new(0.5, 0.5, 100.0));
 }
 
 #[test]
