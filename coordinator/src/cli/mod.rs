@@ -1,5 +1,6 @@
 //! The command line.
 
+mod compare;
 mod progress;
 mod report;
 mod solve;
@@ -36,6 +37,8 @@ struct WorkerArguments {
 enum Command {
     /// Bake a glTF file: a lit glTF comes out.
     Solve(solve::SolveArguments),
+    /// Compare a lit scene with a path-traced reference.
+    Compare(compare::CompareArguments),
 }
 
 impl WorkerArguments {
@@ -57,8 +60,8 @@ impl WorkerArguments {
 pub fn run(arguments: Arguments) -> anyhow::Result<()> {
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("warn"));
     tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).without_time().init();
-    let workers = arguments.workers.workers()?;
     match arguments.command {
-        Command::Solve(solve) => solve::run(&solve, &workers),
+        Command::Solve(solve) => solve::run(&solve, &arguments.workers.workers()?),
+        Command::Compare(compare) => compare::run(&compare),
     }
 }

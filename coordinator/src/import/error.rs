@@ -227,6 +227,12 @@ pub enum ImportProblem {
         /// What is allowed.
         expected: &'static str,
     },
+    /// A node that squeezes its mesh flat: no coordinates of its own could hold refined positions.
+    #[error("has {primitive} under a node with a scale of zero; give it a small scale in place of zero")]
+    FlatNode {
+        /// Node and primitive.
+        primitive: String,
+    },
     /// Nothing to light.
     #[error(
         "has no triangles with an area in its scene; add a mesh, and check that its nodes are in the default scene and are not scaled to zero"

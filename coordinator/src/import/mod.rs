@@ -177,6 +177,9 @@ impl Content {
             if mesh.duplicates > 0 {
                 warnings.push(format!("{}: {} duplicate triangles dropped", placed.name, mesh.duplicates));
             }
+            if !mesh.triangles.is_empty() && placed.world.matrix3.determinant() == 0.0 {
+                return Err(ImportProblem::FlatNode { primitive: placed.name });
+            }
             if !mesh.triangles.is_empty() {
                 placed.add_surfaces(&mesh, &mut surfaces);
             }

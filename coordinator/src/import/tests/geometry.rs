@@ -86,6 +86,15 @@ fn mirrored_node_keeps_its_front_in_front() {
 }
 
 #[test]
+fn a_node_that_squeezes_its_mesh_flat_is_refused_before_the_bake() {
+    let mut document = TestDocument::square();
+    document.root["nodes"][0]["scale"] = json!([1, 1, 0]);
+    document.root["nodes"][0]["name"] = json!("decal");
+    let error = document.problem().to_string();
+    assert!(error.contains("decal") && error.contains("small scale"), "{error}");
+}
+
+#[test]
 fn singular_node_only_drops_its_triangles() {
     let mut document = TestDocument::square();
     document.root_node(json!({ "mesh": 0, "scale": [1, 0, 1] }));

@@ -1,0 +1,36 @@
+use std::path::PathBuf;
+
+use clap::Args;
+use coordinator::score::score;
+use serde_json::json;
+
+#[derive(Args)]
+pub struct CompareArguments {
+    /// Lit scene: a GLB that this program wrote, or another with _IRRADIANCE.
+    lit: PathBuf,
+    /// Path-traced reference: CSV of position, normal, primitive, radiosity and standard error.
+    #[arg(long)]
+    reference: PathBuf,
+    /// The scene before the bake, which the reference was made of.
+    #[arg(long)]
+    scene: PathBuf,
+}
+
+/// Prints the score of a lit scene as one line of JSON.
+pub fn run(arguments: &CompareArguments) -> anyhow::Result<()> {
+    let score = score(&arguments.lit, &arguments.reference, &arguments.scene)?;
+    println!(
+        "{}",
+        json!({
+            "relative_l2": score.relative_l2,
+            "energy_ratio": score.energy_ratio,
+            "p95": score.p95,
+            "max": score.max,
+            "uncovered": score.uncovered,
+            "not_finite": score.not_finite,
+            "vertices": score.vertices,
+            "triangles": score.triangles,
+        })
+    );
+    Ok(())
+}
