@@ -6,7 +6,7 @@ use shared::row::{Shape, Shooter};
 
 use super::BakeSettings;
 use crate::scene::Scene;
-use crate::solver::ShareEnergy;
+use crate::solver::{ShareEnergy, add_row};
 
 /// A light source with a row of its own.
 pub struct LightSource {
@@ -51,8 +51,6 @@ pub fn flux_of_point_lights(sources: &[LightSource], rows: &[Vec<f32>], shares: 
 pub fn add(irradiance: &mut [DVec3], sources: &[LightSource], rows: &[Vec<f32>]) {
     for (source, row) in sources.iter().zip(rows) {
         let first = irradiance.len() - row.len();
-        for (irradiance, factor) in irradiance[first..].iter_mut().zip(row) {
-            *irradiance += source.strength * f64::from(*factor);
-        }
+        add_row(&mut irradiance[first..], row, source.strength);
     }
 }

@@ -16,6 +16,7 @@ mod light;
 mod occluders;
 mod receivers;
 mod refine;
+mod report;
 mod rows;
 mod settings;
 mod settle;

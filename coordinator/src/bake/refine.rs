@@ -5,6 +5,7 @@ use shared::row::Shooter;
 
 use super::{Bake, BakeError, Phase, light};
 use crate::mesh::{PatchId, VertexId};
+use crate::solver::add_row;
 use crate::solver::refinement::MeshError;
 
 impl Bake<'_> {
@@ -49,9 +50,7 @@ impl Bake<'_> {
         light::add(&mut self.direct, &self.sources, &rows);
         self.irradiance.extend_from_slice(&self.direct[first.index()..]);
         for ((row, more), radiosity) in self.rows.iter_mut().zip(from_shares).zip(&self.radiosity) {
-            for (irradiance, factor) in self.irradiance[first.index()..].iter_mut().zip(&more) {
-                *irradiance += *radiosity * f64::from(*factor);
-            }
+            add_row(&mut self.irradiance[first.index()..], &more, *radiosity);
             row.extend_from_slice(&more);
         }
         Ok(())

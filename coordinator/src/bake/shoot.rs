@@ -4,9 +4,9 @@ use glam::DVec3;
 use shared::row::Shooter;
 
 use super::{Bake, BakeError, Phase};
-use crate::solver::ShareId;
 use crate::solver::shooting::Shooting;
 use crate::solver::sweeps::{Transfer, solve};
+use crate::solver::{ShareId, add_row};
 
 /// Accuracy to which sweeps solve, relative to the reflected flux: far below every other error.
 const SWEEP_TOLERANCE: f64 = 1e-7;
@@ -78,9 +78,7 @@ impl Bake<'_> {
         self.radiosity = solution.radiosity;
         self.irradiance = self.direct.clone();
         for (row, radiosity) in self.rows.iter().zip(&self.radiosity) {
-            for (irradiance, factor) in self.irradiance.iter_mut().zip(row) {
-                *irradiance += *radiosity * f64::from(*factor);
-            }
+            add_row(&mut self.irradiance, row, *radiosity);
         }
         if self.irradiance.iter().all(|irradiance| irradiance.is_finite()) {
             Ok(())

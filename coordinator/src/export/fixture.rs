@@ -204,3 +204,16 @@ fn quarters([a, b, c]: [DVec3; 3]) -> [[DVec3; 3]; 4] {
     let (ab, bc, ca) = (a.midpoint(b), b.midpoint(c), c.midpoint(a));
     [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
 }
+
+/// A scene of one square and its lit mesh, of uniform irradiance.
+pub(crate) fn square() -> (Scene, LitMesh) {
+    let mut builder = Builder::default();
+    let square = builder.square();
+    let scene = builder.import(json!({
+        "meshes": [{"primitives": [square]}],
+        "nodes": [{"mesh": 0}],
+        "scenes": [{"nodes": [0]}],
+    }));
+    let lit = light(&scene, 0, |_| DVec3::ONE);
+    (scene, lit)
+}

@@ -18,11 +18,8 @@ pub fn cut_along(corners: Vec<Corner>, normal: DVec3, contacts: &[Contact]) -> V
         let across = (*end - *start).cross(normal).normalize_or_zero();
         let mut cut = vec![];
         for piece in pieces {
-            let heights: Vec<f64> = piece
-                .iter()
-                .map(|corner| across.dot(corner.position - *start))
-                .map(|height| if height.abs() <= WELD { 0.0 } else { height })
-                .collect();
+            let heights: Vec<f64> =
+                piece.iter().map(|corner| snapped(across.dot(corner.position - *start))).collect();
             let crossed = heights.iter().any(|h| *h > 0.0) && heights.iter().any(|h| *h < 0.0);
             if crossed && overlap(&piece, &heights, *start, *end) {
                 cut.extend(split(&piece, &heights, normal));
@@ -67,11 +64,15 @@ pub fn cut_long(corners: Vec<Corner>, normal: DVec3, longest_edge: f64, done: &m
         return;
     }
     let middle = (low + high) / 2.0;
-    let heights: Vec<f64> =
-        along.iter().map(|s| s - middle).map(|h| if h.abs() <= WELD { 0.0 } else { h }).collect();
+    let heights: Vec<f64> = along.iter().map(|s| snapped(s - middle)).collect();
     for half in split(&corners, &heights, normal) {
         cut_long(half, normal, longest_edge, done);
     }
+}
+
+/// A height over a cut; corners within the welding distance lie on it.
+fn snapped(height: f64) -> f64 {
+    if height.abs() <= WELD { 0.0 } else { height }
 }
 
 fn longest_side(positions: &[DVec3]) -> DVec3 {

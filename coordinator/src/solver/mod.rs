@@ -50,3 +50,15 @@ pub fn interreflection_bound(shares: &[ShareEnergy]) -> DVec3 {
     let largest = shares.iter().fold(DVec3::ZERO, |largest, share| largest.max(share.reflectance));
     largest / (1.0 - largest)
 }
+
+/// Adds what `radiosity` of a row's shooter gives to the receivers of the row.
+pub fn add_row(irradiance: &mut [DVec3], row: &[f32], radiosity: DVec3) {
+    for (irradiance, factor) in irradiance.iter_mut().zip(row) {
+        *irradiance += radiosity * f64::from(*factor);
+    }
+}
+
+/// Part of a whole, per channel; 0 of a channel that has nothing.
+fn ratio(part: DVec3, whole: DVec3) -> DVec3 {
+    DVec3::select(whole.cmpgt(DVec3::ZERO), part / whole, DVec3::ZERO)
+}

@@ -7,7 +7,7 @@ use std::collections::VecDeque;
 
 use glam::DVec3;
 
-use super::{ShareEnergy, ShareId, interreflection_bound};
+use super::{ShareEnergy, ShareId, add_row, interreflection_bound, ratio};
 
 /// The state of a shooting solution.
 pub struct Shooting {
@@ -22,6 +22,8 @@ pub struct Shooting {
     is_chosen: Vec<bool>,
     /// Shares that have shot: their rows are certain to be there when the next shot is chosen, whatever has arrived early.
     has_shot: Vec<bool>,
+    /// See [`interreflection_bound`].
+    bound: DVec3,
     window: usize,
     threshold: f64,
     shots: u64,
@@ -48,6 +50,7 @@ impl Shooting {
             chosen: VecDeque::new(),
             is_chosen: vec![false; shares.len()],
             has_shot: vec![false; shares.len()],
+            bound: interreflection_bound(&shares),
             shares,
             window,
             threshold,
@@ -119,7 +122,7 @@ impl Shooting {
     /// with their rows at hand the sweeps finish faster than more shots would.
     fn choose(&mut self, wanted: &mut Vec<ShareId>) -> bool {
         let (unshot, reflected) = self.fluxes();
-        let missing = ratio(unshot, reflected) * interreflection_bound(&self.shares);
+        let missing = ratio(unshot, reflected) * self.bound;
         if missing.max_element() <= self.threshold {
             return false;
         }
@@ -147,15 +150,9 @@ impl Shooting {
         let current = self.unshot(share.index());
         self.shot[share.index()] += current;
         if let Some(row) = &self.rows[share.index()] {
-            for (irradiance, factor) in self.irradiance.iter_mut().zip(row) {
-                *irradiance += current * f64::from(*factor);
-            }
+            add_row(&mut self.irradiance, row, current);
         }
         self.has_shot[share.index()] = true;
         self.shots += 1;
     }
-}
-
-fn ratio(part: DVec3, whole: DVec3) -> DVec3 {
-    DVec3::select(whole.cmpgt(DVec3::ZERO), part / whole, DVec3::ZERO)
 }

@@ -7,7 +7,7 @@
 
 use glam::DVec3;
 
-use super::{ShareEnergy, interreflection_bound};
+use super::{ShareEnergy, add_row, interreflection_bound, ratio};
 
 /// Factors between shares: `columns[x][a]` is the irradiance that share a gets from unit radiosity of share x.
 pub struct Transfer {
@@ -40,7 +40,7 @@ pub fn solve(
     let mut radiosity = guess;
     let mut irradiance = direct.to_vec();
     for (column, radiosity) in transfer.columns.iter().zip(&radiosity) {
-        add_column(&mut irradiance, column, *radiosity);
+        add_row(&mut irradiance, column, *radiosity);
     }
     let level = Level::new(shares, transfer);
     let bound = interreflection_bound(shares);
@@ -50,7 +50,7 @@ pub fn solve(
         for (index, share) in shares.iter().enumerate() {
             let change = share.reflectance * irradiance[index] - radiosity[index];
             radiosity[index] += change;
-            add_column(&mut irradiance, &transfer.columns[index], change);
+            add_row(&mut irradiance, &transfer.columns[index], change);
         }
         level.correct(shares, &mut radiosity, &mut irradiance);
         sweeps += 1;
@@ -62,12 +62,6 @@ pub fn solve(
     Solution { unshot, radiosity, missing, sweeps }
 }
 
-fn add_column(irradiance: &mut [DVec3], column: &[f32], radiosity: DVec3) {
-    for (irradiance, factor) in irradiance.iter_mut().zip(column) {
-        *irradiance += radiosity * f64::from(*factor);
-    }
-}
-
 /// Absolute residual flux over reflected flux, per channel.
 fn relative_residual(shares: &[ShareEnergy], radiosity: &[DVec3], irradiance: &[DVec3]) -> DVec3 {
     let (mut residual, mut reflected) = (DVec3::ZERO, DVec3::ZERO);
@@ -76,7 +70,7 @@ fn relative_residual(shares: &[ShareEnergy], radiosity: &[DVec3], irradiance: &[
         residual += (target - radiosity[index]).abs() * share.area;
         reflected += target * share.area;
     }
-    DVec3::select(reflected.cmpgt(DVec3::ZERO), residual / reflected, DVec3::ZERO)
+    ratio(residual, reflected)
 }
 
 /// The general level of light: radiosity in proportion to reflectance.
@@ -91,7 +85,7 @@ impl Level {
     fn new(shares: &[ShareEnergy], transfer: &Transfer) -> Self {
         let mut irradiance = vec![DVec3::ZERO; shares.len()];
         for (column, share) in transfer.columns.iter().zip(shares) {
-            add_column(&mut irradiance, column, share.reflectance);
+            add_row(&mut irradiance, column, share.reflectance);
         }
         let lost = |(share, irradiance): (&ShareEnergy, &DVec3)| {
             (share.reflectance - share.reflectance * *irradiance) * share.area
@@ -106,8 +100,7 @@ impl Level {
             .map(|i| (shares[i].reflectance * irradiance[i] - radiosity[i]) * shares[i].area)
             .sum();
         // Without a deficit (rows that sum to more than 1 by noise) the step would run away.
-        let usable = self.deficit.cmpgt(DVec3::ZERO);
-        let step = DVec3::select(usable, residual / self.deficit, DVec3::ZERO);
+        let step = ratio(residual, self.deficit);
         for i in 0..shares.len() {
             radiosity[i] += step * shares[i].reflectance;
             irradiance[i] += step * self.irradiance[i];

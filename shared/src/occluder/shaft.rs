@@ -43,8 +43,8 @@ impl<'a> Shaft<'a> {
     }
 
     fn misses_box(&self, centre: DVec3, half: DVec3) -> bool {
-        let (centre, toward_apex) = (centre - self.apex, self.base_normal.abs().dot(half));
-        self.base_normal.dot(centre) + toward_apex <= self.base_height
+        let centre = centre - self.apex;
+        self.base_normal.dot(centre) + self.base_normal.abs().dot(half) <= self.base_height
             || self.sides.iter().any(|side| side.dot(centre) + side.abs().dot(half) <= 0.0)
     }
 

@@ -1,22 +1,7 @@
 //! Files: formats, what is refused, and that nothing is left half-written.
 
-use glam::DVec3;
-use serde_json::json;
-
 use super::*;
-use crate::export::fixture::{Builder, light};
-
-fn square() -> (Scene, LitMesh) {
-    let mut builder = Builder::default();
-    let square = builder.square();
-    let scene = builder.import(json!({
-        "meshes": [{"primitives": [square]}],
-        "nodes": [{"mesh": 0}],
-        "scenes": [{"nodes": [0]}],
-    }));
-    let lit = light(&scene, 0, |_| DVec3::ONE);
-    (scene, lit)
-}
+use crate::export::fixture::square;
 
 fn names(directory: &TempDir) -> Vec<String> {
     let entries = fs::read_dir(directory).unwrap();

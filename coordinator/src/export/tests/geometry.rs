@@ -5,7 +5,7 @@ use gltf::Semantic;
 use serde_json::{Value, json};
 
 use super::*;
-use crate::export::fixture::{Builder, light};
+use crate::export::fixture::{Builder, light, square};
 use crate::placement::world_matrices;
 use crate::scene::Side;
 
@@ -153,15 +153,8 @@ fn values_that_are_not_finite_are_refused_by_name() {
 
 #[test]
 fn a_lit_mesh_of_another_scene_is_refused() {
-    let mut builder = Builder::default();
-    let square = builder.square();
-    let scene = builder.import(json!({
-        "meshes": [{"primitives": [square]}],
-        "nodes": [{"mesh": 0}],
-        "scenes": [{"nodes": [0]}],
-    }));
+    let (scene, good) = square();
     let directory = TempDir::new().unwrap();
-    let good = light(&scene, 0, |_| DVec3::ONE);
     let no_surface = LitMesh { surfaces: vec![], ..good.clone() };
     let no_vertex = LitMesh { vertices: good.vertices[..2].to_vec(), ..good.clone() };
     let mut no_facet = good;
