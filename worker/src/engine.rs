@@ -5,7 +5,7 @@ use shared::geometry::ConvexPolygon;
 use shared::occluder::Occluder;
 use shared::protocol::RowStatistics;
 use shared::replica::Receiver;
-use shared::row::{Sampling, Shape, Shooter};
+use shared::row::{Precision, Shape, Shooter};
 use shared::visibility::{VisibilityKernel, pair_seed};
 
 /// Receivers that look for their occluders together: neighbours in a set mostly lie close to each other.
@@ -31,18 +31,18 @@ pub fn compute_row(
     receivers: &[Receiver],
     first_key: u64,
     shooter: &Shooter,
-    sampling: &Sampling,
+    precision: &Precision,
 ) -> (Vec<f32>, RowStatistics) {
     let mut statistics = RowStatistics::default();
     let row = match &shooter.shape {
         Shape::Polygons(polygons) => {
-            let mut kernel = VisibilityKernel::new(&scene.occluder, sampling);
+            let mut kernel = VisibilityKernel::new(&scene.occluder, precision);
             let mut factors = vec![0.0; receivers.len()];
             for polygon in polygons.iter().map(PreparedPolygon::new) {
                 let groups = receivers.chunks(GROUP).zip(factors.chunks_mut(GROUP)).enumerate();
                 for (group, (receivers, factors)) in groups {
                     let first = first_key + (group * GROUP) as u64;
-                    let seed = |index: usize| pair_seed(sampling.seed, shooter.key, first + index as u64);
+                    let seed = |index: usize| pair_seed(precision.seed, shooter.key, first + index as u64);
                     kernel.add_form_factors(receivers, &polygon, seed, factors, &mut statistics);
                 }
             }
@@ -68,6 +68,7 @@ fn point_light_factor(
     weight: impl Fn(glam::DVec3) -> f64,
     statistics: &mut RowStatistics,
 ) -> f32 {
+    statistics.pairs += 1;
     let to_light = light - receiver.position;
     let squared = to_light.length_squared();
     let cosine = receiver.normal.dot(to_light) / squared.sqrt();
@@ -79,6 +80,7 @@ fn point_light_factor(
     if !scene.occluder.is_empty() {
         statistics.rays += 1;
         if scene.occluder.blocks(receiver.position, light, [receiver.plane; 2]) {
+            statistics.occluded_pairs += 1;
             return 0.0;
         }
     }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use shared::protocol::worker_message::Body;
-use shared::protocol::{FailureReason, Finished, JobFailed, MAX_MESSAGE_BYTES, RowJob, RowStatistics};
+use shared::protocol::{FailureReason, Finished, JobFailed, MAX_MESSAGE_BYTES, RowJob};
 use shared::replica::{Digest, Receivers};
 use shared::row::{RequestError, RowRequest, encode_row};
 
@@ -111,25 +111,17 @@ impl Job {
     /// Computes the rows, on the calling thread.
     #[must_use]
     pub fn compute(&self) -> Finished {
-        let start = Instant::now();
         let first = self.request.first_receiver as usize;
         let receivers = &self.receivers.receivers[first..first + self.request.receiver_count as usize];
-        let mut statistics = RowStatistics::default();
-        let rows = self
-            .request
-            .shooters
-            .iter()
-            .map(|shooter| {
-                let (row, cost) =
-                    compute_row(&self.scene, receivers, self.first_key, shooter, &self.request.sampling);
-                statistics.rays += cost.rays;
-                statistics.factors += cost.factors;
-                statistics.sampled_pairs += cost.sampled_pairs;
-                encode_row(&row)
-            })
-            .collect();
-        statistics.busy_nanoseconds = start.elapsed().as_nanos().try_into().unwrap_or(u64::MAX);
-        Finished { job_id: self.id, rows, statistics: Some(statistics) }
+        let row = |shooter| {
+            let start = Instant::now();
+            let (row, mut statistics) =
+                compute_row(&self.scene, receivers, self.first_key, shooter, &self.request.precision);
+            statistics.busy_nanoseconds = start.elapsed().as_nanos().try_into().unwrap_or(u64::MAX);
+            (encode_row(&row), statistics)
+        };
+        let (rows, statistics) = self.request.shooters.iter().map(row).unzip();
+        Finished { job_id: self.id, rows, statistics }
     }
 }
 
@@ -147,7 +139,7 @@ mod tests {
     use glam::DVec3;
     use shared::geometry::PlaneId;
     use shared::replica::{EncodedReplica, Receiver, encode_receivers, encode_scene};
-    use shared::row::{Sampling, Shape, Shooter, decode_row};
+    use shared::row::{Precision, Shape, Shooter, decode_row};
 
     use super::*;
 
@@ -166,7 +158,13 @@ mod tests {
             first_receiver: 1,
             receiver_count: 2,
             shooters: vec![Shooter { key: 1, shape: Shape::Point(DVec3::new(1.0, 2.0, 0.0)) }],
-            sampling: Sampling { rays_per_hemisphere: 64, minimum_rays: 1, maximum_rays: 64, seed: 1 },
+            precision: Precision {
+                rays_per_hemisphere: 64,
+                minimum_rays: 1,
+                maximum_rays: 64,
+                seed: 1,
+                ..Precision::DEFAULT
+            },
         };
         (store, request)
     }

@@ -13,7 +13,7 @@ use shared::protocol::{
     PROTOCOL_VERSION, ReplicaChunk, ReplicaHeader, WorkerMessage, replica_chunk,
 };
 use shared::replica::{Digest, EncodedReplica, Receiver, Receivers, encode_receivers, encode_scene};
-use shared::row::{RowRequest, Sampling, Shape, Shooter};
+use shared::row::{Precision, RowRequest, Shape, Shooter};
 use tokio::net::TcpListener;
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::{TcpListenerStream, UnboundedReceiverStream};
@@ -86,7 +86,13 @@ fn work(rows: u64) -> ([EncodedReplica; 2], RowRequest) {
         first_receiver: 0,
         receiver_count: 1000,
         shooters: (0..rows).map(|key| Shooter { key, shape: Shape::Point(DVec3::Y) }).collect(),
-        sampling: Sampling { rays_per_hemisphere: 64, minimum_rays: 1, maximum_rays: 64, seed: 1 },
+        precision: Precision {
+            rays_per_hemisphere: 64,
+            minimum_rays: 1,
+            maximum_rays: 64,
+            seed: 1,
+            ..Precision::DEFAULT
+        },
     };
     ([scene, receivers], request)
 }

@@ -9,7 +9,7 @@ use crate::mesh::{Mesh, VertexId, surroundings};
 /// How far a receiver is moved from its vertex into the surface around it, relative to that surface's width. A vertex on a
 /// room's edge lies in the planes of both walls and sees nothing of the other; a hair inside, half of its hemisphere is the
 /// other wall, and the form factors of a closed room sum to 1.
-const INWARD: f64 = 1e-3;
+pub const INWARD: f64 = 1e-3;
 
 /// The vertices from `first` on as receivers.
 pub fn receivers(mesh: &Mesh, first: VertexId) -> Receivers {

@@ -3,26 +3,52 @@
 use glam::DVec3;
 use shared::row::Shooter;
 
+use super::receivers::receivers;
 use super::{Bake, BakeError, Phase, light};
 use crate::mesh::{PatchId, VertexId};
 use crate::solver::add_row;
+use crate::solver::fit::best_fit;
 use crate::solver::refinement::MeshError;
 
-impl Bake<'_> {
-    /// Divides patches where interpolation is wrong, round by round, until the predicted error is under the wanted one.
-    pub(super) fn refine(&mut self) -> Result<(), BakeError> {
+/// Part of a leaf's square error that dividing it takes away, at least where light is smooth.
+const GAIN: f64 = 0.75;
+
+/// Least part of the square error whose leaves are divided in a round: rounds cost, too.
+const LEAST_PER_ROUND: f64 = 0.25;
+
+/// Most of it: what is revealed then tells better where to go on.
+const MOST_PER_ROUND: f64 = 0.8;
+
+impl Bake<'_, '_> {
+    /// Divides patches where interpolation is wrong, round by round, until its error is expected to be under `limit`.
+    pub(super) fn refine(&mut self, limit: f64) -> Result<(), BakeError> {
         let sources = self.sources.iter().map(|source| source.shooter.clone());
         let shooters: Vec<Shooter> = sources.chain(self.shooters.iter().cloned()).collect();
         let shortest_edge = super::extent(self.scene) * 2.0_f64.powi(-(self.settings.max_level as i32));
+        self.mesh_obstacle = None;
         loop {
-            let error = MeshError::predict(&self.mesh, &self.irradiance, &self.reflectance);
-            self.mesh_error = error.relative();
-            let limit = self.settings.max_vertices.min(self.settings.row_limit(self.shares.len()));
+            let prediction = self.predict();
+            let error = self.found_per_predicted * prediction.relative();
+            if error <= limit {
+                break;
+            }
+            let row_limit = self.settings.row_limit(self.shares.len());
+            let most = self.settings.max_vertices.min(row_limit);
             // A divided patch brings up to five vertices, and may make its neighbours divide.
-            let room = limit.saturating_sub(self.mesh.vertices.len()) / 5;
+            let room = most.saturating_sub(self.mesh.vertices.len()) / 5;
+            if room == 0 {
+                let cure = if row_limit < self.settings.max_vertices {
+                    "raise --row-memory"
+                } else {
+                    "raise --max-vertices"
+                };
+                self.mesh_obstacle = Some(cure);
+                break;
+            }
             let may_divide = |id: PatchId| self.mesh.size(id) > shortest_edge;
-            let mut worst = error.worst_leaves(self.settings.mesh_error, room, may_divide);
+            let mut worst = prediction.worst_leaves(part_to_divide(error, limit), room, may_divide);
             if worst.is_empty() {
+                self.mesh_obstacle = Some("no patch is left that may be divided");
                 break;
             }
             let first = VertexId(self.mesh.vertices.len() as u32);
@@ -31,17 +57,23 @@ impl Bake<'_> {
             for id in worst {
                 self.mesh.divide(id);
             }
-            self.rounds += 1;
+            self.spent.rounds += 1;
             self.receive(first, &shooters)?;
         }
         self.end_step("refine");
         Ok(())
     }
 
+    /// The error of interpolation as vertices and guiding points tell it.
+    pub(super) fn predict(&self) -> MeshError {
+        let found = self.guides.compare(&self.mesh, &best_fit(&self.mesh, &self.irradiance));
+        MeshError::predict(&self.mesh, &self.irradiance, &self.reflectance, &found)
+    }
+
     /// Irradiance of the vertices from `first` on, from every source and share.
     fn receive(&mut self, first: VertexId, shooters: &[Shooter]) -> Result<(), BakeError> {
         self.office.enter(Phase::Refine, self.mesh.vertices.len());
-        let set = self.office.publish_receivers(&self.mesh, first);
+        let set = self.office.publish_receivers(&receivers(&self.mesh, first));
         let mut rows = self.office.rows(shooters, set)?;
         self.office.release_receivers(set);
         let from_shares = rows.split_off(self.sources.len());
@@ -55,4 +87,11 @@ impl Bake<'_> {
         }
         Ok(())
     }
+}
+
+/// Part of the square error whose leaves are divided in one round. No more than brings the error under the limit, if dividing
+/// takes three quarters of a leaf's square error away; the last rounds then do not go past it.
+fn part_to_divide(error: f64, limit: f64) -> f64 {
+    let excess = 1.0 - (limit / error).powi(2);
+    (excess / GAIN).clamp(LEAST_PER_ROUND, MOST_PER_ROUND)
 }

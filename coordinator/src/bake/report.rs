@@ -14,10 +14,7 @@ const OPEN: f64 = 0.99;
 /// Row sums over this are worth a warning.
 const LARGEST_ROW_SUM: f64 = 1.01;
 
-/// More unshot flux than this after the sweeps is worth a warning.
-const MOST_UNSHOT: f64 = 1e-4;
-
-impl Bake<'_> {
+impl Bake<'_, '_> {
     pub(super) fn report(&self) -> BakeReport {
         let statistics = &self.office.statistics;
         let areas = self.energies.iter().map(|share| share.area);
@@ -33,15 +30,16 @@ impl Bake<'_> {
             factors: statistics.factors,
             sampled_pairs: statistics.sampled_pairs,
             rays: statistics.rays,
-            shots: self.shots,
-            sweeps: self.sweeps,
-            refinement_rounds: self.rounds,
+            shots: self.spent.shots,
+            sweeps: self.spent.sweeps,
+            refinement_rounds: self.spent.rounds,
             unshot_bound: self.unshot_bound,
-            mesh_error: self.mesh_error,
+            error: self.error,
+            restarts: self.spent.restarts,
             balance: self.balance(),
             row_sums,
             busy_seconds: statistics.busy_nanoseconds as f64 * 1e-9,
-            seconds: self.seconds.clone(),
+            seconds: self.spent.seconds.clone(),
         }
     }
 
@@ -56,20 +54,14 @@ impl Bake<'_> {
 
     fn warnings(&self, row_sums: &RowSums) -> Vec<String> {
         let mut warnings = vec![];
-        if self.mesh_error > self.settings.mesh_error {
-            warnings.push(format!(
-                "refinement ended at {:.2} % predicted error of the mesh, not {:.2} %: raise --max-vertices or --row-memory",
-                100.0 * self.mesh_error,
-                100.0 * self.settings.mesh_error
-            ));
-        }
+        warnings.extend(self.obstacle());
         if row_sums.largest > LARGEST_ROW_SUM {
             warnings.push(format!(
                 "form factors of a vertex sum to {:.4}, more than 1: surfaces overlap, or smooth normals bend far",
                 row_sums.largest
             ));
         }
-        if self.unshot_bound > MOST_UNSHOT {
+        if self.unshot_bound > self.settings.threshold {
             warnings.push(format!("the sweeps left {:.1e} of the reflected flux unshot", self.unshot_bound));
         }
         warnings

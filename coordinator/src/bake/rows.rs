@@ -3,13 +3,11 @@
 use std::collections::HashMap;
 
 use shared::protocol::RowStatistics;
-use shared::replica::{Digest, EncodedReplica, encode_receivers};
-use shared::row::{RowRequest, Sampling, Shooter};
+use shared::replica::{Digest, EncodedReplica, Receivers, encode_receivers};
+use shared::row::{Precision, RowRequest, Shooter};
 
-use super::receivers::receivers;
-use super::{BakeSettings, Phase, Progress};
+use super::{Phase, Progress};
 use crate::cluster::{Cluster, FinishedJob, JobId};
-use crate::mesh::{Mesh, VertexId};
 
 /// A job should have about this many pairs of shooter and receiver: some milliseconds of work, so that the message costs
 /// nothing beside it and the end of a batch does not wait for one worker.
@@ -84,7 +82,7 @@ pub struct RowOffice<'a> {
     service: &'a mut dyn RowService,
     report: &'a mut dyn FnMut(&Progress),
     scene: Digest,
-    sampling: Sampling,
+    precision: Precision,
     /// What the caller called each job under way.
     tags: HashMap<JobId, u64>,
     next_job: u64,
@@ -99,7 +97,6 @@ impl<'a> RowOffice<'a> {
         service: &'a mut dyn RowService,
         report: &'a mut dyn FnMut(&Progress),
         scene: EncodedReplica,
-        settings: &BakeSettings,
     ) -> Self {
         let digest = scene.digest;
         service.publish(scene);
@@ -107,12 +104,7 @@ impl<'a> RowOffice<'a> {
             service,
             report,
             scene: digest,
-            sampling: Sampling {
-                rays_per_hemisphere: settings.rays_per_hemisphere,
-                minimum_rays: settings.minimum_rays,
-                maximum_rays: settings.maximum_rays,
-                seed: settings.seed,
-            },
+            precision: Precision::DEFAULT,
             tags: HashMap::new(),
             next_job: 0,
             statistics: RowStatistics::default(),
@@ -127,10 +119,14 @@ impl<'a> RowOffice<'a> {
         }
     }
 
-    /// Publishes the vertices from `first` on.
-    pub fn publish_receivers(&mut self, mesh: &Mesh, first: VertexId) -> ReceiverSet {
-        let receivers = receivers(mesh, first);
-        let replica = encode_receivers(&receivers);
+    /// Rows from now on are made like this.
+    pub fn set_precision(&mut self, precision: Precision) {
+        self.precision = precision;
+    }
+
+    /// Publishes a set of receivers.
+    pub fn publish_receivers(&mut self, receivers: &Receivers) -> ReceiverSet {
+        let replica = encode_receivers(receivers);
         let set = ReceiverSet { digest: replica.digest, count: receivers.receivers.len() };
         self.service.publish(replica);
         set
@@ -143,19 +139,30 @@ impl<'a> RowOffice<'a> {
 
     /// Rows of these shooters over all receivers of a set.
     pub fn rows(&mut self, shooters: &[Shooter], set: ReceiverSet) -> Result<Vec<Vec<f32>>, BakeError> {
+        self.rows_with_variances(shooters, set).map(|(rows, _)| rows)
+    }
+
+    /// Rows of these shooters over all receivers of a set, and the variance that sampling gave each row, summed over it.
+    pub fn rows_with_variances(
+        &mut self,
+        shooters: &[Shooter],
+        set: ReceiverSet,
+    ) -> Result<(Vec<Vec<f32>>, Vec<f64>), BakeError> {
         let per_job = (PAIRS_PER_JOB / set.count.max(1)).max(1);
         self.expect_rows(shooters.len() as u64);
         for (index, some) in shooters.chunks(per_job).enumerate() {
             self.submit((index * per_job) as u64, some.to_vec(), set);
         }
         let mut rows = vec![vec![]; shooters.len()];
+        let mut variances = vec![0.0; shooters.len()];
         while !self.tags.is_empty() {
             let (first, some) = self.next()?;
-            for (place, row) in rows[first as usize..].iter_mut().zip(some) {
-                *place = row;
+            for (i, (row, statistics)) in some.rows.into_iter().zip(some.statistics).enumerate() {
+                rows[first as usize + i] = row;
+                variances[first as usize + i] = statistics.sampling_variance;
             }
         }
-        Ok(rows)
+        Ok((rows, variances))
     }
 
     /// Asks for one job, to be known by `tag`.
@@ -169,24 +176,21 @@ impl<'a> RowOffice<'a> {
             first_receiver: 0,
             receiver_count: set.count as u32,
             shooters,
-            sampling: self.sampling,
+            precision: self.precision,
         };
         self.service.submit(vec![(job, request)]);
     }
 
     /// Waits for the next job, whatever its place: its tag and its rows.
-    pub fn next(&mut self) -> Result<(u64, Vec<Vec<f32>>), BakeError> {
+    pub fn next(&mut self) -> Result<(u64, FinishedJob), BakeError> {
         loop {
             let finished = self.service.next()?;
             if let Some(tag) = self.tags.remove(&finished.job) {
-                self.statistics.rays += finished.statistics.rays;
-                self.statistics.factors += finished.statistics.factors;
-                self.statistics.sampled_pairs += finished.statistics.sampled_pairs;
-                self.statistics.busy_nanoseconds += finished.statistics.busy_nanoseconds;
+                finished.statistics.iter().for_each(|row| add(&mut self.statistics, row));
                 self.progress.rows += finished.rows.len() as u64;
                 self.progress.rays = self.statistics.rays;
                 (self.report)(&self.progress);
-                return Ok((tag, finished.rows));
+                return Ok((tag, finished));
             }
         }
     }
@@ -212,4 +216,16 @@ impl<'a> RowOffice<'a> {
     pub fn set_unshot(&mut self, unshot: f64) {
         self.progress.unshot = unshot;
     }
+}
+
+fn add(sum: &mut RowStatistics, row: &RowStatistics) {
+    sum.rays += row.rays;
+    sum.pairs += row.pairs;
+    sum.factors += row.factors;
+    sum.occluded_pairs += row.occluded_pairs;
+    sum.sampled_pairs += row.sampled_pairs;
+    sum.busy_nanoseconds += row.busy_nanoseconds;
+    sum.sampling_variance += row.sampling_variance;
+    sum.factor_sum += row.factor_sum;
+    sum.factor_error_sum += row.factor_error_sum;
 }

@@ -9,7 +9,7 @@ use crate::solver::sweeps::Transfer;
 /// A share of which less than this part is exposed takes the value at its vertex.
 const LEAST_EXPOSED: f64 = 0.1;
 
-impl Bake<'_> {
+impl Bake<'_, '_> {
     /// Solves again with each share's radiosity taken as the mean over its part of the refined mesh instead of the value at
     /// its vertex: the better figure where a shadow line or a hot spot lies inside the share. No new rows are needed.
     pub(super) fn settle(&mut self) -> Result<(), BakeError> {

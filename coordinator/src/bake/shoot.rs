@@ -3,23 +3,24 @@
 use glam::DVec3;
 use shared::row::Shooter;
 
-use super::{Bake, BakeError, Phase};
+use super::checks::Checks;
+use super::{Bake, BakeError, Phase, light};
 use crate::solver::shooting::Shooting;
 use crate::solver::sweeps::{Transfer, solve};
 use crate::solver::{ShareId, add_row};
 
-/// Accuracy to which sweeps solve, relative to the reflected flux: far below every other error.
-const SWEEP_TOLERANCE: f64 = 1e-7;
+/// Shooting ends here at the latest: with all rows that matter at hand, sweeps finish faster than more shots would.
+const LEAST_SHOOTING: f64 = 1e-3;
 
 /// Sweeps end here even if the accuracy was not reached; the bound is reported.
 const MAX_SWEEPS: u32 = 1000;
 
-impl Bake<'_> {
+impl Bake<'_, '_> {
     /// Shooting, then the rows that no shot needed, then sweeps.
     pub(super) fn shoot(&mut self) -> Result<(), BakeError> {
         self.office.enter(Phase::Shoot, self.mesh.vertices.len());
         self.office.expect_rows(self.shooters.len() as u64);
-        let threshold = self.settings.threshold;
+        let threshold = self.settings.threshold.max(LEAST_SHOOTING);
         let mut shooting =
             Shooting::new(self.energies.clone(), self.direct.clone(), self.settings.window, threshold);
         let mut wanted = shooting.start();
@@ -28,13 +29,16 @@ impl Bake<'_> {
                 let shooter = self.shooters[share.index()].clone();
                 self.office.submit(u64::from(share.0), vec![shooter], self.coarse);
             }
-            let (tag, mut rows) = self.office.next()?;
-            wanted = shooting.row_arrived(ShareId(tag as u32), rows.pop().unwrap_or_default());
+            let (tag, mut finished) = self.office.next()?;
+            wanted = shooting.row_arrived(ShareId(tag as u32), finished.rows.pop().unwrap_or_default());
             self.office.set_unshot(shooting.progress().unshot);
         }
-        self.shots = shooting.progress().shots;
+        self.spent.shots += shooting.progress().shots;
         let (shot, rows) = shooting.into_parts();
         self.rows = self.missing_rows(rows)?;
+        let mut guides = std::mem::take(&mut self.guides);
+        self.light_checks(&mut guides)?;
+        self.guides = guides;
         let transfer = Transfer {
             columns: self
                 .rows
@@ -48,6 +52,24 @@ impl Bake<'_> {
         let direct: Vec<DVec3> = self.energies.iter().map(|share| self.direct[share.receiver]).collect();
         self.solve(&transfer, &direct, shot)?;
         self.end_step("shoot");
+        Ok(())
+    }
+
+    /// Rows of all light sources and shares over the check points.
+    pub(super) fn light_checks(&mut self, checks: &mut Checks) -> Result<(), BakeError> {
+        let count = checks.count();
+        if count == 0 {
+            return Ok(());
+        }
+        let set = self.office.publish_receivers(&checks.receivers(count));
+        let sources = self.sources.iter().map(|source| source.shooter.clone());
+        let shooters: Vec<Shooter> = self.shooters.iter().cloned().chain(sources).collect();
+        let (mut rows, variances) = self.office.rows_with_variances(&shooters, set)?;
+        self.office.release_receivers(set);
+        let lit = rows.split_off(self.shares.len());
+        let mut direct = vec![DVec3::ZERO; count];
+        light::add(&mut direct, &self.sources, &lit);
+        checks.set_rows(direct, rows, variances);
         Ok(())
     }
 
@@ -70,12 +92,13 @@ impl Bake<'_> {
         direct: &[DVec3],
         guess: Vec<DVec3>,
     ) -> Result<(), BakeError> {
-        let solution = solve(&self.energies, transfer, direct, guess, SWEEP_TOLERANCE, MAX_SWEEPS);
-        self.sweeps += solution.sweeps;
+        let solution = solve(&self.energies, transfer, direct, guess, self.settings.threshold, MAX_SWEEPS);
+        self.spent.sweeps += solution.sweeps;
         self.unshot_bound = solution.missing;
         self.unshot = solution.unshot;
         self.office.set_unshot(solution.missing);
         self.radiosity = solution.radiosity;
+        self.guides.gather(&self.radiosity);
         self.irradiance = self.direct.clone();
         for (row, radiosity) in self.rows.iter().zip(&self.radiosity) {
             add_row(&mut self.irradiance, row, *radiosity);

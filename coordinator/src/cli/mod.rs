@@ -1,6 +1,7 @@
 //! The command line.
 
 mod compare;
+mod knobs;
 mod progress;
 mod report;
 mod solve;

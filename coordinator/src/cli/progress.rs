@@ -32,6 +32,7 @@ impl ProgressLine {
             Phase::Light => "light",
             Phase::Shoot => "shoot",
             Phase::Refine => "refine",
+            Phase::Measure => "measure",
             Phase::Settle => "settle",
         };
         let part = progress.rows as f64 / progress.rows_needed.max(1) as f64;

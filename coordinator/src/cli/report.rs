@@ -57,7 +57,20 @@ impl Summary<'_> {
             ),
         );
         row("unshot bound", format!("{:.1e} of the reflected flux", bake.unshot_bound));
-        row("mesh error", format!("{:.2} % predicted", bake.mesh_error * 100.0));
+        let error = &bake.error;
+        row(
+            "error, estimated",
+            format!(
+                "{:.2} %: mesh {:.2} % (receivers {:.2} %, shooters {:.2} %), visibility {:.2} %, form factors {:.0e}, unshot {:.0e}",
+                100.0 * error.total,
+                100.0 * error.mesh,
+                100.0 * error.receivers,
+                100.0 * error.shooters,
+                100.0 * error.visibility,
+                error.form_factors,
+                error.unshot
+            ),
+        );
         let sums = &bake.row_sums;
         row("row sums", format!("mean {:.4}, {:.4} to {:.4}", sums.mean, sums.least, sums.largest));
         let classes = ["<.5", ".5", ".9", ".99", ".999", ">1.001"].iter().zip(&sums.histogram);

@@ -4,12 +4,13 @@ use std::time::Instant;
 use anyhow::Context;
 use atomic_write_file::AtomicWriteFile;
 use clap::Args;
-use coordinator::bake::{BakeSettings, bake};
+use coordinator::bake::bake;
 use coordinator::cluster::{Cluster, Workers};
 use coordinator::export::{ExportSettings, check_writable, export};
 use coordinator::import::{ImportOptions, import};
 use serde_json::json;
 
+use super::knobs::{Knobs, positive};
 use super::progress::ProgressLine;
 use super::report::Summary;
 
@@ -31,76 +32,6 @@ pub struct SolveArguments {
     unit: String,
     #[command(flatten)]
     knobs: Knobs,
-}
-
-/// Knobs of the bake.
-#[derive(Args)]
-struct Knobs {
-    /// Longest edge of a shooting patch, relative to the scene's extent.
-    #[arg(long, default_value_t = BakeSettings::default().shooter_edge, value_parser = proportion)]
-    shooter_edge: f64,
-    /// Interpolation error at which refinement ends: relative L2 of the radiosity.
-    #[arg(long, default_value_t = BakeSettings::default().mesh_error, value_parser = positive)]
-    mesh_error: f64,
-    /// Refinement also ends at this number of vertices.
-    #[arg(long, default_value_t = BakeSettings::default().max_vertices)]
-    max_vertices: usize,
-    /// Memory for rows, in MiB: 4 bytes for each pair of shooting vertex and vertex. Refinement also ends when it is full.
-    #[arg(long, default_value_t = BakeSettings::default().row_memory)]
-    row_memory: usize,
-    /// Shooting ends when rho / (1 - rho) x unshot flux is under this part of the reflected flux; sweeps do the rest.
-    #[arg(long, default_value_t = BakeSettings::default().threshold, value_parser = positive)]
-    threshold: f64,
-    /// Shot n is chosen from the state after shot n - WINDOW. Part of the answer, whatever the workers.
-    #[arg(long, default_value_t = BakeSettings::default().window, value_parser = at_least_one)]
-    window: usize,
-    /// Rays that a vertex spends on a hemisphere of shafts too crowded to be cut exactly.
-    #[arg(long, default_value_t = BakeSettings::default().rays_per_hemisphere)]
-    rays: u32,
-    /// Seed of all rays.
-    #[arg(long, default_value_t = BakeSettings::default().seed)]
-    seed: u64,
-    /// Weigh point lights by the cosine of a horizontal plane through them instead of evenly by solid angle.
-    #[arg(long)]
-    planar_point_lights: bool,
-}
-
-fn positive(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value > 0.0 && value.is_finite() => Ok(value),
-        _ => Err("must be a positive number".into()),
-    }
-}
-
-fn proportion(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if (1e-3..=1.0).contains(&value) => Ok(value),
-        _ => Err("must be a number from 0.001 to 1".into()),
-    }
-}
-
-fn at_least_one(text: &str) -> Result<usize, String> {
-    match text.parse() {
-        Ok(0) | Err(_) => Err("must be a whole number from 1".into()),
-        Ok(value) => Ok(value),
-    }
-}
-
-impl Knobs {
-    fn settings(&self) -> BakeSettings {
-        BakeSettings {
-            shooter_edge: self.shooter_edge,
-            mesh_error: self.mesh_error,
-            max_vertices: self.max_vertices,
-            row_memory: self.row_memory,
-            threshold: self.threshold,
-            window: self.window,
-            rays_per_hemisphere: self.rays,
-            seed: self.seed,
-            planar_point_lights: self.planar_point_lights,
-            ..BakeSettings::default()
-        }
-    }
 }
 
 /// Bakes one file.

@@ -56,8 +56,8 @@ pub struct FinishedJob {
     pub job: JobId,
     /// One row for each shooter of the request, each with a factor for each receiver of its range.
     pub rows: Vec<Vec<f32>>,
-    /// What they cost.
-    pub statistics: RowStatistics,
+    /// What each of them cost.
+    pub statistics: Vec<RowStatistics>,
 }
 
 /// What a worker did.

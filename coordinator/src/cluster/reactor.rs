@@ -151,8 +151,10 @@ impl Reactor {
             if let Some(summary) = self.summaries.get_mut(&worker) {
                 summary.jobs += 1;
                 summary.rows += rows.len() as u64;
-                summary.rays += statistics.rays;
-                summary.busy += Duration::from_nanos(statistics.busy_nanoseconds);
+                for statistics in &statistics {
+                    summary.rays += statistics.rays;
+                    summary.busy += Duration::from_nanos(statistics.busy_nanoseconds);
+                }
                 summary.bytes_received += bytes;
             }
             self.requests.remove(&job);

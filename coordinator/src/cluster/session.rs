@@ -65,7 +65,7 @@ pub(super) enum News {
 pub(super) struct Answer {
     pub job: JobId,
     pub rows: Vec<Vec<f32>>,
-    pub statistics: RowStatistics,
+    pub statistics: Vec<RowStatistics>,
     /// Length of the rows as they came, in bytes.
     pub bytes: u64,
 }
@@ -212,6 +212,10 @@ fn decode(request: &RowRequest, finished: &Finished) -> Result<Answer, String> {
     if found != expected {
         return Err(format!("{found} rows for job {job}, which asks for {expected}"));
     }
+    let costs = finished.statistics.len();
+    if costs != expected {
+        return Err(format!("statistics of {costs} rows for job {job}, which asks for {expected}"));
+    }
     let decode = |bytes: &tonic::codegen::Bytes| {
         let mut row = vec![];
         decode_row(bytes, request.receiver_count as usize, &mut row).map(|()| row)
@@ -220,7 +224,7 @@ fn decode(request: &RowRequest, finished: &Finished) -> Result<Answer, String> {
     Ok(Answer {
         job,
         rows: rows.map_err(|error| format!("job {job}: {error}"))?,
-        statistics: finished.statistics.ok_or_else(|| format!("job {job} without its statistics"))?,
+        statistics: finished.statistics.clone(),
         bytes: finished.rows.iter().map(|row| row.len() as u64).sum(),
     })
 }

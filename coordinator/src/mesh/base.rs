@@ -13,7 +13,7 @@ impl Mesh {
     /// `extent` is the scene's. Lengths are in frame units.
     #[must_use]
     pub fn new(scene: &Scene, extent: f64, longest_edge: f64, max_level: u32) -> Self {
-        let contacts = contacts(scene, extent);
+        let contacts = contacts(scene, extent, longest_edge / 16.0);
         let mut welder = Welder::default();
         let mut places = vec![];
         for (surface_index, surface) in scene.surfaces.iter().enumerate() {

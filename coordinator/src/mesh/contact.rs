@@ -11,7 +11,7 @@ use obvhs::aabb::Aabb;
 use obvhs::bvh2::builder::build_bvh2;
 
 use super::WELD;
-use crate::scene::{Facet, Scene, Side};
+use crate::scene::{Corner, Facet, Scene, Side};
 
 /// Shorter contacts than this part of the scene's extent are not worth an edge.
 const SHORTEST: f64 = 2e-3;
@@ -34,18 +34,19 @@ impl Boundable for FacetBox<'_> {
 }
 
 /// The contacts of every facet, in the order of surfaces and facets; longest first.
-pub fn contacts(scene: &Scene, extent: f64) -> Vec<Vec<Vec<Contact>>> {
+pub fn contacts(scene: &Scene, extent: f64, gap: f64) -> Vec<Vec<Vec<Contact>>> {
     let boxed = |facet| FacetBox { facet, aabb: facet_box(facet) };
     let risers: Vec<FacetBox> =
         scene.surfaces.iter().filter(|s| s.side == Side::Front).flat_map(|s| &s.facets).map(boxed).collect();
     let bvh = build_bvh2(&risers, BvhBuildParams::fast_build(), &mut Default::default());
     let of_facet = |facet: &Facet| {
         let mut found = vec![];
-        bvh.aabb_traverse(facet_box(facet), |bvh, node| {
+        bvh.aabb_traverse(grown(facet_box(facet), gap), |bvh, node| {
             let node = &bvh.nodes[node as usize];
             for index in &bvh.primitive_indices[node.first_index as usize..][..node.prim_count as usize] {
-                let line = contact(facet, risers[*index as usize].facet);
-                found.extend(line.filter(|line| line[0].distance(line[1]) >= SHORTEST * extent));
+                let riser = risers[*index as usize].facet;
+                let lines = contact(facet, riser).into_iter().chain(hovering_edges(facet, riser, gap));
+                found.extend(lines.filter(|line| line[0].distance(line[1]) >= SHORTEST * extent));
             }
             true
         });
@@ -61,8 +62,23 @@ pub fn contacts(scene: &Scene, extent: f64) -> Vec<Vec<Vec<Contact>>> {
 fn facet_box(facet: &Facet) -> Aabb {
     let points: Vec<_> = facet.corners.iter().map(|corner| corner.position.as_vec3a()).collect();
     let tight = Aabb::from_points(&points);
-    let margin = glam::Vec3A::splat(2.0 * WELD as f32);
-    Aabb::new(tight.min - margin, tight.max + margin)
+    grown(tight, 2.0 * WELD)
+}
+
+fn grown(aabb: Aabb, by: f64) -> Aabb {
+    let margin = glam::Vec3A::splat(by as f32);
+    Aabb::new(aabb.min - margin, aabb.max + margin)
+}
+
+/// The edges of `riser` that hover over the front of `facet`, no higher than `gap`, as they stand over it.
+fn hovering_edges(facet: &Facet, riser: &Facet, gap: f64) -> Vec<Contact> {
+    let origin = facet.corners[0].position;
+    let height = |corner: &Corner| facet.normal.dot(corner.position - origin);
+    let hovers = |corner: &Corner| (WELD..=gap).contains(&height(corner));
+    let foot = |corner: &Corner| corner.position - facet.normal * height(corner);
+    let next = riser.corners.iter().cycle().skip(1);
+    let edges = riser.corners.iter().zip(next).filter(|(a, b)| hovers(a) && hovers(b));
+    edges.filter_map(|(a, b)| clip_to_facet([foot(a), foot(b)], facet)).collect()
 }
 
 /// The line along which `riser` rises from the front of `facet`.

@@ -9,12 +9,14 @@
 //! | `subdivision` | divides patches, keeping neighbours within one level of each other |
 //! | `shares` | deals the patches out among their vertices |
 //! | `triangulation` | the leaves as triangles without cracks |
+//! | `locate` | the leaf and the triangle under a point |
 //!
 //! Vertices are points with one normal: facets that meet at a crease have vertices of their own there. They are only ever
 //! added, so an index stays valid and the vertices of a coarse mesh are the first of the refined one.
 
 mod base;
 mod contact;
+mod locate;
 mod pieces;
 mod shares;
 mod subdivision;
@@ -27,6 +29,7 @@ use glam::DVec3;
 use shared::geometry::PlaneId;
 use smallvec::SmallVec;
 
+pub use locate::{Interpolation, interpolation};
 pub use shares::{Share, Surroundings, surroundings};
 pub use triangulation::triangulate;
 

@@ -10,13 +10,23 @@ use crate::lit::LitTriangle;
 pub fn triangulate(mesh: &Mesh, surfaces: usize, value: impl Fn(VertexId) -> DVec3) -> Vec<Vec<LitTriangle>> {
     let mut triangles = vec![vec![]; surfaces];
     for (id, patch) in mesh.leaves() {
-        let outline = outline(mesh, id);
-        for [a, b, c] in triangulate_outline(mesh, &outline, &value) {
-            let vertices = [a, b, c].map(|i| outline[i].0);
-            triangles[patch.surface as usize].push(LitTriangle { facet: patch.facet, vertices });
-        }
+        let own = triangulate_leaf(mesh, id, &value).into_iter();
+        triangles[patch.surface as usize].extend(
+            own.map(|corners| LitTriangle { facet: patch.facet, vertices: corners.map(|corner| corner.0) }),
+        );
     }
     triangles
+}
+
+/// The triangles of one leaf.
+pub(super) fn triangulate_leaf(
+    mesh: &Mesh,
+    id: PatchId,
+    value: &impl Fn(VertexId) -> DVec3,
+) -> Vec<[VertexId; 3]> {
+    let outline = outline(mesh, id);
+    let triangles = triangulate_outline(mesh, &outline, value);
+    triangles.into_iter().map(|corners| corners.map(|corner| outline[corner])).collect()
 }
 
 /// Corners of a leaf with the vertices that finer neighbours have on its edges.

@@ -4,6 +4,8 @@
 //! error that its parent had, and from how that fell since the parent's own parent, the error of each leaf is predicted; the
 //! leaves that hold most of it are divided next. Light that is steep but linear is left alone.
 
+use std::collections::HashMap;
+
 use glam::DVec3;
 
 use crate::mesh::{Mesh, PatchId};
@@ -18,9 +20,6 @@ const LEAST_WEIGHT: f64 = 0.05;
 /// Decay taken where only one level is known.
 const FIRST_DECAY: f64 = 0.25;
 
-/// Part of the predicted error that the leaves divided in one round hold.
-const PART_PER_ROUND: f64 = 0.8;
-
 /// Predicted interpolation error of a mesh.
 pub struct MeshError {
     /// Per leaf: predicted square error, integrated over its area.
@@ -31,14 +30,25 @@ pub struct MeshError {
 
 impl MeshError {
     /// Predicts the error of `irradiance` (one value per vertex) on the mesh, as radiosity: weighted by the reflectance of
-    /// each surface.
+    /// each surface. `found` are errors of the radiosity that were measured inside leaves: where vertices missed something, they
+    /// say so.
     #[must_use]
-    pub fn predict(mesh: &Mesh, irradiance: &[DVec3], reflectance: &[DVec3]) -> Self {
+    pub fn predict(
+        mesh: &Mesh,
+        irradiance: &[DVec3],
+        reflectance: &[DVec3],
+        found: &[(PatchId, DVec3)],
+    ) -> Self {
         let mut revealed: Vec<Option<Revealed>> = mesh.patches.iter().map(|_| None).collect();
         for (index, patch) in mesh.patches.iter().enumerate() {
             if patch.first_child.is_some() {
                 revealed[index] = Some(revealed_errors(mesh, PatchId(index as u32), irradiance));
             }
+        }
+        let mut measured: HashMap<PatchId, f64> = HashMap::new();
+        for (leaf, error) in found {
+            let largest = measured.entry(*leaf).or_default();
+            *largest = largest.max(error.length_squared());
         }
         let (mut leaves, mut norm) = (vec![], 0.0);
         for (id, patch) in mesh.leaves() {
@@ -62,9 +72,16 @@ impl MeshError {
                 }
                 None => spread(corners) / 16.0,
             };
+            let error = error.max(measured.get(&id).copied().unwrap_or(0.0));
             leaves.push((id, error * patch.area));
         }
         Self { leaves, norm }
+    }
+
+    /// Predicted square error of each leaf, integrated over its area.
+    #[must_use]
+    pub fn leaves(&self) -> &[(PatchId, f64)] {
+        &self.leaves
     }
 
     /// Relative L2 error of the radiosity.
@@ -74,17 +91,14 @@ impl MeshError {
         if self.norm > 0.0 { (total / self.norm).sqrt() } else { 0.0 }
     }
 
-    /// The leaves to divide next, by falling error; none when the error is under `target`. At most `limit` of them.
+    /// The leaves to divide next, by falling error: those that hold this part of the square error. At most `limit` of them.
     #[must_use]
     pub fn worst_leaves(
         &self,
-        target: f64,
+        part: f64,
         limit: usize,
         may_divide: impl Fn(PatchId) -> bool,
     ) -> Vec<PatchId> {
-        if self.relative() <= target {
-            return vec![];
-        }
         let mut leaves: Vec<_> =
             self.leaves.iter().copied().filter(|leaf| leaf.1 > 0.0 && may_divide(leaf.0)).collect();
         leaves.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
@@ -93,7 +107,7 @@ impl MeshError {
         leaves
             .into_iter()
             .take_while(|leaf| {
-                let wanted = held < PART_PER_ROUND * total;
+                let wanted = held < part * total;
                 held += leaf.1;
                 wanted
             })

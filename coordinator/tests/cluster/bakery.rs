@@ -7,7 +7,7 @@ use glam::DVec3;
 use shared::geometry::{ConvexPolygon, PlaneId};
 use shared::protocol::RowJob;
 use shared::replica::{Digest, EncodedReplica, Receiver, Receivers, encode_receivers, encode_scene};
-use shared::row::{RowRequest, Sampling, Shape, Shooter, encode_row};
+use shared::row::{Precision, RowRequest, Shape, Shooter, encode_row};
 use worker::engine::{Scene, compute_row};
 
 /// A small scene, and jobs that it gives.
@@ -56,7 +56,13 @@ impl Bakery {
             first_receiver,
             receiver_count: 50,
             shooters: [1, 3, 5].map(shooter).to_vec(),
-            sampling: Sampling { rays_per_hemisphere: 4096, minimum_rays: 16, maximum_rays: 256, seed: 7 },
+            precision: Precision {
+                rays_per_hemisphere: 4096,
+                minimum_rays: 16,
+                maximum_rays: 256,
+                seed: 7,
+                ..Precision::DEFAULT
+            },
         };
         (0..40).map(request).collect()
     }
@@ -68,7 +74,7 @@ impl Bakery {
             let first = request.first_receiver as usize;
             let receivers = &self.receivers.receivers[first..first + request.receiver_count as usize];
             let first_key = self.receivers.first_key + u64::from(request.first_receiver);
-            let row = |shooter| compute_row(&scene, receivers, first_key, shooter, &request.sampling).0;
+            let row = |shooter| compute_row(&scene, receivers, first_key, shooter, &request.precision).0;
             request.shooters.iter().map(row).collect()
         };
         (0..).zip(self.requests().into_iter().map(rows)).collect()

@@ -8,7 +8,7 @@ use std::time::Duration;
 use coordinator::cluster::{Cluster, ClusterError, JobId, Workers};
 use coordinator::scheduler::Abandonment;
 use shared::protocol::worker_message::Body;
-use shared::protocol::{FailureReason, Finished, JobFailed, RowStatistics};
+use shared::protocol::{FailureReason, Finished, JobFailed, RowJob, RowStatistics};
 use shared::replica::Digest;
 use shared::row::RowRequest;
 
@@ -132,16 +132,15 @@ fn garbage_costs_a_worker_its_place_and_no_job_its_rows() {
     let bakery = Bakery::new();
     let finished = |job_id, rows, statistics| Some(Body::Finished(Finished { job_id, rows, statistics }));
     let honest = Server::real();
+    let costs = |job: &RowJob| vec![RowStatistics::default(); job.shooters.len()];
     let liars = [
         // No row, a row of no length, statistics missing, the answer to another job.
-        Server::fake_worker(move |job| finished(job.job_id, vec![], Some(RowStatistics::default()))),
+        Server::fake_worker(move |job| finished(job.job_id, vec![], costs(job))),
         Server::fake_worker(move |job| {
-            finished(job.job_id, vec![Default::default(); job.shooters.len()], Some(RowStatistics::default()))
+            finished(job.job_id, vec![Default::default(); job.shooters.len()], costs(job))
         }),
-        Server::fake_worker(move |job| finished(job.job_id, bakery::dark_rows(job), None)),
-        Server::fake_worker(move |job| {
-            finished(job.job_id + 1000, bakery::dark_rows(job), Some(RowStatistics::default()))
-        }),
+        Server::fake_worker(move |job| finished(job.job_id, bakery::dark_rows(job), vec![])),
+        Server::fake_worker(move |job| finished(job.job_id + 1000, bakery::dark_rows(job), costs(job))),
     ];
     for liar in &liars {
         let mut alone = cluster(&[liar], &bakery);

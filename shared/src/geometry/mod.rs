@@ -4,7 +4,7 @@ mod clip;
 mod polygon;
 
 pub use clip::{Corners, clip, clip_by_plane};
-pub use polygon::{ConvexPolygon, area_vector};
+pub use polygon::{ConvexPolygon, area_vector, uniform_point};
 
 /// Number of a plane of the scene. Polygons that lie in one plane, whichever way they face, share it: they can neither
 /// see nor block each other.

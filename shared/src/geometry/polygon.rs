@@ -43,3 +43,25 @@ pub fn area_vector(corners: &[DVec3]) -> DVec3 {
     let Some((&origin, rest)) = corners.split_first() else { return DVec3::ZERO };
     rest.windows(2).map(|pair| (pair[0] - origin).cross(pair[1] - origin)).sum::<DVec3>() * 0.5
 }
+
+/// Maps the unit square to a convex polygon of three corners or more, uniformly: `x` chooses a triangle of the fan by area
+/// and is used again in it.
+#[must_use]
+pub fn uniform_point(corners: &[DVec3], x: f64, y: f64) -> DVec3 {
+    let origin = corners[0];
+    let doubled = |pair: &[DVec3]| (pair[0] - origin).cross(pair[1] - origin).length();
+    let total: f64 = corners[1..].windows(2).map(doubled).sum();
+    let mut left = x * total;
+    let mut chosen = (&corners[1..3], 0.0);
+    for pair in corners[1..].windows(2) {
+        let area = doubled(pair);
+        chosen = (pair, (left / area).clamp(0.0, 1.0));
+        if left < area {
+            break;
+        }
+        left -= area;
+    }
+    let (pair, x) = chosen;
+    let root = x.sqrt();
+    origin * (1.0 - root) + pair[0] * (root * (1.0 - y)) + pair[1] * (root * y)
+}

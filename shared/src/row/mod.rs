@@ -9,4 +9,4 @@ mod codec;
 mod request;
 
 pub use codec::{RowDecodeError, decode_row, encode_row};
-pub use request::{RequestError, RowRequest, Sampling, Shape, Shooter};
+pub use request::{Precision, RequestError, RowRequest, Shape, Shooter};

@@ -17,8 +17,8 @@ pub struct RowRequest {
     pub receiver_count: u32,
     /// One row each.
     pub shooters: Vec<Shooter>,
-    /// What visibility may cost.
-    pub sampling: Sampling,
+    /// How exactly to compute them.
+    pub precision: Precision,
 }
 
 /// What light leaves from.
@@ -41,9 +41,9 @@ pub enum Shape {
     PlanarPoint(DVec3),
 }
 
-/// How visibility is sampled.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Sampling {
+/// How exactly rows are computed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Precision {
     /// Rays spent on a whole hemisphere; a pair gets its form factor's part.
     pub rays_per_hemisphere: u32,
     /// Least number of rays for a pair that could be blocked; a power of two.
@@ -52,6 +52,54 @@ pub struct Sampling {
     pub maximum_rays: u32,
     /// Another seed is another, independent draw of all rays.
     pub seed: u64,
+    /// Visibility through a shaft with more occluders than this is sampled with rays; that through others is computed.
+    pub exact_occluders: u32,
+    /// Relative error that a form factor may have before occlusion: distant polygons may then be taken for points.
+    pub form_factor_error: f64,
+}
+
+impl Precision {
+    /// What a bake uses unless it is told otherwise.
+    pub const DEFAULT: Self = Self {
+        rays_per_hemisphere: 1024,
+        minimum_rays: 4,
+        maximum_rays: 256,
+        seed: 0,
+        exact_occluders: 40,
+        form_factor_error: 1e-5,
+    };
+
+    fn to_message(self) -> protocol::Precision {
+        protocol::Precision {
+            rays_per_hemisphere: self.rays_per_hemisphere,
+            minimum_rays: self.minimum_rays,
+            maximum_rays: self.maximum_rays,
+            seed: self.seed,
+            exact_occluders: self.exact_occluders,
+            form_factor_error: self.form_factor_error,
+        }
+    }
+
+    fn from_message(message: &protocol::Precision) -> Result<Self, RequestError> {
+        let powers = message.minimum_rays.is_power_of_two() && message.maximum_rays.is_power_of_two();
+        // The sequence of sample points ends at 2^16.
+        if !powers || message.maximum_rays > 1 << 16 || message.minimum_rays > message.maximum_rays {
+            return Err(RequestError::Invalid(
+                "numbers of rays are powers of two up to 65536, least before largest",
+            ));
+        }
+        if !(0.0..1.0).contains(&message.form_factor_error) {
+            return Err(RequestError::Invalid("the error of form factors is a part of them, from 0 to 1"));
+        }
+        Ok(Self {
+            rays_per_hemisphere: message.rays_per_hemisphere,
+            minimum_rays: message.minimum_rays,
+            maximum_rays: message.maximum_rays,
+            seed: message.seed,
+            exact_occluders: message.exact_occluders,
+            form_factor_error: message.form_factor_error,
+        })
+    }
 }
 
 /// Why a job is not a request for rows.
@@ -76,40 +124,23 @@ impl RowRequest {
             first_receiver: self.first_receiver,
             receiver_count: self.receiver_count,
             shooters: self.shooters.iter().map(Shooter::to_message).collect(),
-            sampling: Some(protocol::Sampling {
-                rays_per_hemisphere: self.sampling.rays_per_hemisphere,
-                minimum_rays: self.sampling.minimum_rays,
-                maximum_rays: self.sampling.maximum_rays,
-                seed: self.sampling.seed,
-            }),
+            precision: Some(self.precision.to_message()),
         }
     }
 
     /// Reads a request that came over the network.
     ///
     /// # Errors
-    /// When a part is missing, a coordinate is not finite or the sampling is out of range.
+    /// When a part is missing, a coordinate is not finite or the precision is out of range.
     pub fn from_job(job: &protocol::RowJob) -> Result<Self, RequestError> {
-        let sampling = job.sampling.ok_or(RequestError::Invalid("sampling is missing"))?;
-        let powers = sampling.minimum_rays.is_power_of_two() && sampling.maximum_rays.is_power_of_two();
-        // The sequence of sample points ends at 2^16.
-        if !powers || sampling.maximum_rays > 1 << 16 || sampling.minimum_rays > sampling.maximum_rays {
-            return Err(RequestError::Invalid(
-                "numbers of rays are powers of two up to 65536, least before largest",
-            ));
-        }
+        let precision = job.precision.as_ref().ok_or(RequestError::Invalid("precision is missing"))?;
         Ok(Self {
             scene: Digest::try_from(job.scene_digest.as_ref())?,
             receivers: Digest::try_from(job.receivers_digest.as_ref())?,
             first_receiver: job.first_receiver,
             receiver_count: job.receiver_count,
             shooters: job.shooters.iter().map(Shooter::from_message).collect::<Result<_, _>>()?,
-            sampling: Sampling {
-                rays_per_hemisphere: sampling.rays_per_hemisphere,
-                minimum_rays: sampling.minimum_rays,
-                maximum_rays: sampling.maximum_rays,
-                seed: sampling.seed,
-            },
+            precision: Precision::from_message(precision)?,
         })
     }
 }

@@ -15,12 +15,9 @@ use crate::geometry::Corners;
 use crate::occluder::{Blockage, Bounds, Bundle, Occluder, Shaft};
 use crate::protocol::RowStatistics;
 use crate::replica::Receiver;
-use crate::row::Sampling;
+use crate::row::Precision;
 
 pub use sample::pair_seed;
-
-/// With more occluders than this in a shaft, rays are cheaper than cutting.
-const MAX_BLOCKERS: usize = 40;
 
 /// With more pieces than this, rays are cheaper than cutting on.
 const MAX_PIECES: usize = 64;
@@ -31,7 +28,7 @@ const MAX_CANDIDATES: usize = 96;
 /// Computes visible form factors from groups of receivers to one polygon; keeps its buffers from pair to pair.
 pub struct VisibilityKernel<'a> {
     occluder: &'a Occluder,
-    sampling: &'a Sampling,
+    precision: &'a Precision,
     candidates: Vec<u32>,
     blockers: Vec<Corners>,
     pieces: Vec<Corners>,
@@ -41,8 +38,8 @@ pub struct VisibilityKernel<'a> {
 impl<'a> VisibilityKernel<'a> {
     /// A kernel for these occluders.
     #[must_use]
-    pub fn new(occluder: &'a Occluder, sampling: &'a Sampling) -> Self {
-        Self { occluder, sampling, candidates: vec![], blockers: vec![], pieces: vec![], scratch: vec![] }
+    pub fn new(occluder: &'a Occluder, precision: &'a Precision) -> Self {
+        Self { occluder, precision, candidates: vec![], blockers: vec![], pieces: vec![], scratch: vec![] }
     }
 
     /// Adds the visible form factor of each receiver's point to a polygon to `factors`. `seeds` are the pairs' own (see
@@ -57,11 +54,15 @@ impl<'a> VisibilityKernel<'a> {
     ) {
         let mut is_prepared = false;
         for (index, (receiver, factor)) in receivers.iter().zip(factors).enumerate() {
+            statistics.pairs += 1;
             if receiver.plane == polygon.plane() {
                 continue;
             }
-            let Some(view) = polygon.view(receiver.position, receiver.normal) else { continue };
+            let tolerance = self.precision.form_factor_error;
+            let Some(view) = polygon.view(receiver.position, receiver.normal, tolerance) else { continue };
             statistics.factors += 1;
+            statistics.factor_sum += view.factor;
+            statistics.factor_error_sum += view.error;
             if !is_prepared {
                 self.prepare(receivers, polygon);
                 is_prepared = true;
@@ -92,25 +93,30 @@ impl<'a> VisibilityKernel<'a> {
         let candidates = (self.candidates.len() <= MAX_CANDIDATES).then_some(self.candidates.as_slice());
         match self.occluder.collect_blockers(&shaft, candidates, &mut self.blockers) {
             Blockage::Free => return view.factor,
-            Blockage::Full => return 0.0,
+            Blockage::Full => {
+                statistics.occluded_pairs += 1;
+                return 0.0;
+            }
             Blockage::Partial => {}
         }
+        statistics.occluded_pairs += 1;
         if let Some(visible) = self.cut_factor(receiver.normal, view) {
             return visible;
         }
         statistics.sampled_pairs += 1;
         let blocked =
             |target: DVec3| self.occluder.blocks(receiver.position, receiver.position + target, planes);
-        let rays = sample::ray_count(view.factor, self.sampling);
+        let rays = sample::ray_count(view.factor, self.precision);
         let sample =
             sample::sample_visibility(&view.corners, receiver.normal, polygon.normal(), rays, seed, blocked);
         statistics.rays += u64::from(sample.rays);
+        statistics.sampling_variance += view.factor * view.factor * sample.variance;
         view.factor * sample.fraction
     }
 
     /// The form factor of what the blockers leave; `None` when they are too many, or it falls into too many pieces.
     fn cut_factor(&mut self, normal: DVec3, view: &View) -> Option<f64> {
-        if self.blockers.len() > MAX_BLOCKERS {
+        if self.blockers.len() > self.precision.exact_occluders as usize {
             return None;
         }
         self.pieces.clear();

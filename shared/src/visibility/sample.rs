@@ -1,10 +1,10 @@
-//! Sampling visibility with rays, for shafts with too many occluders to cut.
+//! Precision visibility with rays, for shafts with too many occluders to cut.
 
 use glam::DVec3;
 use sobol_burley::sample_4d;
 
-use crate::geometry::Corners;
-use crate::row::Sampling;
+use crate::geometry::{Corners, uniform_point};
+use crate::row::Precision;
 
 /// Number of rays after which a pair that is wholly visible or wholly hidden so far gets no more. Stopping on both keeps the
 /// estimate nearly unbiased; stopping on hidden pairs only would darken.
@@ -27,15 +27,17 @@ pub fn pair_seed(scene_seed: u64, shooter: u64, receiver: u64) -> u32 {
 }
 
 /// A pair's rays: its form factor's part of the hemisphere's, a power of two.
-pub fn ray_count(factor: f64, sampling: &Sampling) -> u32 {
-    let share = (factor * f64::from(sampling.rays_per_hemisphere)).ceil() as u32;
-    share.min(sampling.maximum_rays).next_power_of_two().max(sampling.minimum_rays)
+pub fn ray_count(factor: f64, precision: &Precision) -> u32 {
+    let share = (factor * f64::from(precision.rays_per_hemisphere)).ceil() as u32;
+    share.min(precision.maximum_rays).next_power_of_two().max(precision.minimum_rays)
 }
 
 /// An estimate of visibility.
 pub struct VisibilitySample {
     /// Part of the form factor that arrives.
     pub fraction: f64,
+    /// Variance of the fraction, estimated from two halves of the rays.
+    pub variance: f64,
     /// Rays cast.
     pub rays: u32,
 }
@@ -52,20 +54,23 @@ pub fn sample_visibility(
     seed: u32,
     blocked: impl Fn(DVec3) -> bool,
 ) -> VisibilitySample {
-    let (mut arrived, mut cast, mut hits, mut count) = (0.0, 0.0, 0, 0);
+    // Of each half of the rays.
+    let (mut arrived, mut cast) = ([0.0; 2], [0.0; 2]);
+    let (mut hits, mut count) = (0, 0);
     for index in 0..rays {
         let [x, y, ..] = sample_4d(index, 0, seed);
-        let target = point_in_polygon(corners, f64::from(x), f64::from(y));
+        let target = uniform_point(corners, f64::from(x), f64::from(y));
         let squared = target.length_squared();
         let weight = normal.dot(target) * -polygon_normal.dot(target) / (squared * squared);
         // Rounding can put a target a hair under the horizon.
         if weight > 0.0 {
+            let half = usize::from(index >= rays / 2);
             count += 1;
-            cast += weight;
+            cast[half] += weight;
             if blocked(target) {
                 hits += 1;
             } else {
-                arrived += weight;
+                arrived[half] += weight;
             }
         }
         let undecided = hits > 0 && hits < count;
@@ -73,25 +78,11 @@ pub fn sample_visibility(
             break;
         }
     }
-    VisibilitySample { fraction: if cast > 0.0 { arrived / cast } else { 0.0 }, rays: count }
-}
-
-/// Maps the unit square to a convex polygon, uniformly: `x` chooses a triangle of the fan by area and is used again in it.
-fn point_in_polygon(corners: &Corners, x: f64, y: f64) -> DVec3 {
-    let origin = corners[0];
-    let doubled = |pair: &[DVec3]| (pair[0] - origin).cross(pair[1] - origin).length();
-    let total: f64 = corners[1..].windows(2).map(doubled).sum();
-    let mut left = x * total;
-    let mut chosen = (&corners[1..3], 0.0);
-    for pair in corners[1..].windows(2) {
-        let area = doubled(pair);
-        chosen = (pair, (left / area).clamp(0.0, 1.0));
-        if left < area {
-            break;
-        }
-        left -= area;
-    }
-    let (pair, x) = chosen;
-    let root = x.sqrt();
-    origin * (1.0 - root) + pair[0] * (root * (1.0 - y)) + pair[1] * (root * y)
+    let all = cast[0] + cast[1];
+    let fraction = if all > 0.0 { (arrived[0] + arrived[1]) / all } else { 0.0 };
+    // Both halves are nets of their own: their difference shows what another draw would change. Of rays that were stopped,
+    // or of a single one, there is no second half; they all agreed.
+    let difference =
+        if cast[0] > 0.0 && cast[1] > 0.0 { arrived[0] / cast[0] - arrived[1] / cast[1] } else { 0.0 };
+    VisibilitySample { fraction, variance: difference * difference / 4.0, rays: count }
 }

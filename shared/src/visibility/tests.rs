@@ -6,8 +6,13 @@ use proptest::prelude::*;
 use super::*;
 use crate::geometry::{ConvexPolygon, PlaneId};
 
-const SAMPLING: Sampling =
-    Sampling { rays_per_hemisphere: 4096, minimum_rays: 4096, maximum_rays: 4096, seed: 7 };
+const PRECISION: Precision = Precision {
+    rays_per_hemisphere: 4096,
+    minimum_rays: 4096,
+    maximum_rays: 4096,
+    seed: 7,
+    ..Precision::DEFAULT
+};
 
 fn square(centre: DVec3, u: DVec3, v: DVec3, plane: u32) -> ConvexPolygon {
     let corners = vec![centre - u - v, centre + u - v, centre + u + v, centre - u + v];
@@ -22,7 +27,7 @@ fn visible(occluders: &[ConvexPolygon], receivers: &[Receiver], target: &ConvexP
     let occluder = Occluder::new(occluders);
     let mut factors = vec![0.0; receivers.len()];
     let target = PreparedPolygon::new(target);
-    let mut kernel = VisibilityKernel::new(&occluder, &SAMPLING);
+    let mut kernel = VisibilityKernel::new(&occluder, &PRECISION);
     kernel.add_form_factors(receivers, &target, |i| i as u32, &mut factors, &mut RowStatistics::default());
     factors
 }
@@ -88,7 +93,7 @@ proptest! {
         let [cut] = visible(&occluders, &[receiver], &target)[..] else { panic!() };
         let occluder = Occluder::new(&occluders);
         let prepared = PreparedPolygon::new(&target);
-        let view = prepared.view(receiver.position, receiver.normal).unwrap();
+        let view = prepared.view(receiver.position, receiver.normal, 1e-5).unwrap();
         let planes = [receiver.plane, target.plane];
         let blocked = |to: DVec3| occluder.blocks(receiver.position, receiver.position + to, planes);
         let sample = sample::sample_visibility(&view.corners, receiver.normal, prepared.normal(), 4096, 1, blocked);

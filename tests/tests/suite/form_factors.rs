@@ -55,7 +55,7 @@ fn prepared_polygons_in_every_convex_case() {
         if case.id() == "A11" {
             continue;
         }
-        let view = prepared(&case.polygon("polygon")).view(case.point("P"), case.point("N").normalize());
+        let view = prepared(&case.polygon("polygon")).view(case.point("P"), case.point("N").normalize(), 0.0);
         let (found, expected) = (view.map_or(0.0, |view| view.factor), case.values()[0]);
         let tolerance = (expected * 1e-9).max(1e-15);
         assert!((found - expected).abs() <= tolerance, "{}: {found:e}, expected {expected:e}", case.id());

@@ -4,7 +4,7 @@ use glam::{DQuat, DVec3};
 use shared::geometry::{ConvexPolygon, PlaneId};
 use shared::occluder::Occluder;
 use shared::replica::Receiver;
-use shared::row::{Sampling, Shape, Shooter};
+use shared::row::{Precision, Shape, Shooter};
 use tests::shapes;
 use worker::engine::{Scene, compute_row};
 
@@ -104,7 +104,13 @@ fn closed_sphere() {
 /// a way where it is sampled.
 #[test]
 fn form_factors_through_a_wall() {
-    let sampling = Sampling { rays_per_hemisphere: 4096, minimum_rays: 64, maximum_rays: 256, seed: 1 };
+    let precision = Precision {
+        rays_per_hemisphere: 4096,
+        minimum_rays: 64,
+        maximum_rays: 256,
+        seed: 1,
+        ..Precision::DEFAULT
+    };
     for placing in Placing::all() {
         let square = [[0.5, 0.5], [0.5, -0.5], [-0.5, -0.5], [-0.5, 0.5]];
         let corners = square.map(|[x, y]| placing.place(DVec3::new(x, y, 0.25))).to_vec();
@@ -118,11 +124,11 @@ fn form_factors_through_a_wall() {
                 plane: BELOW,
             })
             .collect();
-        let open = compute_row(&Scene::new(&[]), &receivers, 0, &shooter, &sampling).0;
+        let open = compute_row(&Scene::new(&[]), &receivers, 0, &shooter, &precision).0;
         assert!(open.iter().all(|factor| *factor > 0.1));
         for cells in [1, 2, 3, 10, 13, 16] {
             let wall = Scene::new(&placing.wall(&shapes::triangle_grid(cells)));
-            let (row, statistics) = compute_row(&wall, &receivers, 0, &shooter, &sampling);
+            let (row, statistics) = compute_row(&wall, &receivers, 0, &shooter, &precision);
             for (i, factor) in row.iter().enumerate() {
                 assert!(*factor <= 1e-15, "{cells} x {cells}, receiver {i}: {factor:e}");
             }

@@ -3,7 +3,7 @@
 use glam::DVec3;
 use shared::geometry::{ConvexPolygon, PlaneId};
 use shared::replica::Receiver;
-use shared::row::{Sampling, Shape, Shooter};
+use shared::row::{Precision, Shape, Shooter};
 use tests::cases::case;
 use worker::engine::{Scene, compute_row};
 
@@ -11,8 +11,13 @@ const RECEIVING: PlaneId = PlaneId(0);
 const SHOOTING: PlaneId = PlaneId(1);
 const BLOCKING: PlaneId = PlaneId(2);
 
-const SAMPLING: Sampling =
-    Sampling { rays_per_hemisphere: 4096, minimum_rays: 256, maximum_rays: 256, seed: 0 };
+const PRECISION: Precision = Precision {
+    rays_per_hemisphere: 4096,
+    minimum_rays: 256,
+    maximum_rays: 256,
+    seed: 0,
+    ..Precision::DEFAULT
+};
 
 /// The blocker as `cells` x `cells` parallelograms.
 fn divided(blocker: &[DVec3], cells: u32) -> Vec<ConvexPolygon> {
@@ -33,7 +38,7 @@ fn divided(blocker: &[DVec3], cells: u32) -> Vec<ConvexPolygon> {
 fn mean_factor(receivers: &[Receiver], polygon: &[DVec3], blockers: &[ConvexPolygon]) -> (f64, u64) {
     let polygon = ConvexPolygon { plane: SHOOTING, corners: polygon.to_vec() };
     let shooter = Shooter { key: 7, shape: Shape::Polygons(vec![polygon]) };
-    let (row, statistics) = compute_row(&Scene::new(blockers), receivers, 100, &shooter, &SAMPLING);
+    let (row, statistics) = compute_row(&Scene::new(blockers), receivers, 100, &shooter, &PRECISION);
     (row.iter().map(|factor| f64::from(*factor)).sum::<f64>() / row.len() as f64, statistics.sampled_pairs)
 }
 

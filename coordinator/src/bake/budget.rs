@@ -1,0 +1,44 @@
+//! Where the error of a bake comes from.
+
+use serde::Serialize;
+
+/// Estimated relative L2 error of the radiosity over the reflecting surfaces, sqrt(int (B' - B)^2 / int B^2), split by origin.
+/// The parts are independent of each other: their squares add up.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+pub struct ErrorBudget {
+    /// Light not yet shot: bound of what is missing, relative to the reflected flux.
+    pub unshot: f64,
+    /// Noise of visibility that was sampled with rays: standard error, from the spread between halves of the rays. 0 where all
+    /// visibility was computed.
+    pub visibility: f64,
+    /// Arithmetic of the form factors: bound of the rules that were used for them, and the rounding of stored rows.
+    pub form_factors: f64,
+    /// Of the mesh, in all: receivers and shooters.
+    pub mesh: f64,
+    /// Interpolation between vertices: measured at random points between them.
+    pub receivers: f64,
+    /// Constant radiosity of each share, where it varies: measured at random points, against the light of the refined mesh.
+    pub shooters: f64,
+    /// All of them.
+    pub total: f64,
+}
+
+/// Rows are stored in f32.
+const STORED: f64 = f32::EPSILON as f64 / 2.0;
+
+impl ErrorBudget {
+    /// Adds up the parts; `form_factors` without rounding.
+    #[must_use]
+    pub fn new(unshot: f64, visibility: f64, form_factors: f64, receivers: f64, shooters: f64) -> Self {
+        let form_factors = form_factors + STORED;
+        let mesh = receivers.hypot(shooters);
+        let total = mesh.hypot(visibility).hypot(form_factors).hypot(unshot);
+        Self { unshot, visibility, form_factors, mesh, receivers, shooters, total }
+    }
+
+    /// What all parts but the interpolation amount to.
+    #[must_use]
+    pub fn without_receivers(&self) -> f64 {
+        self.shooters.hypot(self.visibility).hypot(self.form_factors).hypot(self.unshot)
+    }
+}

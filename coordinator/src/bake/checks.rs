@@ -1,0 +1,213 @@
+//! Check points: random points between the vertices, where the answer is measured against light gathered there.
+//!
+//! A prediction from the vertices cannot know what lies between them: a shadow that falls between all vertices of a coarse
+//! mesh leaves no trace. Points drawn at random see it with a known probability, and the mean square of what is found at them
+//! is an unbiased estimate of the integral that the error is.
+
+use std::collections::HashMap;
+
+use glam::DVec3;
+use shared::geometry::uniform_point;
+use shared::replica::{Receiver, Receivers};
+use sobol_burley::sample_4d;
+
+use super::BakeSettings;
+use super::receivers::INWARD;
+use crate::mesh::{Mesh, PatchId, VertexId, interpolation};
+use crate::scene::Scene;
+use crate::solver::add_row;
+
+/// Key of the first check point as a receiver: above all vertices, so that its rays are its own.
+const FIRST_KEY: u64 = 1 << 32;
+
+/// A scene of many patches gets one point for so many of them.
+const PATCHES_PER_POINT: usize = 16;
+
+/// But no more than this.
+const MOST_POINTS: usize = 2048;
+
+/// The sequence that the points are drawn from ends here.
+const MOST_DRAWN: usize = 1 << 16;
+
+/// The points, and the light gathered at them.
+#[derive(Default)]
+pub struct Checks {
+    points: Vec<CheckPoint>,
+    /// Irradiance from the light sources.
+    direct: Vec<DVec3>,
+    /// The shares' rows over the points.
+    rows: Vec<Vec<f32>>,
+    /// Variance of each row of a share, then of a light source, summed over the points.
+    variances: Vec<f64>,
+    /// Irradiance in all.
+    irradiance: Vec<DVec3>,
+}
+
+/// A point on the surface.
+struct CheckPoint {
+    /// The patch that it lies on, a leaf when the point was drawn.
+    patch: PatchId,
+    reflectance: DVec3,
+    receiver: Receiver,
+    /// On the surface, where the receiver may be lifted off it.
+    position: DVec3,
+    /// Density of the area over the density with which points are drawn here.
+    weight: f64,
+}
+
+impl Checks {
+    /// Draws points on the reflecting surfaces: half of them uniformly over the area, half by the square error that `expected`
+    /// tells of each leaf, where it is known. Another `round` is another draw.
+    pub fn draw(
+        mesh: &Mesh,
+        scene: &Scene,
+        settings: &BakeSettings,
+        expected: &[(PatchId, f64)],
+        round: u32,
+    ) -> Self {
+        let reflectance = |patch: PatchId| scene.surfaces[mesh.patch(patch).surface as usize].reflectance;
+        let reflecting: Vec<PatchId> =
+            mesh.leaves().map(|(id, _)| id).filter(|id| reflectance(*id) != DVec3::ZERO).collect();
+        let area: f64 = reflecting.iter().map(|id| mesh.patch(*id).area).sum();
+        let errors: HashMap<PatchId, f64> = expected.iter().copied().collect();
+        let error = |id: &PatchId| errors.get(id).copied().unwrap_or(0.0);
+        let all_errors: f64 = reflecting.iter().map(error).sum();
+        // Leaves with the end of their part of the unit interval, and the weight of a point on them.
+        let mut end = 0.0;
+        let parts: Vec<(PatchId, f64, f64)> = reflecting
+            .iter()
+            .map(|id| {
+                let by_area = mesh.patch(*id).area / area;
+                let by_error = if all_errors > 0.0 { error(id) / all_errors } else { by_area };
+                let part = (by_area + by_error) / 2.0;
+                end += part;
+                (*id, end, by_area / part)
+            })
+            .collect();
+        let count = match settings.check_points {
+            0 => 0,
+            _ if parts.is_empty() => 0,
+            least => least.max(parts.len() / PATCHES_PER_POINT).min(MOST_POINTS.max(least)).min(MOST_DRAWN),
+        };
+        let seed =
+            ((settings.seed ^ (settings.seed >> 32)) as u32).wrapping_add(round.wrapping_mul(0x9e37_79b9));
+        let point = |index: usize| {
+            let [x, y, z, _] = sample_4d(index as u32, 0, seed).map(f64::from);
+            let place = parts.partition_point(|(_, part_end, _)| *part_end <= x * end).min(parts.len() - 1);
+            let (id, _, weight) = parts[place];
+            let corners: Vec<DVec3> = mesh.patch(id).corners.iter().map(|c| mesh.position(*c)).collect();
+            let position = uniform_point(&corners, y, z);
+            let normals = interpolation(mesh, id, position, |_| DVec3::ZERO);
+            let vertex = |id: VertexId| &mesh.vertices[id.index()];
+            let normal: DVec3 = normals.iter().map(|(id, weight)| vertex(*id).normal * *weight).sum();
+            let normal = normal.normalize();
+            // As for vertices: facets around a smooth point may rise over its horizon.
+            let is_smooth = normals.iter().any(|(id, _)| vertex(*id).smooth);
+            let lift = if is_smooth { INWARD * mesh.patch(id).area.sqrt() } else { 0.0 };
+            let plane = vertex(normals[0].0).plane;
+            CheckPoint {
+                patch: id,
+                reflectance: reflectance(id),
+                receiver: Receiver { position: position + normal * lift, normal, plane },
+                position,
+                weight,
+            }
+        };
+        Self { points: (0..count).map(point).collect(), ..Self::default() }
+    }
+
+    /// The first `count` points as receivers.
+    pub fn receivers(&self, count: usize) -> Receivers {
+        let receivers = self.points.iter().take(count).map(|point| point.receiver).collect();
+        Receivers { first_key: FIRST_KEY, receivers }
+    }
+
+    /// Number of points.
+    pub fn count(&self) -> usize {
+        self.points.len()
+    }
+
+    /// Takes what the light sources give the points, the shares' rows over them, and the variance of each row of a share, then of
+    /// a light source, summed over the points.
+    pub fn set_rows(&mut self, direct: Vec<DVec3>, rows: Vec<Vec<f32>>, variances: Vec<f64>) {
+        self.direct = direct;
+        self.rows = rows;
+        self.variances = variances;
+    }
+
+    /// Gathers the light of the shares.
+    pub fn gather(&mut self, radiosity: &[DVec3]) {
+        self.irradiance = self.direct.clone();
+        for (row, radiosity) in self.rows.iter().zip(radiosity) {
+            add_row(&mut self.irradiance, row, *radiosity);
+        }
+    }
+
+    /// Compares the triangles of a mesh with these vertex values against the light gathered: the leaf under each point, and the
+    /// error of the radiosity there, interpolated minus gathered.
+    pub fn compare(&self, mesh: &Mesh, irradiance: &[DVec3]) -> Vec<(PatchId, DVec3)> {
+        let value = |vertex: VertexId| irradiance[vertex.index()];
+        let found = |(point, gathered): (&CheckPoint, &DVec3)| {
+            let leaf = mesh.leaf_at(point.patch, point.position);
+            let corners = interpolation(mesh, leaf, point.position, value);
+            let interpolated: DVec3 = corners.iter().map(|(vertex, weight)| value(*vertex) * *weight).sum();
+            (leaf, point.reflectance * (interpolated - *gathered))
+        };
+        self.points.iter().zip(&self.irradiance).map(found).collect()
+    }
+
+    /// Differences of the radiosity where other shooters give these irradiances at the first points, beside the light sources.
+    pub fn differences(&self, other: &[DVec3]) -> Vec<DVec3> {
+        let pairs = self.points.iter().zip(&self.irradiance).zip(&self.direct).zip(other);
+        pairs.map(|(((point, own), direct), other)| point.reflectance * (*other + *direct - *own)).collect()
+    }
+
+    /// Root mean square over the area of errors of the radiosity at the first points, relative to that of the radiosity itself.
+    pub fn relative(&self, errors: impl ExactSizeIterator<Item = DVec3>) -> f64 {
+        let count = errors.len().max(1) as f64;
+        let squares =
+            self.points.iter().zip(errors).map(|(point, error)| point.weight * error.length_squared());
+        let norm = self.mean_square();
+        if norm > 0.0 { (squares.sum::<f64>() / (count * norm)).sqrt() } else { 0.0 }
+    }
+
+    /// Errors of the radiosity at all points, with what reflection makes of their mean: light that is lost between the vertices
+    /// is missed by all surfaces, by the level mean x rho / (1 - rho) relative to their radiosity.
+    pub fn with_level(&self, errors: &[DVec3], reflectance: f64) -> Vec<DVec3> {
+        let weighted = |(point, value): (&CheckPoint, &DVec3)| point.weight * value.element_sum();
+        let radiosities: Vec<DVec3> =
+            self.points.iter().zip(&self.irradiance).map(|(point, e)| point.reflectance * *e).collect();
+        let lost: f64 = self.points.iter().zip(errors).map(weighted).sum();
+        let flux: f64 = self.points.iter().zip(&radiosities).map(weighted).sum();
+        let level = if flux > 0.0 { lost / flux * reflectance / (1.0 - reflectance) } else { 0.0 };
+        errors.iter().zip(radiosities).map(|(error, radiosity)| *error + radiosity * level).collect()
+    }
+
+    /// Relative standard error of the gathered radiosity, from the rays that sampled visibility.
+    pub fn noise(
+        &self,
+        radiosities: impl Iterator<Item = DVec3>,
+        sources: impl Iterator<Item = DVec3>,
+    ) -> f64 {
+        let variance: DVec3 =
+            radiosities.chain(sources).zip(&self.variances).map(|(light, sum)| light * light * *sum).sum();
+        let reflectance: DVec3 = self.points.iter().map(|point| point.reflectance * point.reflectance).sum();
+        let count = self.points.len() as f64;
+        let norm = self.mean_square();
+        if norm > 0.0 {
+            ((variance * reflectance).element_sum() / (count * count * norm)).sqrt()
+        } else {
+            0.0
+        }
+    }
+
+    /// Mean square of the radiosity that was gathered.
+    fn mean_square(&self) -> f64 {
+        let squares = self
+            .points
+            .iter()
+            .zip(&self.irradiance)
+            .map(|(point, gathered)| point.weight * (point.reflectance * *gathered).length_squared());
+        squares.sum::<f64>() / self.points.len().max(1) as f64
+    }
+}

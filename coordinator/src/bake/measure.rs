@@ -1,0 +1,206 @@
+//! Measuring the error of the answer, and what follows from it.
+
+use glam::DVec3;
+use shared::geometry::ConvexPolygon;
+use shared::row::{Shape, Shooter};
+
+use super::checks::Checks;
+use super::{Bake, BakeError, BakeSettings, ErrorBudget, Phase};
+use crate::solver::add_row;
+use crate::solver::fit::best_fit;
+
+/// Check points at which all leaves of the mesh are gathered, to see what the shares get wrong.
+const GATHERED: usize = 96;
+
+/// Key of the first leaf as a shooter: above all shares and light sources.
+const FIRST_LEAF_KEY: u64 = 1 << 40;
+
+/// Mean square of the weights with which a random point of a triangle takes the noise of its three vertices.
+const INTERPOLATED_NOISE: f64 = 0.5;
+
+/// Light that misses its place by a share's width comes back after reflection at about half of its strength: transfer between
+/// the surfaces of a room evens out the finer patterns and keeps the coarse ones.
+const RETURNING: f64 = 0.5;
+
+/// Part of the asked error that the shooters may take after a new start.
+const SHOOTERS_PART: f64 = 0.5;
+
+/// Part of the asked error that the rays may take after a new start.
+const RAYS_PART: f64 = 0.3;
+
+/// What is left to the interpolation is aimed at with this margin.
+const MARGIN: f64 = 0.9;
+
+/// The interpolation must be left this part of the asked error at least: else it would have to pay for others.
+const LEAST_REST: f64 = 0.4;
+
+/// Most new starts.
+const MAX_RESTARTS: u32 = 3;
+
+impl Bake<'_, '_> {
+    /// Refines, settles and measures, until the asked error is met or something else than interpolation is in the way.
+    pub(super) fn meet_error(&mut self) -> Result<(), BakeError> {
+        let mut limit = MARGIN * self.settings.mesh_error;
+        loop {
+            let vertices = self.mesh.vertices.len();
+            self.refine(limit)?;
+            self.settle()?;
+            self.measure()?;
+            let rest = match self.settings.error {
+                Some(asked) => without(asked, self.error.without_receivers()),
+                None => self.settings.mesh_error,
+            };
+            let others_in_the_way = self.settings.error.is_some_and(|asked| rest < LEAST_REST * asked);
+            let stuck = self.mesh_obstacle.is_some() && self.mesh.vertices.len() == vertices;
+            if self.error.receivers <= rest || others_in_the_way || stuck || self.guides.count() == 0 {
+                return Ok(());
+            }
+            limit = MARGIN * rest;
+        }
+    }
+
+    /// Estimates the error of the answer as it stands.
+    fn measure(&mut self) -> Result<(), BakeError> {
+        let fitted = best_fit(&self.mesh, &self.irradiance);
+        let prediction = self.predict();
+        // Points of their own: the mesh was refined where the guides found errors, and is better there than elsewhere.
+        self.rounds_measured += 1;
+        let mut checks =
+            Checks::draw(&self.mesh, self.scene, self.settings, prediction.leaves(), self.rounds_measured);
+        self.light_checks(&mut checks)?;
+        checks.gather(&self.radiosity);
+        let radiosities = self.radiosity.iter().copied();
+        let noise = checks.noise(radiosities, self.sources.iter().map(|source| source.strength));
+        let found = checks.compare(&self.mesh, &fitted);
+        let receivers = if checks.count() > 0 {
+            let errors: Vec<DVec3> = found.into_iter().map(|(_, error)| error).collect();
+            let mixed = checks.relative(checks.with_level(&errors, self.mean_reflectance()).into_iter());
+            // The gathered light is noisy too.
+            without(mixed, noise * (1.0 + INTERPOLATED_NOISE).sqrt())
+        } else {
+            self.found_per_predicted * prediction.relative()
+        };
+        if prediction.relative() > 0.0 {
+            self.found_per_predicted = (receivers / prediction.relative()).clamp(0.2, 2.0);
+        }
+        let gathered = self.gathered_from_leaves(&checks, &fitted)?;
+        let differences = checks.relative(checks.differences(&gathered).into_iter());
+        let shooters = without(differences, noise * std::f64::consts::SQRT_2)
+            / (1.0 - RETURNING * self.mean_reflectance());
+        let statistics = &self.office.statistics;
+        let form_factors = if statistics.factor_sum > 0.0 {
+            statistics.factor_error_sum / statistics.factor_sum
+        } else {
+            0.0
+        };
+        let visibility = noise * INTERPOLATED_NOISE.sqrt();
+        self.error = ErrorBudget::new(self.unshot_bound, visibility, form_factors, receivers, shooters);
+        self.end_step("measure");
+        Ok(())
+    }
+
+    /// What the leaves of the refined mesh give the first check points, each with its own mean radiosity.
+    fn gathered_from_leaves(
+        &mut self,
+        checks: &Checks,
+        irradiance: &[DVec3],
+    ) -> Result<Vec<DVec3>, BakeError> {
+        let count = checks.count().min(GATHERED);
+        if count == 0 {
+            return Ok(vec![]);
+        }
+        self.office.enter(Phase::Measure, self.mesh.vertices.len());
+        let (mut shooters, mut radiosities) = (vec![], vec![]);
+        for (id, patch) in self.mesh.leaves() {
+            let mean = patch.corners.iter().map(|corner| irradiance[corner.index()]).sum::<DVec3>()
+                / patch.corners.len() as f64;
+            let surface = &self.scene.surfaces[patch.surface as usize];
+            if surface.reflectance * mean == DVec3::ZERO {
+                continue;
+            }
+            let corners = patch.corners.iter().map(|corner| self.mesh.position(*corner)).collect();
+            let polygon = ConvexPolygon { plane: surface.facets[patch.facet as usize].plane, corners };
+            shooters.push(Shooter {
+                key: FIRST_LEAF_KEY + u64::from(id.0),
+                shape: Shape::Polygons(vec![polygon]),
+            });
+            radiosities.push(surface.reflectance * mean);
+        }
+        let set = self.office.publish_receivers(&checks.receivers(count));
+        let rows = self.office.rows(&shooters, set)?;
+        self.office.release_receivers(set);
+        let mut gathered = vec![DVec3::ZERO; count];
+        for (row, radiosity) in rows.iter().zip(&radiosities) {
+            add_row(&mut gathered, row, *radiosity);
+        }
+        Ok(gathered)
+    }
+
+    /// Reflected flux over incident flux.
+    fn mean_reflectance(&self) -> f64 {
+        let (mut reflected, mut incident) = (0.0, 0.0);
+        for (share, radiosity) in self.energies.iter().zip(&self.radiosity) {
+            reflected += radiosity.element_sum() * share.area;
+            let lit = share.reflectance.cmpgt(DVec3::ZERO);
+            incident +=
+                DVec3::select(lit, *radiosity / share.reflectance, DVec3::ZERO).element_sum() * share.area;
+        }
+        if incident > 0.0 { reflected / incident } else { 0.0 }
+    }
+
+    /// Settings that should meet the asked error where these did not; `None` when it is met, or cannot be.
+    pub(super) fn better_settings(&self) -> Option<BakeSettings> {
+        let asked = self.settings.error?;
+        if self.error.total <= asked || self.spent.restarts >= MAX_RESTARTS {
+            return None;
+        }
+        let mut better = self.settings.clone();
+        let rest = |part: f64| part > asked * (1.0 - LEAST_REST * LEAST_REST).sqrt();
+        if rest(self.error.without_receivers()) {
+            if self.error.shooters >= self.error.visibility {
+                let factor = (SHOOTERS_PART * asked / self.error.shooters).clamp(0.3, 0.75);
+                better = better.with_shooter_edge(self.settings.shooter_edge * factor);
+            }
+            if self.error.visibility > RAYS_PART * asked {
+                let factor = (self.error.visibility / (RAYS_PART * asked)).powf(4.0 / 3.0);
+                better = better.with_rays(f64::from(self.settings.rays_per_hemisphere) * factor.max(1.5));
+            }
+        }
+        let growth = (self.settings.shooter_edge / better.shooter_edge).powi(2);
+        let shares = (self.shares.len() as f64 * growth) as usize;
+        let fits = self.mesh.vertices.len() + shares <= better.row_limit(shares).min(better.max_vertices);
+        (better != *self.settings && fits).then_some(better)
+    }
+
+    /// Why the asked error is not met, in words for the user.
+    pub(super) fn obstacle(&self) -> Option<String> {
+        let asked = self.settings.error.unwrap_or(self.settings.mesh_error);
+        let estimate = if self.settings.error.is_some() { self.error.total } else { self.error.receivers };
+        if estimate <= asked {
+            return None;
+        }
+        let error = &self.error;
+        let parts = [
+            (error.receivers, self.mesh_obstacle.map_or("interpolation between the vertices".to_owned(), |cure| format!("interpolation between the vertices: {cure}"))),
+            (error.shooters, "the size of the shooting patches: raise --row-memory, or give a finer --shooter-edge with --mesh-error".to_owned()),
+            (error.visibility, "sampled visibility: raise --rays or --exact-occluders".to_owned()),
+            (error.form_factors, "the arithmetic of form factors: lower --form-factor-error".to_owned()),
+            (error.unshot, "unshot light: lower --threshold".to_owned()),
+        ];
+        let (_, part) = if self.settings.error.is_some() {
+            parts.into_iter().reduce(|a, b| if b.0 > a.0 { b } else { a })?
+        } else {
+            parts.into_iter().next()?
+        };
+        Some(format!(
+            "an error of {:.2} % was asked for and {:.2} % is estimated: in the way stands {part}",
+            100.0 * asked,
+            100.0 * estimate
+        ))
+    }
+}
+
+/// What is left of an error when an independent one is taken out.
+fn without(all: f64, other: f64) -> f64 {
+    (all * all - other * other).max(0.0).sqrt()
+}

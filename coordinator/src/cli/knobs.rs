@@ -1,0 +1,110 @@
+use clap::Args;
+use coordinator::bake::BakeSettings;
+
+/// Knobs of the bake.
+#[derive(Args)]
+pub struct Knobs {
+    /// Error to reach: relative L2 of the radiosity, for example 0.02. Picks mesh, rays and threshold, and goes on until the
+    /// bake's own estimate meets it [default: none; the knobs below decide].
+    #[arg(long, value_parser = error, conflicts_with_all = ["shooter_edge", "mesh_error", "threshold", "rays", "form_factor_error"])]
+    error: Option<f64>,
+    /// Longest edge of a shooting patch, relative to the scene's extent.
+    #[arg(long, default_value_t = BakeSettings::default().shooter_edge, value_parser = proportion)]
+    shooter_edge: f64,
+    /// Interpolation error at which refinement ends: relative L2 of the radiosity.
+    #[arg(long, default_value_t = BakeSettings::default().mesh_error, value_parser = positive)]
+    mesh_error: f64,
+    /// Refinement also ends at this number of vertices.
+    #[arg(long, default_value_t = BakeSettings::default().max_vertices)]
+    max_vertices: usize,
+    /// Memory for rows, in MiB: 4 bytes for each pair of shooting vertex and vertex. Refinement also ends when it is full.
+    #[arg(long, default_value_t = BakeSettings::default().row_memory)]
+    row_memory: usize,
+    /// The solution ends when rho / (1 - rho) x unshot flux is under this part of the reflected flux.
+    #[arg(long, default_value_t = BakeSettings::default().threshold, value_parser = positive)]
+    threshold: f64,
+    /// Shot n is chosen from the state after shot n - WINDOW. Part of the answer, whatever the workers.
+    #[arg(long, default_value_t = BakeSettings::default().window, value_parser = at_least_one)]
+    window: usize,
+    /// Visibility through a shaft with more occluders than this is sampled with rays; that through others is computed exactly.
+    #[arg(long, default_value_t = BakeSettings::default().exact_occluders)]
+    exact_occluders: u32,
+    /// Rays that a vertex spends on a hemisphere of such crowded shafts.
+    #[arg(long, default_value_t = BakeSettings::default().rays_per_hemisphere)]
+    rays: u32,
+    /// Relative error that a form factor may have before occlusion: distant polygons may then be taken for points.
+    #[arg(long, default_value_t = BakeSettings::default().form_factor_error, value_parser = part)]
+    form_factor_error: f64,
+    /// Random points at which the answer is measured, at least. At 0 the error is predicted from the vertices alone.
+    #[arg(long, default_value_t = BakeSettings::default().check_points)]
+    check_points: usize,
+    /// Seed of all rays and of the check points.
+    #[arg(long, default_value_t = BakeSettings::default().seed)]
+    seed: u64,
+    /// Weigh point lights by the cosine of a horizontal plane through them instead of evenly by solid angle.
+    #[arg(long)]
+    planar_point_lights: bool,
+}
+
+impl Knobs {
+    /// The settings that the knobs ask for.
+    pub fn settings(&self) -> BakeSettings {
+        let picked = match self.error {
+            Some(error) => BakeSettings::for_error(error),
+            None => BakeSettings {
+                shooter_edge: self.shooter_edge,
+                mesh_error: self.mesh_error,
+                threshold: self.threshold,
+                form_factor_error: self.form_factor_error,
+                ..BakeSettings::default()
+            }
+            .with_rays(f64::from(self.rays)),
+        };
+        BakeSettings {
+            max_vertices: self.max_vertices,
+            row_memory: self.row_memory,
+            window: self.window,
+            exact_occluders: self.exact_occluders,
+            check_points: self.check_points,
+            seed: self.seed,
+            planar_point_lights: self.planar_point_lights,
+            ..picked
+        }
+    }
+}
+
+/// A positive number.
+pub fn positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value > 0.0 && value.is_finite() => Ok(value),
+        _ => Err("must be a positive number".into()),
+    }
+}
+
+fn error(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if (1e-4..=0.5).contains(&value) => Ok(value),
+        _ => Err("must be a part of the radiosity, from 0.0001 to 0.5: 0.02 is 2 %".into()),
+    }
+}
+
+fn part(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if (0.0..=0.5).contains(&value) => Ok(value),
+        _ => Err("must be a number from 0 to 0.5".into()),
+    }
+}
+
+fn proportion(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if (1e-3..=1.0).contains(&value) => Ok(value),
+        _ => Err("must be a number from 0.001 to 1".into()),
+    }
+}
+
+fn at_least_one(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(0) | Err(_) => Err("must be a whole number from 1".into()),
+        Ok(value) => Ok(value),
+    }
+}
