@@ -6,12 +6,12 @@ use serde::Serialize;
 /// The parts are independent of each other: their squares add up.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct ErrorBudget {
-    /// Light not yet shot: bound of what is missing, relative to the reflected flux.
+    /// Light not yet shot, and what reflection would make of it. The bake's `unshot_bound` is the worst that it can be.
     pub unshot: f64,
     /// Noise of visibility that was sampled with rays: standard error, from the spread between halves of the rays. 0 where all
     /// visibility was computed.
     pub visibility: f64,
-    /// Arithmetic of the form factors: bound of the rules that were used for them, and the rounding of stored rows.
+    /// Arithmetic of the form factors: mean error of the rules that were used for them, and the rounding of stored rows.
     pub form_factors: f64,
     /// Of the mesh, in all: receivers and shooters.
     pub mesh: f64,

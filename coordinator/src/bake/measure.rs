@@ -18,8 +18,8 @@ const FIRST_LEAF_KEY: u64 = 1 << 40;
 /// Mean square of the weights with which a random point of a triangle takes the noise of its three vertices.
 const INTERPOLATED_NOISE: f64 = 0.5;
 
-/// Light that misses its place by a share's width comes back after reflection at about half of its strength: transfer between
-/// the surfaces of a room evens out the finer patterns and keeps the coarse ones.
+/// Light that is in the wrong place comes back after reflection at about half of its strength: transfer between the surfaces of
+/// a room evens out the finer patterns and keeps the coarse ones.
 const RETURNING: f64 = 0.5;
 
 /// Part of the asked error that the shooters may take after a new start.
@@ -34,6 +34,12 @@ const MARGIN: f64 = 0.9;
 /// The interpolation must be left this part of the asked error at least: else it would have to pay for others.
 const LEAST_REST: f64 = 0.4;
 
+/// Factor of the limit of refinement where the error was found too large and no patch was divided.
+const UNSEEN_STEP: f64 = 0.7;
+
+/// Refining, settling and measuring are repeated this often at most.
+const MAX_ROUNDS: u32 = 12;
+
 /// Most new starts.
 const MAX_RESTARTS: u32 = 3;
 
@@ -41,7 +47,7 @@ impl Bake<'_, '_> {
     /// Refines, settles and measures, until the asked error is met or something else than interpolation is in the way.
     pub(super) fn meet_error(&mut self) -> Result<(), BakeError> {
         let mut limit = MARGIN * self.settings.mesh_error;
-        loop {
+        for _ in 0..MAX_ROUNDS {
             let vertices = self.mesh.vertices.len();
             self.refine(limit)?;
             self.settle()?;
@@ -51,12 +57,15 @@ impl Bake<'_, '_> {
                 None => self.settings.mesh_error,
             };
             let others_in_the_way = self.settings.error.is_some_and(|asked| rest < LEAST_REST * asked);
-            let stuck = self.mesh_obstacle.is_some() && self.mesh.vertices.len() == vertices;
-            if self.error.receivers <= rest || others_in_the_way || stuck || self.guides.count() == 0 {
-                return Ok(());
+            let is_met = self.error.receivers <= rest || self.guides.count() == 0;
+            if is_met || others_in_the_way || self.mesh_obstacle.is_some() {
+                break;
             }
-            limit = MARGIN * rest;
+            // Where the prediction did not see what was found, only a lower limit goes on.
+            let is_unchanged = self.mesh.vertices.len() == vertices;
+            limit = if is_unchanged { limit * UNSEEN_STEP } else { MARGIN * rest };
         }
+        Ok(())
     }
 
     /// Estimates the error of the answer as it stands.
@@ -69,24 +78,22 @@ impl Bake<'_, '_> {
             Checks::draw(&self.mesh, self.scene, self.settings, prediction.leaves(), self.rounds_measured);
         self.light_checks(&mut checks)?;
         checks.gather(&self.radiosity);
-        let radiosities = self.radiosity.iter().copied();
-        let noise = checks.noise(radiosities, self.sources.iter().map(|source| source.strength));
+        let noise = self.noise();
         let found = checks.compare(&self.mesh, &fitted);
         let receivers = if checks.count() > 0 {
             let errors: Vec<DVec3> = found.into_iter().map(|(_, error)| error).collect();
             let mixed = checks.relative(checks.with_level(&errors, self.mean_reflectance()).into_iter());
             // The gathered light is noisy too.
-            without(mixed, noise * (1.0 + INTERPOLATED_NOISE).sqrt())
+            without_noise(mixed, noise * (1.0 + INTERPOLATED_NOISE).sqrt())
         } else {
             self.found_per_predicted * prediction.relative()
         };
-        if prediction.relative() > 0.0 {
-            self.found_per_predicted = (receivers / prediction.relative()).clamp(0.2, 2.0);
+        if prediction.relative() > 0.0 && checks.count() > 0 {
+            self.found_per_predicted = (receivers / prediction.relative()).clamp(0.2, 5.0);
         }
         let gathered = self.gathered_from_leaves(&checks, &fitted)?;
         let differences = checks.relative(checks.differences(&gathered).into_iter());
-        let shooters = without(differences, noise * std::f64::consts::SQRT_2)
-            / (1.0 - RETURNING * self.mean_reflectance());
+        let shooters = without_noise(differences, noise) / (1.0 - RETURNING * self.mean_reflectance());
         let statistics = &self.office.statistics;
         let form_factors = if statistics.factor_sum > 0.0 {
             statistics.factor_error_sum / statistics.factor_sum
@@ -94,9 +101,16 @@ impl Bake<'_, '_> {
             0.0
         };
         let visibility = noise * INTERPOLATED_NOISE.sqrt();
-        self.error = ErrorBudget::new(self.unshot_bound, visibility, form_factors, receivers, shooters);
+        let unshot = self.residual / (1.0 - RETURNING * self.mean_reflectance());
+        self.error = ErrorBudget::new(unshot, visibility, form_factors, receivers, shooters);
         self.end_step("measure");
         Ok(())
+    }
+
+    /// Relative standard error of irradiance at a point, from the rays that sampled visibility.
+    pub(super) fn noise(&self) -> f64 {
+        let radiosities = self.radiosity.iter().copied();
+        self.guides.noise(radiosities, self.sources.iter().map(|source| source.strength))
     }
 
     /// What the leaves of the refined mesh give the first check points, each with its own mean radiosity.
@@ -198,6 +212,12 @@ impl Bake<'_, '_> {
             100.0 * estimate
         ))
     }
+}
+
+/// What is left of a measured error without its noise. The noise is itself an estimate, often too high: no more than three
+/// quarters of the square are taken for it.
+pub fn without_noise(measured: f64, noise: f64) -> f64 {
+    without(measured, noise).max(measured / 2.0)
 }
 
 /// What is left of an error when an independent one is taken out.

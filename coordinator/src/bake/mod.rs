@@ -206,6 +206,8 @@ struct Bake<'a, 'b> {
     row_sums: Vec<f64>,
     unshot: DVec3,
     unshot_bound: f64,
+    /// Flux by which shares differ from what they should have shot, relative to the reflected flux.
+    residual: f64,
     spent: Spent,
     /// Interpolation error as it was measured, over the predicted one: the prediction knows nothing of the best fit and of
     /// how triangles follow the light.
@@ -276,6 +278,7 @@ impl<'a, 'b> Bake<'a, 'b> {
             row_sums: vec![],
             unshot: DVec3::ZERO,
             unshot_bound: 0.0,
+            residual: 0.0,
             spent,
             found_per_predicted: FOUND_PER_PREDICTED,
             rounds_measured: 0,

@@ -3,12 +3,16 @@
 use glam::DVec3;
 use shared::row::Shooter;
 
+use super::measure::without_noise;
 use super::receivers::receivers;
 use super::{Bake, BakeError, Phase, light};
 use crate::mesh::{PatchId, VertexId};
 use crate::solver::add_row;
 use crate::solver::fit::best_fit;
 use crate::solver::refinement::MeshError;
+
+/// What the prediction makes of the noise of sampled visibility: three vertices of half the variance each, on every level.
+const NOISE_SEEN: f64 = 1.1;
 
 /// Part of a leaf's square error that dividing it takes away, at least where light is smooth.
 const GAIN: f64 = 0.75;
@@ -28,7 +32,8 @@ impl Bake<'_, '_> {
         self.mesh_obstacle = None;
         loop {
             let prediction = self.predict();
-            let error = self.found_per_predicted * prediction.relative();
+            let noise = NOISE_SEEN * self.noise();
+            let error = self.found_per_predicted * without_noise(prediction.relative(), noise);
             if error <= limit {
                 break;
             }

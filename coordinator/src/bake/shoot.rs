@@ -95,6 +95,7 @@ impl Bake<'_, '_> {
         let solution = solve(&self.energies, transfer, direct, guess, self.settings.threshold, MAX_SWEEPS);
         self.spent.sweeps += solution.sweeps;
         self.unshot_bound = solution.missing;
+        self.residual = solution.residual;
         self.unshot = solution.unshot;
         self.office.set_unshot(solution.missing);
         self.radiosity = solution.radiosity;

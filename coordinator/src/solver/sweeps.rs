@@ -21,6 +21,8 @@ pub struct Solution {
     pub radiosity: Vec<DVec3>,
     /// Flux not yet shot: area times radiosity.
     pub unshot: DVec3,
+    /// Flux by which shares differ from what they should have shot, relative to the reflected flux.
+    pub residual: f64,
     /// Bound of what is missing, relative to the reflected flux.
     pub missing: f64,
     /// Sweeps made.
@@ -44,7 +46,7 @@ pub fn solve(
     }
     let level = Level::new(shares, transfer);
     let bound = interreflection_bound(shares);
-    let mut missing = f64::INFINITY;
+    let (mut residual, mut missing) = (f64::INFINITY, f64::INFINITY);
     let mut sweeps = 0;
     while sweeps < max_sweeps && missing > tolerance {
         for (index, share) in shares.iter().enumerate() {
@@ -54,12 +56,14 @@ pub fn solve(
         }
         level.correct(shares, &mut radiosity, &mut irradiance);
         sweeps += 1;
-        missing = (relative_residual(shares, &radiosity, &irradiance) * bound).max_element();
+        let relative = relative_residual(shares, &radiosity, &irradiance);
+        residual = relative.max_element();
+        missing = (relative * bound).max_element();
     }
     let unshot = (0..shares.len())
         .map(|i| (shares[i].reflectance * irradiance[i] - radiosity[i]) * shares[i].area)
         .sum();
-    Solution { unshot, radiosity, missing, sweeps }
+    Solution { unshot, radiosity, residual, missing, sweeps }
 }
 
 /// Absolute residual flux over reflected flux, per channel.
