@@ -23,6 +23,10 @@ const ARC_SINE: [f64; 7] = [
     135_135.0 / 9_676_800.0,
 ];
 
+/// A point lower than this part of its distance over a polygon's plane sees the polygon edge-on: which side it is on would be
+/// rounding, and so would be what stands between.
+const EDGE_ON: f64 = 1e-12;
+
 /// A polygon with all that its form factors need and that does not depend on the receiver.
 #[derive(Debug, Clone)]
 pub struct PreparedPolygon {
@@ -88,7 +92,8 @@ impl PreparedPolygon {
     #[must_use]
     pub fn view(&self, position: DVec3, normal: DVec3) -> Option<View> {
         let to_centre = self.centre - position;
-        if self.normal.dot(to_centre) >= 0.0 {
+        let squared_distance = to_centre.length_squared();
+        if self.normal.dot(to_centre) >= -EDGE_ON * squared_distance.sqrt() {
             return None;
         }
         let corners: Corners = self.corners.iter().map(|corner| *corner - position).collect();
@@ -96,7 +101,6 @@ impl PreparedPolygon {
         if above == 0 {
             return None;
         }
-        let squared_distance = to_centre.length_squared();
         if above < corners.len() {
             let corners = clip_by_plane(&corners, normal);
             let factor = contour(normal, &corners);
