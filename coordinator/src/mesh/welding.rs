@@ -46,6 +46,14 @@ pub struct Welded {
 }
 
 impl Welder {
+    /// Makes a facet's own corners points. All of them come first: where a computed point is welded to one, the corner must not
+    /// move, or faces that meet there would gape.
+    pub fn add_corners(&mut self, facet: &Facet) {
+        facet.corners.iter().for_each(|corner| {
+            self.point(corner, facet);
+        });
+    }
+
     /// Adds a piece of a facet.
     pub fn add(&mut self, corners: &[Corner], facet: &Facet) {
         let mut ids: Vec<PointId> = corners.iter().map(|corner| self.point(corner, facet)).collect();
