@@ -8,10 +8,12 @@
 //! | finish | sweeps over the rows solve for all interreflection |
 //! | refine | patches are divided where interpolation is wrong; new vertices only receive |
 //! | settle | shares take the mean radiosity of the refined mesh; sweeps again |
+//! | look behind | light that falls on the backs of one-sided surfaces is reported |
 //!
 //! Shooters stay coarse while receivers are refined (substructuring): a share far away sends nearly the same light whether it
 //! is one polygon or sixteen, but a shadow line on the receiving side needs its vertices.
 
+mod behind;
 mod light;
 mod occluders;
 mod receivers;
@@ -135,7 +137,8 @@ pub fn bake(
     bake.shoot()?;
     bake.refine()?;
     bake.settle()?;
-    Ok(bake.finish())
+    let lost_behind = bake.look_behind()?;
+    Ok(bake.finish(lost_behind))
 }
 
 /// A bake under way.
@@ -258,13 +261,14 @@ impl<'a> Bake<'a> {
         Ok(())
     }
 
-    fn finish(mut self) -> Baked {
+    fn finish(mut self, warnings: Vec<String>) -> Baked {
         self.irradiance = best_fit(&self.mesh, &self.irradiance);
         let radiosity = |vertex: VertexId| self.irradiance[vertex.index()];
         let triangles = triangulate(&self.mesh, self.scene.surfaces.len(), radiosity);
         let lit = receivers::lit_mesh(&self.mesh, &self.irradiance, triangles);
         self.end_step("settle");
-        let report = self.report();
+        let mut report = self.report();
+        report.warnings.extend(warnings);
         Baked { lit, report }
     }
 }

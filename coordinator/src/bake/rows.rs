@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use shared::protocol::RowStatistics;
-use shared::replica::{Digest, EncodedReplica, encode_receivers};
+use shared::replica::{Digest, EncodedReplica, Receivers, encode_receivers};
 use shared::row::{RowRequest, Sampling, Shooter};
 
 use super::receivers::receivers;
@@ -129,8 +129,12 @@ impl<'a> RowOffice<'a> {
 
     /// Publishes the vertices from `first` on.
     pub fn publish_receivers(&mut self, mesh: &Mesh, first: VertexId) -> ReceiverSet {
-        let receivers = receivers(mesh, first);
-        let replica = encode_receivers(&receivers);
+        self.publish(&receivers(mesh, first))
+    }
+
+    /// Publishes these receivers.
+    pub fn publish(&mut self, receivers: &Receivers) -> ReceiverSet {
+        let replica = encode_receivers(receivers);
         let set = ReceiverSet { digest: replica.digest, count: receivers.receivers.len() };
         self.service.publish(replica);
         set

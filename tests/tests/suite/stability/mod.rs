@@ -9,6 +9,7 @@
 //! | walls of thickness 0 and 2^-10 | `hard_cases::{wall_without_thickness, thin_walls, wall_that_passes_through_the_room}`, `leaks` |
 //! | concave polygons | `furnace::prism_over_an_l`, coordinator: `import` (`concave_outlines_are_cut_into_convex_facets`) |
 //! | interpenetrating solids | `hard_cases::interpenetrating_solids` |
+//! | flipped normals | `flipped` |
 //! | collinear and duplicate triangles, duplicate vertices | `hard_cases::what_import_drops_changes_nothing`, coordinator: `import` |
 //! | T-vertices | `metamorphic::polygons_in_pieces`, `mesh`, `leaks` |
 //! | reflectance .99, .999 | `hard_cases::nearly_white_rooms`, `furnace` |
@@ -21,5 +22,6 @@
 //! | permuted, mirrored, rotated, split, scaled by powers of two, emitter and receiver swapped | `metamorphic` |
 
 mod checked;
+mod flipped;
 mod hard_cases;
 mod metamorphic;
