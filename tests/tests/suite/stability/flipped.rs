@@ -25,7 +25,7 @@ fn solid() -> Vec<Polygon> {
 
 /// The warnings of a bake. Flipped surfaces let light escape.
 fn warnings(builder: &SceneBuilder) -> Vec<String> {
-    let expected = Expectation { imbalance: 0.05, warns: true, ..OPEN };
+    let expected = Expectation { imbalance: 0.05, warns: Some(true), ..OPEN };
     checked(builder, &coarse(), expected).baked.report.warnings
 }
 

@@ -20,8 +20,10 @@
 //! | emissions 1e12 apart | `hard_cases::{channels_of_a_lamp_far_apart, closed_rooms_far_apart_in_brightness}` |
 //! | open scenes | `hard_cases::open_scene` |
 //! | permuted, mirrored, rotated, split, scaled by powers of two, emitter and receiver swapped | `metamorphic` |
+//! | random polygons, random scenes | `random` |
 
 mod checked;
 mod flipped;
 mod hard_cases;
 mod metamorphic;
+mod random;
