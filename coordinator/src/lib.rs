@@ -2,6 +2,7 @@
 
 pub mod bake;
 pub mod cluster;
+mod disjoint_sets;
 pub mod export;
 pub mod import;
 pub mod lit;

@@ -9,12 +9,15 @@
 //! | refine | patches are divided where interpolation is wrong; new vertices only receive |
 //! | settle | shares take the mean radiosity of the refined mesh; sweeps again |
 //! | measure | the answer is compared with light gathered at random points |
+//! | look behind | light that falls on the backs of one-sided surfaces is reported |
 //!
-//! Where an error is asked for, the last three are repeated until it is met, or all of them with finer shooters or more rays.
+//! Where an error is asked for, refining, settling and measuring are repeated until it is met, or all of it with finer shooters or
+//! more rays.
 //!
 //! Shooters stay coarse while receivers are refined (substructuring): a share far away sends nearly the same light whether it
 //! is one polygon or sixteen, but a shadow line on the receiving side needs its vertices.
 
+mod behind;
 mod budget;
 mod checks;
 mod light;
@@ -158,7 +161,10 @@ pub fn bake(
                 spent = bake.give_up();
                 settings = better;
             }
-            None => return Ok(bake.finish()),
+            None => {
+                let lost_behind = bake.look_behind()?;
+                return Ok(bake.finish(lost_behind));
+            }
         }
     }
 }
@@ -318,13 +324,14 @@ impl<'a, 'b> Bake<'a, 'b> {
         Ok(())
     }
 
-    fn finish(mut self) -> Baked {
+    fn finish(mut self, warnings: Vec<String>) -> Baked {
         self.irradiance = best_fit(&self.mesh, &self.irradiance);
         let radiosity = |vertex: VertexId| self.irradiance[vertex.index()];
         let triangles = triangulate(&self.mesh, self.scene.surfaces.len(), radiosity);
         let lit = receivers::lit_mesh(&self.mesh, &self.irradiance, triangles);
         self.end_step("settle");
-        let report = self.report();
+        let mut report = self.report();
+        report.warnings.extend(warnings);
         Baked { lit, report }
     }
 }

@@ -67,7 +67,7 @@ impl Bake<'_, '_> {
         warnings
     }
 
-    fn balance(&self) -> EnergyBalance {
+    pub(super) fn balance(&self) -> EnergyBalance {
         let square_unit = self.scene.frame.scale * self.scene.frame.scale;
         let surfaces = &self.scene.surfaces;
         let (mut emitted, mut absorbed, mut escaped) = (DVec3::ZERO, DVec3::ZERO, DVec3::ZERO);

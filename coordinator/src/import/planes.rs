@@ -24,6 +24,10 @@ const MOST_NORMAL_DOUBT: f64 = 2e-5;
 /// How many roundings a point may be off.
 const ROUNDINGS: f64 = 4.0;
 
+/// Most that rounding may add to the distance within which planes are one, frame units: a ten-thousandth of the scene. A scene far
+/// from the origin may have been rounded by more, but what was meant to be apart must stay so.
+const MOST_OFFSET_DOUBT: f64 = 0.1;
+
 /// Cells of the search grid: several times what is searched for, so that mostly one cell has to be looked at.
 const NORMAL_CELL: f64 = 1.0 / 8192.0;
 const OFFSET_CELL: f64 = 0.125;
@@ -67,7 +71,7 @@ struct Planes {
 
 impl Planes {
     fn new(rounding: f64) -> Self {
-        let offset_tolerance = OFFSET_TOLERANCE + rounding;
+        let offset_tolerance = OFFSET_TOLERANCE + rounding.min(MOST_OFFSET_DOUBT);
         let offset_cell = OFFSET_CELL.max(4.0 * offset_tolerance);
         Self { planes: Vec::new(), cells: HashMap::new(), offset_tolerance, offset_cell }
     }

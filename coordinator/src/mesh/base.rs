@@ -16,6 +16,7 @@ impl Mesh {
         let contacts = contacts(scene, extent, longest_edge / 16.0);
         let mut welder = Welder::default();
         let mut places = vec![];
+        scene.surfaces.iter().flat_map(|surface| &surface.facets).for_each(|facet| welder.add_corners(facet));
         for (surface_index, surface) in scene.surfaces.iter().enumerate() {
             for (facet_index, facet) in surface.facets.iter().enumerate() {
                 let own = &contacts[surface_index][facet_index];

@@ -7,6 +7,7 @@ use shared::geometry::{PlaneId, area_vector};
 
 use super::contact::Contact;
 use super::{Vertex, VertexId, WELD};
+use crate::disjoint_sets::DisjointSets;
 use crate::scene::{Corner, Facet};
 
 /// Tells the two directions of a plane apart. Perpendicular to no normal that is likely, so that rounding does not decide.
@@ -45,6 +46,14 @@ pub struct Welded {
 }
 
 impl Welder {
+    /// Makes a facet's own corners points. All of them come first: where a computed point is welded to one, the corner must not
+    /// move, or faces that meet there would gape.
+    pub fn add_corners(&mut self, facet: &Facet) {
+        facet.corners.iter().for_each(|corner| {
+            self.point(corner, facet);
+        });
+    }
+
     /// Adds a piece of a facet.
     pub fn add(&mut self, corners: &[Corner], facet: &Facet) {
         let mut ids: Vec<PointId> = corners.iter().map(|corner| self.point(corner, facet)).collect();
@@ -251,26 +260,4 @@ fn distance_to_line(point: DVec3, [start, end]: &Contact) -> f64 {
     let span = *end - *start;
     let t = ((point - *start).dot(span) / span.length_squared()).clamp(0.0, 1.0);
     point.distance(*start + span * t)
-}
-
-/// Union-find with path halving.
-struct DisjointSets(Vec<usize>);
-
-impl DisjointSets {
-    fn new(count: usize) -> Self {
-        Self((0..count).collect())
-    }
-
-    fn representative(&mut self, mut item: usize) -> usize {
-        while self.0[item] != item {
-            self.0[item] = self.0[self.0[item]];
-            item = self.0[item];
-        }
-        item
-    }
-
-    fn join(&mut self, a: usize, b: usize) {
-        let (a, b) = (self.representative(a), self.representative(b));
-        self.0[a.max(b)] = a.min(b);
-    }
 }

@@ -10,6 +10,7 @@
 //! | `enclosures` | a cube with one bright face and with a point light against their exact answers |
 //! | `scenes` | whole bakes against path-traced references, and the files that come out |
 //! | `determinism` | bakes against bakes by other workers, bit for bit |
+//! | `stability` | hard cases, and scenes told in several ways, against what is true of every bake |
 //! | `bad_input` | the command line against wrong files, wrong addresses and lost workers |
 
 mod bad_input;
@@ -21,3 +22,4 @@ mod leaks;
 mod mesh;
 mod occlusion;
 mod scenes;
+mod stability;

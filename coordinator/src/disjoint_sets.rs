@@ -1,0 +1,35 @@
+//! Which items hang together.
+
+/// Union-find with path halving; the representative of a set is its least item.
+pub(crate) struct DisjointSets {
+    parents: Vec<usize>,
+    count: usize,
+}
+
+impl DisjointSets {
+    /// So many sets of one item each.
+    pub(crate) fn new(count: usize) -> Self {
+        Self { parents: (0..count).collect(), count }
+    }
+
+    /// Number of sets.
+    pub(crate) fn count(&self) -> usize {
+        self.count
+    }
+
+    /// The least item of the set that `item` is in.
+    pub(crate) fn representative(&mut self, mut item: usize) -> usize {
+        while self.parents[item] != item {
+            self.parents[item] = self.parents[self.parents[item]];
+            item = self.parents[item];
+        }
+        item
+    }
+
+    /// Makes the sets of two items one.
+    pub(crate) fn join(&mut self, a: usize, b: usize) {
+        let (a, b) = (self.representative(a), self.representative(b));
+        self.parents[a.max(b)] = a.min(b);
+        self.count -= usize::from(a != b);
+    }
+}
