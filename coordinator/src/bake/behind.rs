@@ -13,7 +13,6 @@ use shared::row::Shooter;
 
 use super::{Bake, BakeError, light};
 use crate::scene::{Facet, Scene, Side, SourceTriangle};
-use crate::solver::add_row;
 
 /// Key of the first point as a receiver: above all vertices and check points, so that its rays are its own.
 const FIRST_KEY: u64 = 1 << 33;
@@ -94,9 +93,7 @@ impl Bake<'_, '_> {
         let from_shares = rows.split_off(self.sources.len());
         let mut irradiance = vec![DVec3::ZERO; points.len()];
         light::add(&mut irradiance, &self.sources, &rows);
-        for (row, radiosity) in from_shares.iter().zip(&self.radiosity) {
-            add_row(&mut irradiance, row, *radiosity);
-        }
+        self.channels.gather(&mut irradiance, from_shares.iter().zip(self.radiosity.iter().copied()));
         Ok(irradiance)
     }
 

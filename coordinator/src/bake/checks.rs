@@ -12,10 +12,10 @@ use shared::replica::{Receiver, Receivers};
 use sobol_burley::sample_4d;
 
 use super::BakeSettings;
+use super::channels::Channels;
 use super::receivers::INWARD;
 use crate::mesh::{Mesh, PatchId, VertexId, interpolation};
 use crate::scene::Scene;
-use crate::solver::add_row;
 
 /// Key of the first check point as a receiver: above all vertices, so that its rays are its own.
 const FIRST_KEY: u64 = 1 << 32;
@@ -136,11 +136,9 @@ impl Checks {
     }
 
     /// Gathers the light of the shares.
-    pub fn gather(&mut self, radiosity: &[DVec3]) {
+    pub fn gather(&mut self, radiosities: impl Iterator<Item = DVec3>, channels: Channels) {
         self.irradiance = self.direct.clone();
-        for (row, radiosity) in self.rows.iter().zip(radiosity) {
-            add_row(&mut self.irradiance, row, *radiosity);
-        }
+        channels.gather(&mut self.irradiance, self.rows.iter().zip(radiosities));
     }
 
     /// Compares the triangles of a mesh with these vertex values against the light gathered: the leaf under each point, and the

@@ -6,7 +6,6 @@ use shared::row::{Shape, Shooter};
 
 use super::checks::Checks;
 use super::{Bake, BakeError, BakeSettings, ErrorBudget, Phase};
-use crate::solver::add_row;
 use crate::solver::fit::best_fit;
 
 /// Check points at which all leaves of the mesh are gathered, to see what the shares get wrong.
@@ -77,7 +76,7 @@ impl Bake<'_, '_> {
         let mut checks =
             Checks::draw(&self.mesh, self.scene, self.settings, prediction.leaves(), self.rounds_measured);
         self.light_checks(&mut checks)?;
-        checks.gather(&self.radiosity);
+        checks.gather(self.radiosity.iter().copied(), self.channels);
         let noise = self.noise();
         let found = checks.compare(&self.mesh, &fitted);
         let receivers = if checks.count() > 0 {
@@ -144,9 +143,7 @@ impl Bake<'_, '_> {
         let rows = self.office.rows(&shooters, set)?;
         self.office.release_receivers(set);
         let mut gathered = vec![DVec3::ZERO; count];
-        for (row, radiosity) in rows.iter().zip(&radiosities) {
-            add_row(&mut gathered, row, *radiosity);
-        }
+        self.channels.gather(&mut gathered, rows.iter().zip(radiosities));
         Ok(gathered)
     }
 

@@ -19,6 +19,7 @@
 
 mod behind;
 mod budget;
+mod channels;
 mod checks;
 mod light;
 mod measure;
@@ -48,6 +49,7 @@ use crate::scene::Scene;
 use crate::solver::ShareEnergy;
 use crate::solver::balance::{EnergyBalance, RowSums};
 use crate::solver::fit::best_fit;
+use channels::Channels;
 use checks::Checks;
 use light::LightSource;
 use receivers::receivers;
@@ -106,10 +108,10 @@ pub struct BakeReport {
     pub occluders: usize,
     /// Rows made, each over all receivers of a set.
     pub rows: u64,
+    /// What of the model the scene needed.
+    pub model: Model,
     /// Form factors computed that are not 0 before occlusion.
     pub factors: u64,
-    /// Pairs whose visibility was sampled with rays; that of all others was computed.
-    pub sampled_pairs: u64,
     /// Rays cast.
     pub rays: u64,
     /// Shots.
@@ -134,6 +136,27 @@ pub struct BakeReport {
     pub warnings: Vec<String>,
     /// Seconds of each step.
     pub seconds: Vec<(&'static str, f64)>,
+}
+
+/// What of the model a scene needed. A pair is a receiver and one polygon that sends light, or a point light.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Model {
+    /// Channels of light: 1 where all light has one colour and all surfaces are grey, else 3.
+    pub channels: usize,
+    /// Emitting facets, each with a row of its own.
+    pub area_lights: usize,
+    /// Point lights, each with a row of solid angles.
+    pub point_lights: usize,
+    /// All pairs.
+    pub pairs: u64,
+    /// Pairs in one plane or turned away from each other: no form factor.
+    pub pairs_turned_away: u64,
+    /// Pairs with nothing between: form factor without visibility.
+    pub pairs_unoccluded: u64,
+    /// Pairs with something between, whose visibility was computed.
+    pub pairs_computed: u64,
+    /// Pairs with so much between that their visibility was sampled with rays.
+    pub pairs_sampled: u64,
 }
 
 /// Bakes a scene. Rows come from `service`; `progress` is told how far it is, often.
@@ -186,6 +209,7 @@ const FOUND_PER_PREDICTED: f64 = 0.68;
 struct Bake<'a, 'b> {
     scene: &'a Scene,
     settings: &'a BakeSettings,
+    channels: Channels,
     office: &'a mut RowOffice<'b>,
     mesh: Mesh,
     /// Reflectance of each surface.
@@ -267,6 +291,7 @@ impl<'a, 'b> Bake<'a, 'b> {
         let mut bake = Self {
             scene,
             settings,
+            channels: Channels::needed(scene),
             office,
             mesh,
             reflectance,

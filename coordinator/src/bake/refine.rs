@@ -7,7 +7,6 @@ use super::measure::without_noise;
 use super::receivers::receivers;
 use super::{Bake, BakeError, Phase, light};
 use crate::mesh::{PatchId, VertexId};
-use crate::solver::add_row;
 use crate::solver::fit::best_fit;
 use crate::solver::refinement::MeshError;
 
@@ -86,9 +85,10 @@ impl Bake<'_, '_> {
         self.direct.resize(count, DVec3::ZERO);
         light::add(&mut self.direct, &self.sources, &rows);
         self.irradiance.extend_from_slice(&self.direct[first.index()..]);
-        for ((row, more), radiosity) in self.rows.iter_mut().zip(from_shares).zip(&self.radiosity) {
-            add_row(&mut self.irradiance[first.index()..], &more, *radiosity);
-            row.extend_from_slice(&more);
+        let new = &mut self.irradiance[first.index()..];
+        self.channels.gather(new, from_shares.iter().zip(self.radiosity.iter().copied()));
+        for (row, more) in self.rows.iter_mut().zip(&from_shares) {
+            row.extend_from_slice(more);
         }
         Ok(())
     }

@@ -2,7 +2,10 @@
 
 use glam::DVec3;
 
-use super::{Bake, BakeReport};
+use shared::row::Shape;
+
+use super::light::LightSource;
+use super::{Bake, BakeReport, Model};
 use crate::solver::balance::{EnergyBalance, RowSums};
 
 /// A vertex whose row sums to more than this is counted as enclosed: what its row lacks is error, not sky.
@@ -27,8 +30,8 @@ impl Bake<'_, '_> {
             patches: self.mesh.leaves().count(),
             occluders: self.occluders,
             rows: self.office.rows_made(),
+            model: self.model(),
             factors: statistics.factors,
-            sampled_pairs: statistics.sampled_pairs,
             rays: statistics.rays,
             shots: self.spent.shots,
             sweeps: self.spent.sweeps,
@@ -40,6 +43,22 @@ impl Bake<'_, '_> {
             row_sums,
             busy_seconds: statistics.busy_nanoseconds as f64 * 1e-9,
             seconds: self.spent.seconds.clone(),
+        }
+    }
+
+    fn model(&self) -> Model {
+        let statistics = &self.office.statistics;
+        let is_area = |source: &&LightSource| matches!(source.shooter.shape, Shape::Polygons(_));
+        let area_lights = self.sources.iter().filter(is_area).count();
+        Model {
+            channels: self.channels.count(),
+            area_lights,
+            point_lights: self.sources.len() - area_lights,
+            pairs: statistics.pairs,
+            pairs_turned_away: statistics.pairs - statistics.factors,
+            pairs_unoccluded: statistics.factors - statistics.occluded_pairs,
+            pairs_computed: statistics.occluded_pairs - statistics.sampled_pairs,
+            pairs_sampled: statistics.sampled_pairs,
         }
     }
 

@@ -3,11 +3,12 @@
 use glam::DVec3;
 use shared::row::Shooter;
 
+use super::channels::Channels;
 use super::checks::Checks;
 use super::{Bake, BakeError, Phase, light};
 use crate::solver::shooting::Shooting;
 use crate::solver::sweeps::{Transfer, solve};
-use crate::solver::{ShareId, add_row};
+use crate::solver::{Light, ShareEnergy, ShareId};
 
 /// Shooting ends here at the latest: with all rows that matter at hand, sweeps finish faster than more shots would.
 const LEAST_SHOOTING: f64 = 1e-3;
@@ -15,26 +16,18 @@ const LEAST_SHOOTING: f64 = 1e-3;
 /// Sweeps end here even if the accuracy was not reached; the bound is reported.
 const MAX_SWEEPS: u32 = 1000;
 
+/// Radiosity that each share has shot, and the rows of those that have.
+type Shot = (Vec<DVec3>, Vec<Option<Vec<f32>>>);
+
 impl Bake<'_, '_> {
     /// Shooting, then the rows that no shot needed, then sweeps.
     pub(super) fn shoot(&mut self) -> Result<(), BakeError> {
         self.office.enter(Phase::Shoot, self.mesh.vertices.len());
         self.office.expect_rows(self.shooters.len() as u64);
-        let threshold = self.settings.threshold.max(LEAST_SHOOTING);
-        let mut shooting =
-            Shooting::new(self.energies.clone(), self.direct.clone(), self.settings.window, threshold);
-        let mut wanted = shooting.start();
-        while !shooting.is_done() {
-            for share in wanted.drain(..) {
-                let shooter = self.shooters[share.index()].clone();
-                self.office.submit(u64::from(share.0), vec![shooter], self.coarse);
-            }
-            let (tag, mut finished) = self.office.next()?;
-            wanted = shooting.row_arrived(ShareId(tag as u32), finished.rows.pop().unwrap_or_default());
-            self.office.set_unshot(shooting.progress().unshot);
-        }
-        self.spent.shots += shooting.progress().shots;
-        let (shot, rows) = shooting.into_parts();
+        let (shot, rows) = match self.channels {
+            Channels::One(colour) => self.shoot_as::<f64>(colour)?,
+            Channels::Three => self.shoot_as::<DVec3>(DVec3::ONE)?,
+        };
         self.rows = self.missing_rows(rows)?;
         let mut guides = std::mem::take(&mut self.guides);
         self.light_checks(&mut guides)?;
@@ -53,6 +46,27 @@ impl Bake<'_, '_> {
         self.solve(&transfer, &direct, shot)?;
         self.end_step("shoot");
         Ok(())
+    }
+
+    /// Shoots until little is left: the radiosity that each share has shot, and the rows so far.
+    fn shoot_as<L: Light>(&mut self, colour: DVec3) -> Result<Shot, BakeError> {
+        let energies = self.energies.iter().map(ShareEnergy::seen_as).collect();
+        let direct = self.direct.iter().map(|light| L::from_rgb(*light, colour)).collect();
+        let threshold = self.settings.threshold.max(LEAST_SHOOTING);
+        let mut shooting = Shooting::<L>::new(energies, direct, self.settings.window, threshold);
+        let mut wanted = shooting.start();
+        while !shooting.is_done() {
+            for share in wanted.drain(..) {
+                let shooter = self.shooters[share.index()].clone();
+                self.office.submit(u64::from(share.0), vec![shooter], self.coarse);
+            }
+            let (tag, mut finished) = self.office.next()?;
+            wanted = shooting.row_arrived(ShareId(tag as u32), finished.rows.pop().unwrap_or_default());
+            self.office.set_unshot(shooting.progress().unshot);
+        }
+        self.spent.shots += shooting.progress().shots;
+        let (shot, rows) = shooting.into_parts();
+        Ok((shot.into_iter().map(|light| light.to_rgb(colour)).collect(), rows))
     }
 
     /// Rows of all light sources and shares over the check points.
@@ -92,22 +106,38 @@ impl Bake<'_, '_> {
         direct: &[DVec3],
         guess: Vec<DVec3>,
     ) -> Result<(), BakeError> {
-        let solution = solve(&self.energies, transfer, direct, guess, self.settings.threshold, MAX_SWEEPS);
-        self.spent.sweeps += solution.sweeps;
-        self.unshot_bound = solution.missing;
-        self.residual = solution.residual;
-        self.unshot = solution.unshot;
-        self.office.set_unshot(solution.missing);
-        self.radiosity = solution.radiosity;
-        self.guides.gather(&self.radiosity);
-        self.irradiance = self.direct.clone();
-        for (row, radiosity) in self.rows.iter().zip(&self.radiosity) {
-            add_row(&mut self.irradiance, row, *radiosity);
+        match self.channels {
+            Channels::One(colour) => self.solve_as::<f64>(colour, transfer, direct, guess),
+            Channels::Three => self.solve_as::<DVec3>(DVec3::ONE, transfer, direct, guess),
         }
+        let radiosities = self.radiosity.iter().copied();
+        self.guides.gather(radiosities.clone(), self.channels);
+        self.irradiance = self.direct.clone();
+        self.channels.gather(&mut self.irradiance, self.rows.iter().zip(radiosities));
         if self.irradiance.iter().all(|irradiance| irradiance.is_finite()) {
             Ok(())
         } else {
             Err(BakeError::NotFinite)
         }
+    }
+
+    fn solve_as<L: Light>(
+        &mut self,
+        colour: DVec3,
+        transfer: &Transfer,
+        direct: &[DVec3],
+        guess: Vec<DVec3>,
+    ) {
+        let seen =
+            |lights: &[DVec3]| -> Vec<L> { lights.iter().map(|light| L::from_rgb(*light, colour)).collect() };
+        let energies: Vec<ShareEnergy<L>> = self.energies.iter().map(ShareEnergy::seen_as).collect();
+        let tolerance = self.settings.threshold;
+        let solution = solve(&energies, transfer, &seen(direct), seen(&guess), tolerance, MAX_SWEEPS);
+        self.spent.sweeps += solution.sweeps;
+        self.unshot_bound = solution.missing;
+        self.residual = solution.residual;
+        self.unshot = solution.unshot.to_rgb(colour);
+        self.office.set_unshot(solution.missing);
+        self.radiosity = solution.radiosity.into_iter().map(|light| light.to_rgb(colour)).collect();
     }
 }

@@ -37,10 +37,32 @@ impl Summary<'_> {
         row("time", format!("{:.2} s ({})", self.seconds, steps.join(", ")));
         row("vertices", format!("{} ({} shooting)", bake.vertices, bake.shooting_vertices));
         row("triangles", self.exported.triangles.to_string());
+        let model = &bake.model;
+        row(
+            "lights",
+            format!(
+                "{} area, {} point; {}",
+                model.area_lights,
+                model.point_lights,
+                if model.channels == 1 { "all grey: one channel of light" } else { "three channels" }
+            ),
+        );
+        let part = |pairs: u64| 100.0 * pairs as f64 / model.pairs.max(1) as f64;
+        row(
+            "pairs",
+            format!(
+                "{}: {:.1} % turned away (no form factor), {:.1} % nothing between (no visibility), {:.1} % hidden in part (computed), {:.1} % sampled",
+                short(model.pairs as f64),
+                part(model.pairs_turned_away),
+                part(model.pairs_unoccluded),
+                part(model.pairs_computed),
+                part(model.pairs_sampled)
+            ),
+        );
         row("rows", format!("{} ({} form factors)", bake.rows, short(bake.factors as f64)));
         row(
             "rays",
-            format!("{} ({} pairs sampled)", short(bake.rays as f64), short(bake.sampled_pairs as f64)),
+            format!("{} ({} pairs sampled)", short(bake.rays as f64), short(bake.model.pairs_sampled as f64)),
         );
         let balance = &bake.balance;
         let percent = |flux: &[f64; 3]| {

@@ -2,6 +2,7 @@
 //!
 //! | file | what it does |
 //! |---|---|
+//! | `light` | three channels, or one |
 //! | `shooting` | progressive refinement: which share shoots next, and what its shot gives |
 //! | `sweeps` | finishes the solution once all rows are there |
 //! | `refinement` | where the mesh needs more vertices |
@@ -12,6 +13,7 @@
 
 pub mod balance;
 pub mod fit;
+mod light;
 pub mod refinement;
 pub mod shooting;
 pub mod sweeps;
@@ -19,6 +21,8 @@ pub mod sweeps;
 mod tests;
 
 use glam::DVec3;
+
+pub use light::Light;
 
 /// Index of a share among those that shoot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -34,31 +38,37 @@ impl ShareId {
 
 /// What the solver knows of a share: the geometry stays with the mesh.
 #[derive(Debug, Clone, Copy)]
-pub struct ShareEnergy {
+pub struct ShareEnergy<L = DVec3> {
     /// Index of the receiver that is the share's own vertex.
     pub receiver: usize,
     /// Area in the frame.
     pub area: f64,
     /// Diffuse reflectance, in [0, 1).
-    pub reflectance: DVec3,
+    pub reflectance: L,
+}
+
+impl ShareEnergy {
+    /// The same for light of one colour.
+    #[must_use]
+    pub fn seen_as<L: Light>(&self) -> ShareEnergy<L> {
+        ShareEnergy {
+            receiver: self.receiver,
+            area: self.area,
+            reflectance: L::reflectance(self.reflectance),
+        }
+    }
 }
 
 /// Largest factor by which unshot flux can still grow through interreflection: rho / (1 - rho) of the brightest surface, per
 /// channel. What is missing from the reflected flux is at most this times the unshot flux.
 #[must_use]
-pub fn interreflection_bound(shares: &[ShareEnergy]) -> DVec3 {
-    let largest = shares.iter().fold(DVec3::ZERO, |largest, share| largest.max(share.reflectance));
-    largest / (1.0 - largest)
+pub fn interreflection_bound<L: Light>(shares: &[ShareEnergy<L>]) -> L {
+    shares.iter().fold(L::default(), |largest, share| largest.larger(share.reflectance)).interreflected()
 }
 
 /// Adds what `radiosity` of a row's shooter gives to the receivers of the row.
-pub fn add_row(irradiance: &mut [DVec3], row: &[f32], radiosity: DVec3) {
+pub fn add_row<L: Light>(irradiance: &mut [L], row: &[f32], radiosity: L) {
     for (irradiance, factor) in irradiance.iter_mut().zip(row) {
         *irradiance += radiosity * f64::from(*factor);
     }
-}
-
-/// Part of a whole, per channel; 0 of a channel that has nothing.
-fn ratio(part: DVec3, whole: DVec3) -> DVec3 {
-    DVec3::select(whole.cmpgt(DVec3::ZERO), part / whole, DVec3::ZERO)
 }

@@ -5,17 +5,15 @@
 
 use std::collections::VecDeque;
 
-use glam::DVec3;
-
-use super::{ShareEnergy, ShareId, add_row, interreflection_bound, ratio};
+use super::{Light, ShareEnergy, ShareId, add_row, interreflection_bound};
 
 /// The state of a shooting solution.
-pub struct Shooting {
-    shares: Vec<ShareEnergy>,
+pub struct Shooting<L> {
+    shares: Vec<ShareEnergy<L>>,
     /// Irradiance of every receiver: total energy.
-    irradiance: Vec<DVec3>,
+    irradiance: Vec<L>,
     /// Radiosity that each share has shot.
-    shot: Vec<DVec3>,
+    shot: Vec<L>,
     rows: Vec<Option<Vec<f32>>>,
     /// Shots that are chosen and not yet applied, in their order.
     chosen: VecDeque<ShareId>,
@@ -23,7 +21,7 @@ pub struct Shooting {
     /// Shares that have shot: their rows are certain to be there when the next shot is chosen, whatever has arrived early.
     has_shot: Vec<bool>,
     /// See [`interreflection_bound`].
-    bound: DVec3,
+    bound: L,
     window: usize,
     threshold: f64,
     shots: u64,
@@ -38,14 +36,14 @@ pub struct ShootingProgress {
     pub unshot: f64,
 }
 
-impl Shooting {
+impl<L: Light> Shooting<L> {
     /// Starts from the irradiance that the light sources give every receiver. Shooting ends when the bound of what is missing
     /// is under `threshold`, relative to the reflected flux.
     #[must_use]
-    pub fn new(shares: Vec<ShareEnergy>, direct: Vec<DVec3>, window: usize, threshold: f64) -> Self {
+    pub fn new(shares: Vec<ShareEnergy<L>>, direct: Vec<L>, window: usize, threshold: f64) -> Self {
         Self {
             irradiance: direct,
-            shot: vec![DVec3::ZERO; shares.len()],
+            shot: vec![L::default(); shares.len()],
             rows: vec![None; shares.len()],
             chosen: VecDeque::new(),
             is_chosen: vec![false; shares.len()],
@@ -94,23 +92,23 @@ impl Shooting {
     #[must_use]
     pub fn progress(&self) -> ShootingProgress {
         let (unshot, reflected) = self.fluxes();
-        ShootingProgress { shots: self.shots, unshot: ratio(unshot, reflected).max_element() }
+        ShootingProgress { shots: self.shots, unshot: L::ratio(unshot, reflected).largest_channel() }
     }
 
     /// Radiosity shot by each share, and the rows; a share that never shot has none.
     #[must_use]
-    pub fn into_parts(self) -> (Vec<DVec3>, Vec<Option<Vec<f32>>>) {
+    pub fn into_parts(self) -> (Vec<L>, Vec<Option<Vec<f32>>>) {
         (self.shot, self.rows)
     }
 
-    fn unshot(&self, share: usize) -> DVec3 {
+    fn unshot(&self, share: usize) -> L {
         let ShareEnergy { receiver, reflectance, .. } = self.shares[share];
         reflectance * self.irradiance[receiver] - self.shot[share]
     }
 
     /// Unshot flux, and reflected flux in all.
-    fn fluxes(&self) -> (DVec3, DVec3) {
-        let mut sums = (DVec3::ZERO, DVec3::ZERO);
+    fn fluxes(&self) -> (L, L) {
+        let mut sums = (L::default(), L::default());
         for (index, share) in self.shares.iter().enumerate() {
             sums.0 += self.unshot(index) * share.area;
             sums.1 += share.reflectance * self.irradiance[share.receiver] * share.area;
@@ -122,19 +120,19 @@ impl Shooting {
     /// with their rows at hand the sweeps finish faster than more shots would.
     fn choose(&mut self, wanted: &mut Vec<ShareId>) -> bool {
         let (unshot, reflected) = self.fluxes();
-        let missing = ratio(unshot, reflected) * self.bound;
-        if missing.max_element() <= self.threshold {
+        let missing = L::ratio(unshot, reflected) * self.bound;
+        if missing.largest_channel() <= self.threshold {
             return false;
         }
         let flux = |index: usize| self.unshot(index) * self.shares[index].area;
         let without_row =
             (0..self.shares.len()).filter(|index| !self.is_chosen[*index] && !self.has_shot[*index]);
-        let held: DVec3 = without_row.map(flux).sum();
-        if ratio(held, reflected).max_element() <= self.threshold {
+        let held: L = without_row.map(flux).sum();
+        if L::ratio(held, reflected).largest_channel() <= self.threshold {
             return false;
         }
         let candidates = (0..self.shares.len()).filter(|index| !self.is_chosen[*index]);
-        let sum = |index: usize| flux(index).element_sum();
+        let sum = |index: usize| flux(index).sum_of_channels();
         let best = candidates.map(|index| (index, sum(index))).reduce(|a, b| if b.1 > a.1 { b } else { a });
         let Some((index, _)) = best.filter(|(_, flux)| *flux > 0.0) else { return false };
         let share = ShareId(index as u32);

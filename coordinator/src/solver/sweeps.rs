@@ -8,9 +8,7 @@
 //! Closed rooms that share a file each have a level of their own, and each is solved to the wanted accuracy: light that is a
 //! millionth of the next room's is not an error of that.
 
-use glam::DVec3;
-
-use super::{ShareEnergy, add_row, interreflection_bound, ratio};
+use super::{Light, ShareEnergy, add_row, interreflection_bound};
 use crate::disjoint_sets::DisjointSets;
 
 /// Factors between shares: `columns[x][a]` is the irradiance that share a gets from unit radiosity of share x.
@@ -20,11 +18,11 @@ pub struct Transfer {
 }
 
 /// A finished solution.
-pub struct Solution {
+pub struct Solution<L> {
     /// Radiosity reflected by each share.
-    pub radiosity: Vec<DVec3>,
+    pub radiosity: Vec<L>,
     /// Flux not yet shot: area times radiosity.
-    pub unshot: DVec3,
+    pub unshot: L,
     /// Flux by which shares differ from what they should have shot, relative to the reflected flux of their room.
     pub residual: f64,
     /// Bound of what is missing, relative to the reflected flux of its room.
@@ -35,14 +33,14 @@ pub struct Solution {
 
 /// Solves b = rho (direct + K b) to the relative accuracy `tolerance`, from a first guess of b.
 #[must_use]
-pub fn solve(
-    shares: &[ShareEnergy],
+pub fn solve<L: Light>(
+    shares: &[ShareEnergy<L>],
     transfer: &Transfer,
-    direct: &[DVec3],
-    guess: Vec<DVec3>,
+    direct: &[L],
+    guess: Vec<L>,
     tolerance: f64,
     max_sweeps: u32,
-) -> Solution {
+) -> Solution<L> {
     let mut radiosity = guess;
     let mut irradiance = direct.to_vec();
     for (column, radiosity) in transfer.columns.iter().zip(&radiosity) {
@@ -62,8 +60,8 @@ pub fn solve(
         level.correct(shares, &rooms, &mut radiosity, &mut irradiance);
         sweeps += 1;
         let relative = relative_residual(shares, &rooms, &radiosity, &irradiance);
-        residual = relative.max_element();
-        missing = (relative * bound).max_element();
+        residual = relative.largest_channel();
+        missing = (relative * bound).largest_channel();
     }
     let unshot = (0..shares.len())
         .map(|i| (shares[i].reflectance * irradiance[i] - radiosity[i]) * shares[i].area)
@@ -100,8 +98,8 @@ impl Rooms {
     }
 
     /// Sum of a figure of each share, by room.
-    fn sums(&self, figure: impl Fn(usize) -> DVec3) -> Vec<DVec3> {
-        let mut sums = vec![DVec3::ZERO; self.count];
+    fn sums<L: Light>(&self, figure: impl Fn(usize) -> L) -> Vec<L> {
+        let mut sums = vec![L::default(); self.count];
         for (share, room) in self.of.iter().enumerate() {
             sums[*room] += figure(share);
         }
@@ -110,29 +108,32 @@ impl Rooms {
 }
 
 /// Absolute residual flux over reflected flux, per channel, of the room where it is largest.
-fn relative_residual(
-    shares: &[ShareEnergy],
+fn relative_residual<L: Light>(
+    shares: &[ShareEnergy<L>],
     rooms: &Rooms,
-    radiosity: &[DVec3],
-    irradiance: &[DVec3],
-) -> DVec3 {
+    radiosity: &[L],
+    irradiance: &[L],
+) -> L {
     let target = |i: usize| shares[i].reflectance * irradiance[i];
-    let residual = rooms.sums(|i| (target(i) - radiosity[i]).abs() * shares[i].area);
+    let residual = rooms.sums(|i| (target(i) - radiosity[i]).magnitude() * shares[i].area);
     let reflected = rooms.sums(|i| target(i) * shares[i].area);
-    residual.iter().zip(&reflected).fold(DVec3::ZERO, |most, (part, whole)| most.max(ratio(*part, *whole)))
+    residual
+        .iter()
+        .zip(&reflected)
+        .fold(L::default(), |most, (part, whole)| most.larger(L::ratio(*part, *whole)))
 }
 
 /// The general level of light in each room: radiosity in proportion to reflectance.
-struct Level {
+struct Level<L> {
     /// Irradiance that it gives each share.
-    irradiance: Vec<DVec3>,
+    irradiance: Vec<L>,
     /// Flux of the level that each room does not sustain itself.
-    deficits: Vec<DVec3>,
+    deficits: Vec<L>,
 }
 
-impl Level {
-    fn new(shares: &[ShareEnergy], transfer: &Transfer, rooms: &Rooms) -> Self {
-        let mut irradiance = vec![DVec3::ZERO; shares.len()];
+impl<L: Light> Level<L> {
+    fn new(shares: &[ShareEnergy<L>], transfer: &Transfer, rooms: &Rooms) -> Self {
+        let mut irradiance = vec![L::default(); shares.len()];
         for (column, share) in transfer.columns.iter().zip(shares) {
             add_row(&mut irradiance, column, share.reflectance);
         }
@@ -145,18 +146,12 @@ impl Level {
     }
 
     /// Adds the multiple of each room's level that makes the sum of its residual flux vanish.
-    fn correct(
-        &self,
-        shares: &[ShareEnergy],
-        rooms: &Rooms,
-        radiosity: &mut [DVec3],
-        irradiance: &mut [DVec3],
-    ) {
+    fn correct(&self, shares: &[ShareEnergy<L>], rooms: &Rooms, radiosity: &mut [L], irradiance: &mut [L]) {
         let residuals =
             rooms.sums(|i| (shares[i].reflectance * irradiance[i] - radiosity[i]) * shares[i].area);
         // Without a deficit (rows that sum to more than 1 by noise) the step would run away.
-        let steps: Vec<DVec3> =
-            residuals.iter().zip(&self.deficits).map(|(part, whole)| ratio(*part, *whole)).collect();
+        let steps: Vec<L> =
+            residuals.iter().zip(&self.deficits).map(|(part, whole)| L::ratio(*part, *whole)).collect();
         for (i, room) in rooms.of.iter().enumerate() {
             radiosity[i] += steps[*room] * shares[i].reflectance;
             irradiance[i] += steps[*room] * self.irradiance[i];

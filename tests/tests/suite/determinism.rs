@@ -77,5 +77,5 @@ fn sampled_visibility() {
     fs::write(&scene, glb).unwrap();
     let knobs = ["--mesh-error", "0.2", "--shooter-edge", "0.3", "--rays", "256"];
     let report = assert_deterministic(&scene, &knobs);
-    assert!(report["bake"]["sampled_pairs"].as_u64().unwrap() > 1000, "{}", report["bake"]);
+    assert!(report["bake"]["model"]["pairs_sampled"].as_u64().unwrap() > 1000, "{}", report["bake"]);
 }

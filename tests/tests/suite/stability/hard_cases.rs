@@ -286,7 +286,7 @@ fn open_scene() {
         &shapes::turned(&[square(1.0)]),
         Material::grey(0.0).emitting(1.0),
     );
-    let fine = BakeSettings { mesh_error: 0.01, ..coarse() };
+    let fine = BakeSettings { mesh_error: 0.0075, ..coarse() };
     let result = checked(&builder, &fine, Expectation { imbalance: 0.01, ..OPEN });
     let (_, flux) = result.area_and_flux(|p| p.z < 0.5);
     let error = flux.x / 0.199_824_9 - 1.0;

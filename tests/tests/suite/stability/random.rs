@@ -201,5 +201,5 @@ proptest! {
 
 /// As little as makes a bake.
 fn quick() -> BakeSettings {
-    BakeSettings { max_vertices: 1500, ..coarse() }
+    BakeSettings { max_vertices: 1500, check_points: 256, ..coarse() }
 }

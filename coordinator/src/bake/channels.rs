@@ -1,0 +1,53 @@
+use glam::DVec3;
+
+use crate::scene::Scene;
+use crate::solver::{Light, add_row};
+
+/// Colours closer than this, as vectors of unit length, are one: the file's f32 numbers are a few times 1e-7 apart.
+const ONE_COLOUR: f64 = 1e-6;
+
+/// How many channels of light a scene needs.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Channels {
+    /// All light has this colour, and every surface reflects all of it alike.
+    One(DVec3),
+    /// Linear RGB.
+    Three,
+}
+
+impl Channels {
+    /// What a scene needs.
+    pub fn needed(scene: &Scene) -> Self {
+        let is_grey = |rgb: DVec3| rgb == DVec3::splat(rgb.x);
+        let exitances = scene.surfaces.iter().map(|surface| surface.exitance);
+        let intensities = scene.point_lights.iter().map(|light| light.intensity);
+        let mut lights = exitances.chain(intensities).filter(|light| *light != DVec3::ZERO);
+        let colour = lights.next().unwrap_or(DVec3::ONE).normalize();
+        let is_same = |light: DVec3| (light.normalize() - colour).length() <= ONE_COLOUR;
+        let is_grey_scene = scene.surfaces.iter().all(|surface| is_grey(surface.reflectance));
+        if is_grey_scene && lights.all(is_same) { Self::One(colour) } else { Self::Three }
+    }
+
+    /// Number of channels.
+    pub fn count(self) -> usize {
+        match self {
+            Self::One(_) => f64::CHANNELS,
+            Self::Three => DVec3::CHANNELS,
+        }
+    }
+
+    /// Adds what the shooters of these rows give their receivers.
+    pub fn gather<'a>(self, irradiance: &mut [DVec3], rows: impl Iterator<Item = (&'a Vec<f32>, DVec3)>) {
+        match self {
+            Self::One(colour) => {
+                let mut sums = vec![0.0; irradiance.len()];
+                rows.for_each(|(row, light)| add_row(&mut sums, row, f64::from_rgb(light, colour)));
+                irradiance
+                    .iter_mut()
+                    .zip(sums)
+                    .for_each(|(irradiance, sum)| *irradiance += sum.to_rgb(colour));
+            }
+            Self::Three => rows.for_each(|(row, light)| add_row(irradiance, row, light)),
+        }
+    }
+}
