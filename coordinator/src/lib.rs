@@ -8,6 +8,8 @@ pub mod import;
 pub mod lit;
 pub mod mesh;
 mod placement;
+pub mod plain;
+pub mod reference;
 pub mod scene;
 pub mod scheduler;
 pub mod score;

@@ -3,6 +3,7 @@
 mod compare;
 mod knobs;
 mod progress;
+mod reference;
 mod report;
 mod solve;
 
@@ -40,6 +41,8 @@ enum Command {
     Solve(solve::SolveArguments),
     /// Compare a lit scene with a path-traced reference.
     Compare(compare::CompareArguments),
+    /// Path-trace the radiosity at points of a scene: what a bake can be compared with.
+    Reference(reference::ReferenceArguments),
 }
 
 impl WorkerArguments {
@@ -49,11 +52,14 @@ impl WorkerArguments {
         if !named.is_empty() {
             return Ok(Workers::Remote(named));
         }
-        let threads = match self.threads {
-            Some(threads) => threads,
-            None => std::thread::available_parallelism().context("cannot count the cores: give --threads")?,
-        };
-        Ok(Workers::Embedded { threads: threads.get() })
+        Ok(Workers::Embedded { threads: self.threads()?.get() })
+    }
+
+    fn threads(&self) -> anyhow::Result<NonZeroUsize> {
+        match self.threads {
+            Some(threads) => Ok(threads),
+            None => std::thread::available_parallelism().context("cannot count the cores: give --threads"),
+        }
     }
 }
 
@@ -64,5 +70,6 @@ pub fn run(arguments: Arguments) -> anyhow::Result<()> {
     match arguments.command {
         Command::Solve(solve) => solve::run(&solve, &arguments.workers.workers()?),
         Command::Compare(compare) => compare::run(&compare),
+        Command::Reference(reference) => reference::run(&reference, arguments.workers.threads()?),
     }
 }

@@ -60,14 +60,20 @@ impl Builder {
         json!({"attributes": {"POSITION": positions}, "indices": indices})
     }
 
-    /// The document, imported.
-    pub(crate) fn import(self, mut root: Value) -> Scene {
+    /// The document and the bytes of its buffer.
+    pub(crate) fn finish(self, mut root: Value) -> (Value, Vec<u8>) {
         root["asset"]["version"] = "2.0".into();
         root["buffers"] = json!([{"byteLength": self.bytes.len()}]);
         root["bufferViews"] = self.views.into();
         root["accessors"] = self.accessors.into();
+        (root, self.bytes)
+    }
+
+    /// The document, imported.
+    pub(crate) fn import(self, root: Value) -> Scene {
+        let (root, bytes) = self.finish(root);
         let root = gltf::json::Root::from_str(&root.to_string()).unwrap();
-        import(SourceDocument { root, buffers: vec![self.bytes] })
+        import(SourceDocument { root, buffers: vec![bytes] })
     }
 }
 

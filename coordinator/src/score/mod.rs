@@ -1,23 +1,22 @@
 //! The error of a lit scene against a path-traced reference.
 //!
 //! At every point of the reference the lit scene's `_IRRADIANCE` is interpolated linearly over the triangle under it and
-//! multiplied by the surface's reflectance, which the input scene has. That gives a radiosity to compare with the
-//! reference's. Reading, point location and arithmetic share nothing with the solver, so that a mistake of it cannot hide
-//! here.
+//! multiplied by the surface's reflectance; what the surface emits itself is added. The input scene has both. That gives a
+//! radiosity to compare with the reference's. Reading, point location and arithmetic share nothing with the solver, so that
+//! a mistake of it cannot hide here.
 
 mod lit_glb;
 mod locate;
-mod reference;
 #[cfg(test)]
 mod tests;
 
-use std::io;
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 
 use self::locate::TriangleGrid;
-use self::reference::ReferencePoint;
+use crate::plain::{PlainError, PlainScene};
+use crate::reference::{Place, ReferenceFileError, ReferencePoint, locate, read};
 
 /// Weights of linear RGB in luminance, after Rec. 709.
 const LUMINANCE: DVec3 = DVec3::new(0.2126, 0.7152, 0.0722);
@@ -47,34 +46,12 @@ pub struct Score {
 /// Why there is no score.
 #[derive(Debug, thiserror::Error)]
 pub enum ScoreError {
-    /// A file cannot be read.
-    #[error("{path} cannot be read: {source}")]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// What the operating system says.
-        source: io::Error,
-    },
-    /// A scene is no valid glTF.
-    #[error("{path} is not a valid glTF: {source}")]
-    Gltf {
-        /// The file.
-        path: PathBuf,
-        /// What the glTF reader says.
-        source: gltf::Error,
-    },
-    /// A scene's data lie outside the file, or do not have the type that they should.
-    #[error(
-        "{path}: {what} of {node} cannot be read: it must be in the GLB's own buffer, as float VEC3 or as indices of existing vertices"
-    )]
-    Data {
-        /// The file.
-        path: PathBuf,
-        /// The node that shows the mesh.
-        node: String,
-        /// The attribute's name, or indices.
-        what: &'static str,
-    },
+    /// A scene cannot be read.
+    #[error(transparent)]
+    Scene(#[from] PlainError),
+    /// The reference cannot be read.
+    #[error(transparent)]
+    Reference(#[from] ReferenceFileError),
     /// A lit scene that was not lit, or not everywhere.
     #[error("{path}: a primitive of {node} has no _IRRADIANCE: bake the scene first")]
     NotLit {
@@ -83,25 +60,6 @@ pub enum ScoreError {
         /// The node that shows the mesh.
         node: String,
     },
-    /// The reference's first line is not the one that this format has.
-    #[error("{path} is not a reference: its first line must be {expected}")]
-    Header {
-        /// The file.
-        path: PathBuf,
-        /// The right one.
-        expected: &'static str,
-    },
-    /// A line of the reference is not what the header says.
-    #[error("{path}, line {line}: expected 13 finite numbers, the seventh a primitive's index")]
-    Line {
-        /// The file.
-        path: PathBuf,
-        /// Number of the line, from 1.
-        line: usize,
-    },
-    /// The reference has a header only.
-    #[error("{0} has no points")]
-    NoPoints(PathBuf),
     /// The reference was made of another scene.
     #[error(
         "{reference} refers to primitive {primitive}, but {scene} has {count}: use the scene that it was made of"
@@ -116,57 +74,108 @@ pub enum ScoreError {
         /// Primitives of the scene.
         count: usize,
     },
-    /// The lit scene and the reference have no place in common.
+    /// The reference has points where the scene has no surface.
     #[error(
-        "no point of {0} lies on the lit scene: was it baked from the scene that the reference was made of?"
+        "{off} of {points} points of {reference} lie on no surface of {scene}, the first on line {line}: use the scene that the reference was made of"
     )]
-    NothingCovered(PathBuf),
+    OffScene {
+        /// The reference.
+        reference: PathBuf,
+        /// The scene.
+        scene: PathBuf,
+        /// Points on no surface of the primitive that they name.
+        off: usize,
+        /// Points of the reference.
+        points: usize,
+        /// Line of the first of them, where no line is empty.
+        line: usize,
+    },
+    /// The lit scene and the reference have hardly a place in common.
+    #[error(
+        "{covered} of {points} points of {reference} lie on the lit scene {lit}: was it baked from the scene that the reference was made of?"
+    )]
+    NotCovered {
+        /// The reference.
+        reference: PathBuf,
+        /// The lit scene.
+        lit: PathBuf,
+        /// Points on a triangle of the lit scene.
+        covered: usize,
+        /// Points of the reference.
+        points: usize,
+    },
 }
+
+/// Part of a reference's points that may lie beside the scene, by rounding at its edges. In another scene, even one in which a
+/// single thing stands elsewhere, it is more.
+const MOST_OFF_SCENE: f64 = 0.01;
+
+/// Part of a reference's points that must lie on the lit scene.
+const LEAST_COVERED: f64 = 0.5;
 
 /// Compares a lit GLB with a reference (CSV) that was made of the GLB `scene`, which knows the reflectances.
 ///
 /// # Errors
 /// When a file cannot be read or is not what it should be; when the reference does not fit the scenes.
 pub fn score(lit: &Path, reference: &Path, scene: &Path) -> Result<Score, ScoreError> {
-    let points = reference::read(reference)?;
-    let reflectances = lit_glb::read_reflectances(scene)?;
-    if let Some(point) = points.iter().find(|point| point.primitive >= reflectances.len()) {
-        return Err(ScoreError::Primitive {
-            reference: reference.to_owned(),
-            scene: scene.to_owned(),
-            primitive: point.primitive,
-            count: reflectances.len(),
-        });
-    }
+    let points = read(reference)?;
+    let source = PlainScene::open(scene)?;
+    check_fit(&points, &source, reference, scene)?;
     let mesh = lit_glb::read(lit)?;
     let corners = |pick: fn(DVec3, DVec3) -> DVec3, start| {
-        points.iter().fold(start, |bound, point| pick(bound, point.position))
+        points.iter().fold(start, |bound, point| pick(bound, point.place.position))
     };
     let extent = corners(DVec3::max, DVec3::MIN) - corners(DVec3::min, DVec3::MAX);
     let grid = TriangleGrid::new(&mesh.triangles, extent.max_element());
     let radiosities: Vec<Option<DVec3>> = points
         .iter()
         .map(|point| {
-            let (triangle, weights) = grid.locate(point.position, point.normal)?;
+            let (triangle, weights) = grid.locate(point.place.position, point.place.normal)?;
             let [a, b, c] = mesh.irradiances[triangle];
-            Some(reflectances[point.primitive] * (weights.x * a + weights.y * b + weights.z * c))
+            let material = source.materials[point.place.primitive];
+            Some(material.exitance + material.reflectance * (weights.x * a + weights.y * b + weights.z * c))
         })
         .collect();
-    let score =
-        compare(&points, &radiosities).ok_or_else(|| ScoreError::NothingCovered(reference.to_owned()))?;
+    let covered = radiosities.iter().flatten().count();
+    if (covered as f64) < LEAST_COVERED * points.len() as f64 {
+        let (reference, lit) = (reference.to_owned(), lit.to_owned());
+        return Err(ScoreError::NotCovered { reference, lit, covered, points: points.len() });
+    }
+    let score = compare(&points, &radiosities);
     Ok(Score { vertices: mesh.vertices, triangles: mesh.triangles.len(), ..score })
 }
 
-/// The figures, without those of the mesh; `None` when no point has a radiosity.
-fn compare(points: &[ReferencePoint], radiosities: &[Option<DVec3>]) -> Option<Score> {
+/// Whether the reference can have been made of the scene.
+fn check_fit(
+    points: &[ReferencePoint],
+    source: &PlainScene,
+    reference: &Path,
+    scene: &Path,
+) -> Result<(), ScoreError> {
+    let (reference, scene) = (reference.to_owned(), scene.to_owned());
+    let count = source.materials.len();
+    if let Some(point) = points.iter().find(|point| point.place.primitive >= count) {
+        return Err(ScoreError::Primitive { reference, scene, primitive: point.place.primitive, count });
+    }
+    let places: Vec<Place> = points.iter().map(|point| point.place).collect();
+    let located = locate(source, &places);
+    let off = located.iter().filter(|place| place.is_none()).count();
+    match located.iter().position(Option::is_none) {
+        Some(first) if off as f64 > MOST_OFF_SCENE * points.len() as f64 => {
+            // The header is line 1.
+            Err(ScoreError::OffScene { reference, scene, off, points: points.len(), line: first + 2 })
+        }
+        _ => Ok(()),
+    }
+}
+
+/// The figures, without those of the mesh; at least one point has a radiosity.
+fn compare(points: &[ReferencePoint], radiosities: &[Option<DVec3>]) -> Score {
     let covered: Vec<(&ReferencePoint, DVec3)> = points
         .iter()
         .zip(radiosities)
         .filter_map(|(point, radiosity)| Some((point, (*radiosity)?)))
         .collect();
-    if covered.is_empty() {
-        return None;
-    }
     let sum = |of: fn(&ReferencePoint, DVec3) -> DVec3| {
         covered.iter().map(|&(point, b)| of(point, b)).sum::<DVec3>()
     };
@@ -182,7 +191,7 @@ fn compare(points: &[ReferencePoint], radiosities: &[Option<DVec3>]) -> Option<S
         .collect();
     // NaN comes last, so that it shows in the maximum.
     deviations.sort_by(f64::total_cmp);
-    Some(Score {
+    Score {
         relative_l2: (error / signal).sqrt(),
         energy_ratio: sum(|_, b| b).element_sum() / sum(|point, _| point.radiosity).element_sum(),
         p95: quantile(&deviations, 0.95),
@@ -191,7 +200,7 @@ fn compare(points: &[ReferencePoint], radiosities: &[Option<DVec3>]) -> Option<S
         not_finite: covered.iter().filter(|(_, b)| !b.is_finite()).count(),
         vertices: 0,
         triangles: 0,
-    })
+    }
 }
 
 /// Quantile of sorted values, interpolated linearly between the two nearest.

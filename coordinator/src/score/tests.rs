@@ -6,6 +6,7 @@ use super::*;
 use crate::export::fixture::{light, open, test_scene};
 use crate::export::{ExportSettings, export};
 use crate::lit::LitMesh;
+use crate::reference::Place;
 use crate::scene::Scene;
 
 const HEADER: &str =
@@ -44,6 +45,13 @@ impl Files {
     }
 }
 
+/// Takes the ceiling away from where the reference has it.
+fn raise_ceiling(lit: &mut LitMesh) {
+    for triangle in lit.surfaces[1].clone() {
+        triangle.vertices.iter().for_each(|&vertex| lit.vertices[vertex as usize].position.y += 100.0);
+    }
+}
+
 fn assert_near(value: f64, expected: f64) {
     assert!((value - expected).abs() < 1e-6, "{value} is not {expected}");
 }
@@ -56,9 +64,12 @@ fn figures_of_a_constant_irradiance_are_those_computed_by_hand() {
         "5,0,1,0,1,0,0,1.46,1.46,1.46,.1,.1,.1",
         "1,0,5,0,1,0,0,1.46,1.46,1.46,.1,.1,.1",
         "5,0,5,0,1,0,0,1,1,1,.1,.1,.1",
-        "2,2,2,0,1,0,0,1,1,1,.1,.1,.1",
+        "2,5.5,2,0,-1,0,1,1,1,1,.1,.1,.1",
     ];
-    let score = Files::cornell(|_| DVec3::splat(2.0), &rows).score().unwrap();
+    let scene = open("cornell.glb");
+    let mut lit = light(&scene, 3, |_| DVec3::splat(2.0));
+    raise_ceiling(&mut lit);
+    let score = Files::new(&scene, &lit, &rows).score().unwrap();
     let mean = (3.0 * 1.46 + 1.0) / 4.0;
     let noise = 4.0 * 0.01;
     let signal = 3.0 * 1.46_f64.powi(2) + 1.0 - noise;
@@ -76,15 +87,14 @@ fn every_point_of_a_reference_is_found_and_interpolated_linearly() {
     let gradient = |world: DVec3| DVec3::new(world.x, 2.0 * world.y, 1.0 + world.z);
     let files = Files::cornell(gradient, &[]);
     let reference = test_scene("../references/cornell.reference.csv");
-    let points = reference::read(&reference).unwrap();
+    let points = read(&reference).unwrap();
     assert_eq!(points.len(), 4000);
-    let reflectances = lit_glb::read_reflectances(&test_scene("cornell.glb")).unwrap();
+    let materials = PlainScene::open(&test_scene("cornell.glb")).unwrap().materials;
     let rows: Vec<String> = points
         .iter()
         .map(|point| {
-            let (p, n, b) =
-                (point.position, point.normal, reflectances[point.primitive] * gradient(point.position));
-            let primitive = point.primitive;
+            let Place { position: p, normal: n, primitive } = point.place;
+            let b = materials[primitive].reflectance * gradient(p);
             format!(
                 "{},{},{},{},{},{},{primitive},{},{},{},0,0,0",
                 p.x, p.y, p.z, n.x, n.y, n.z, b.x, b.y, b.z
@@ -120,14 +130,12 @@ fn of_two_sheets_at_one_place_the_one_that_faces_the_point_counts() {
 #[test]
 fn what_is_not_finite_shows() {
     let point = || ReferencePoint {
-        position: DVec3::ZERO,
-        normal: DVec3::Y,
-        primitive: 0,
+        place: Place { position: DVec3::ZERO, normal: DVec3::Y, primitive: 0 },
         radiosity: DVec3::ONE,
         standard_error: DVec3::ZERO,
     };
     let radiosities = [Some(DVec3::ONE), Some(DVec3::new(1.0, f64::NAN, 1.0)), None];
-    let score = compare(&[point(), point(), point()], &radiosities).unwrap();
+    let score = compare(&[point(), point(), point()], &radiosities);
     assert_eq!((score.not_finite, score.uncovered), (1, 1));
     assert!(score.relative_l2.is_nan() && score.energy_ratio.is_nan() && score.max.is_nan());
 }
@@ -146,12 +154,38 @@ fn references_that_do_not_fit_are_refused() {
         (vec![HEADER, "1,0,1,0,1,0,0,nan,1,1,0,0,0"], "line 2: expected 13 finite numbers"),
         (vec![HEADER, "1,0,1,0,1,0,.5,1,1,1,0,0,0"], "the seventh a primitive's index"),
         (vec![HEADER, "1,0,1,0,1,0,9,1,1,1,0,0,0"], "refers to primitive 9, but"),
-        (vec![HEADER, "9,9,9,0,1,0,0,1,1,1,0,0,0", "8,9,9,0,1,0,0,1,1,1,0,0,0"], "no point of"),
+        // In the air, on another primitive, and on the back of the right one.
+        (vec![HEADER, good, "9,9,9,0,1,0,0,1,1,1,0,0,0"], "1 of 2 points of"),
+        (vec![HEADER, good, "1,0,1,0,1,0,1,1,1,1,0,0,0"], "lie on no surface of"),
+        (vec![HEADER, "1,0,1,0,-1,0,0,1,1,1,0,0,0"], "the first on line 2: use the scene that"),
     ] {
         files.write_reference(&lines);
         let error = files.score().unwrap_err().to_string();
         assert!(error.contains(expected), "{error}");
     }
+}
+
+#[test]
+fn lit_scene_that_is_mostly_elsewhere_is_refused() {
+    let scene = open("cornell.glb");
+    let mut lit = light(&scene, 1, |_| DVec3::ONE);
+    raise_ceiling(&mut lit);
+    let [floor, ceiling] = ["1,0,1,0,1,0,0,1,1,1,0,0,0", "2,5.5,2,0,-1,0,1,1,1,1,0,0,0"];
+    assert_eq!(Files::new(&scene, &lit, &[floor, ceiling]).score().unwrap().uncovered, 1);
+    let error = Files::new(&scene, &lit, &[floor, ceiling, ceiling]).score().unwrap_err().to_string();
+    assert!(error.contains("1 of 3 points of") && error.contains("was it baked from the scene"), "{error}");
+}
+
+/// The radiosity of a reference is all that leaves a surface.
+#[test]
+fn what_a_surface_emits_itself_counts() {
+    let [red, green, blue] =
+        PlainScene::open(&test_scene("cornell.glb")).unwrap().materials[6].exitance.to_array();
+    assert!(red > 0.0);
+    let lamp = read(&test_scene("../references/cornell.reference.csv")).unwrap();
+    assert!(lamp.iter().all(|point| point.place.primitive != 6), "the lamp is black");
+    let row = |x| format!("{x},5.49,2.75,0,-1,0,6,{red},{green},{blue},0,0,0");
+    assert_near(Files::cornell(|_| DVec3::ONE, &[&row(2.5), &row(3.0)]).score().unwrap().relative_l2, 0.0);
 }
 
 #[test]

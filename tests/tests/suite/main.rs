@@ -9,6 +9,7 @@
 //! | `furnace` | enclosures of constant radiosity against E / (1 - rho) |
 //! | `enclosures` | a cube with one bright face and with a point light against their exact answers |
 //! | `scenes` | whole bakes against path-traced references, and the files that come out |
+//! | `reference` | references made here against those of an outside renderer |
 //! | `determinism` | bakes against bakes by other workers, bit for bit |
 //! | `stability` | hard cases, and scenes told in several ways, against what is true of every bake |
 //! | `bad_input` | the command line against wrong files, wrong addresses and lost workers |
@@ -21,5 +22,6 @@ mod furnace;
 mod leaks;
 mod mesh;
 mod occlusion;
+mod reference;
 mod scenes;
 mod stability;

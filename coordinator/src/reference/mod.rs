@@ -1,0 +1,143 @@
+//! Path-traced references: the radiosity at points of a scene's surfaces, with standard errors.
+//!
+//! What a bake is measured against. Nothing here is shared with it: no import, mesh, form factor or visibility of the
+//! solver, only triangles and rays.
+//!
+//! | module | job |
+//! |---|---|
+//! | `file` | references as CSV |
+//! | `places` | the points: random ones, or those of another reference |
+//! | `solid` | the triangles behind a bounding volume hierarchy: what does a ray meet first? |
+//! | `lights` | where light comes from, and how to choose a point of it |
+//! | `paths` | the estimator |
+//! | `agreement` | one reference against another |
+
+mod agreement;
+mod file;
+mod lights;
+mod paths;
+mod places;
+mod solid;
+#[cfg(test)]
+mod tests;
+
+use std::path::PathBuf;
+
+use glam::DVec3;
+use rayon::ThreadPoolBuilder;
+use rayon::prelude::*;
+
+pub use self::agreement::Agreement;
+pub use self::file::{ReferenceFileError, read, to_csv};
+pub use self::places::{locate, random};
+
+use self::paths::Tracer;
+use crate::plain::PlainScene;
+
+/// Groups of paths at each point, drawn independently of each other. The spread of their means gives the standard error; with
+/// fewer its own error would widen the tails (at 32 the chance of three standard errors is 0.5 %, in place of 0.3 %).
+pub const GROUPS: u32 = 32;
+
+/// Most paths at a point: each group has a Sobol' sequence, which ends at 65,536.
+pub const MOST_PATHS: u32 = GROUPS << 16;
+
+/// A point of a surface.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Place {
+    /// Position in the world.
+    pub position: DVec3,
+    /// Unit normal of the side that counts.
+    pub normal: DVec3,
+    /// Number of the primitive, in the order in which a walk of the scene's nodes meets those of triangles.
+    pub primitive: usize,
+}
+
+/// A point of a reference.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ReferencePoint {
+    /// Where.
+    pub place: Place,
+    /// Radiosity, emitted and reflected: exitance + reflectance x irradiance, W/m^2.
+    pub radiosity: DVec3,
+    /// Standard error of the radiosity.
+    pub standard_error: DVec3,
+}
+
+/// How a reference is made.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ReferenceSettings {
+    /// Paths at each point, in `1..=MOST_PATHS`; rounded up to a multiple of [`GROUPS`].
+    pub paths: u32,
+    /// Seed of everything random. The same seed gives the same bits.
+    pub seed: u64,
+    /// Threads; the result does not depend on them.
+    pub threads: usize,
+}
+
+impl Default for ReferenceSettings {
+    fn default() -> Self {
+        Self { paths: 2048, seed: 1, threads: 1 }
+    }
+}
+
+/// Why there is no reference.
+#[derive(Debug, thiserror::Error)]
+pub enum ReferenceError {
+    /// No surface reflects.
+    #[error(
+        "the scene has no surface that reflects, so there is nothing to measure: give a material a base colour, and metallicFactor 0"
+    )]
+    NoReflection,
+    /// Nothing gives light.
+    #[error(
+        "the scene has no light: give a material an emissiveFactor or add a KHR_lights_punctual point light"
+    )]
+    NoLight,
+    /// The other reference has points that the scene does not have.
+    #[error(
+        "point {point} of {reference} lies on no side of primitive {primitive} that reflects: use the scene that the reference was made of"
+    )]
+    OffScene {
+        /// The other reference.
+        reference: PathBuf,
+        /// Number of the point, from 1.
+        point: usize,
+        /// The primitive that it names.
+        primitive: usize,
+    },
+    /// The machine gives no threads.
+    #[error("threads cannot be started: {0}")]
+    Threads(rayon::ThreadPoolBuildError),
+}
+
+/// Traces the radiosity at these places; `done` is called for each that is finished.
+///
+/// # Errors
+/// When the scene has no light, or threads cannot be started.
+pub fn trace(
+    scene: &PlainScene,
+    places: &[Place],
+    settings: &ReferenceSettings,
+    done: &(dyn Fn() + Sync),
+) -> Result<Vec<ReferencePoint>, ReferenceError> {
+    let tracer = Tracer::new(scene).ok_or(ReferenceError::NoLight)?;
+    let pool =
+        ThreadPoolBuilder::new().num_threads(settings.threads).build().map_err(ReferenceError::Threads)?;
+    let paths = settings.paths.clamp(1, MOST_PATHS).div_ceil(GROUPS);
+    Ok(pool.install(|| {
+        let point = |(index, place): (usize, &Place)| {
+            let point = tracer.point(place, index as u64, paths, settings.seed);
+            done();
+            point
+        };
+        places.par_iter().enumerate().map(point).collect()
+    }))
+}
+
+/// Standard error of a whole reference, relative to the norm of its radiosity: sqrt(sum s^2 / sum B^2).
+#[must_use]
+pub fn relative_standard_error(points: &[ReferencePoint]) -> f64 {
+    let sum =
+        |of: fn(&ReferencePoint) -> DVec3| points.iter().map(|point| of(point).length_squared()).sum::<f64>();
+    (sum(|point| point.standard_error) / sum(|point| point.radiosity)).sqrt()
+}

@@ -1,0 +1,136 @@
+//! The estimator: paths from a point, light gathered along them.
+
+use std::f64::consts::TAU;
+
+use glam::DVec3;
+use sobol_burley::{NUM_DIMENSION_SETS_4D, sample_4d};
+
+use super::lights::{Lights, kernel, weight};
+use super::solid::{CLEARANCE, Solid};
+use super::{GROUPS, Place, ReferencePoint};
+use crate::plain::{PlainMaterial, PlainScene};
+
+/// Bounces after which chance may end a path.
+const CERTAIN_BOUNCES: u32 = 3;
+
+/// Sets of four Sobol' dimensions that a bounce takes.
+const SETS_PER_BOUNCE: u32 = 2;
+
+/// Bounces after which dimensions are used again, scrambled anew.
+const BOUNCES_PER_SEED: u32 = NUM_DIMENSION_SETS_4D / SETS_PER_BOUNCE;
+
+/// A scene ready to be traced.
+pub(super) struct Tracer<'a> {
+    scene: &'a PlainScene,
+    solid: Solid,
+    lights: Lights,
+}
+
+/// A path: which of its group, and the seed of the group.
+#[derive(Clone, Copy)]
+struct Path {
+    index: u32,
+    seed: u64,
+}
+
+impl Path {
+    /// Eight uniform numbers of a bounce.
+    fn draw(self, bounce: u32) -> [f64; 8] {
+        let seed = mix(self.seed, u64::from(bounce / BOUNCES_PER_SEED)) as u32;
+        let set = bounce % BOUNCES_PER_SEED * SETS_PER_BOUNCE;
+        let [a, b, c, d] = sample_4d(self.index, set, seed).map(f64::from);
+        let [e, f, g, h] = sample_4d(self.index, set + 1, seed).map(f64::from);
+        [a, b, c, d, e, f, g, h]
+    }
+}
+
+impl<'a> Tracer<'a> {
+    /// Prepares a scene; `None` where nothing gives light.
+    pub(super) fn new(scene: &'a PlainScene) -> Option<Self> {
+        let solid = Solid::new(scene);
+        let lights = Lights::new(&solid, &scene.point_lights)?;
+        Some(Self { scene, solid, lights })
+    }
+
+    /// The radiosity at a place from [`GROUPS`] groups of so many paths each; `index` tells its random numbers from those of
+    /// other places.
+    pub(super) fn point(&self, place: &Place, index: u64, paths: u32, seed: u64) -> ReferencePoint {
+        let material = self.scene.materials[place.primitive];
+        let groups = [(); GROUPS as usize].map({
+            let mut group = 0;
+            move |()| {
+                let seed = mix(mix(seed, index), group);
+                group += 1;
+                let sum: DVec3 =
+                    (0..paths).map(|index| self.gather(place, &material, Path { index, seed })).sum();
+                material.exitance + sum / f64::from(paths)
+            }
+        });
+        let count = f64::from(GROUPS);
+        let mean = groups.iter().sum::<DVec3>() / count;
+        let spread: DVec3 = groups.iter().map(|group| (*group - mean) * (*group - mean)).sum();
+        let standard_error = (spread / (count * (count - 1.0))).map(f64::sqrt);
+        ReferencePoint { place: *place, radiosity: mean, standard_error }
+    }
+
+    /// What one path says of the reflected radiosity at a place.
+    fn gather(&self, place: &Place, material: &PlainMaterial, path: Path) -> DVec3 {
+        let mut gathered = DVec3::ZERO;
+        // The part of irradiance at the present surface that becomes radiosity at the place.
+        let mut share = material.reflectance;
+        let mut normal = place.normal;
+        let mut at = self.solid.frame.place(place.position) + normal * CLEARANCE;
+        for bounce in 0.. {
+            if share == DVec3::ZERO {
+                break;
+            }
+            let [u, v, survival, which_point, which_emitter, s, t, _] = path.draw(bounce);
+            let samples = [
+                self.lights.point(at, normal, which_point),
+                self.lights.surface(&self.solid, at, normal, [which_emitter, s, t]),
+            ];
+            for sample in samples.into_iter().flatten() {
+                if self.solid.is_clear(at, sample.from) {
+                    gathered += share * sample.irradiance;
+                }
+            }
+            let direction = by_cosine(normal, u, v);
+            let Some(hit) = self.solid.first_hit(at, direction) else { break };
+            let triangle = &self.solid.triangles[hit.triangle];
+            let Some(side) = triangle.side(direction) else { break };
+            let met = at + direction * hit.distance;
+            let density = self.lights.density(hit.triangle);
+            if density > 0.0 {
+                gathered +=
+                    share * triangle.material.exitance * weight(kernel(at, normal, met, side), density);
+            }
+            let reflectance = triangle.material.reflectance;
+            share *= reflectance;
+            if bounce >= CERTAIN_BOUNCES {
+                let chance = reflectance.max_element();
+                if survival >= chance {
+                    break;
+                }
+                share /= chance;
+            }
+            normal = side;
+            at = met + side * CLEARANCE;
+        }
+        gathered
+    }
+}
+
+/// A direction of the hemisphere over a normal, as likely as its cosine is large.
+fn by_cosine(normal: DVec3, u: f64, v: f64) -> DVec3 {
+    let (across, along) = normal.any_orthonormal_pair();
+    let (sine, cosine) = (TAU * v).sin_cos();
+    (across * cosine + along * sine) * u.sqrt() + normal * (1.0 - u).sqrt()
+}
+
+/// A well-mixed number of two: the finaliser of SplitMix64 (Steele, Lea and Flood, OOPSLA 2014) after a step for each.
+pub(super) fn mix(seed: u64, number: u64) -> u64 {
+    let mut z = seed.wrapping_add(number.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
+}

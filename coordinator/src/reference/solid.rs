@@ -1,0 +1,169 @@
+//! The triangles of a scene behind a bounding volume hierarchy.
+
+use glam::{DVec3, Vec3A};
+use obvhs::aabb::Aabb;
+use obvhs::bvh2::Bvh2;
+use obvhs::bvh2::builder::build_bvh2;
+use obvhs::ray::{Ray, RayHit};
+use obvhs::{Boundable, BvhBuildParams};
+
+use crate::plain::{PlainMaterial, PlainScene};
+
+/// How far rays start and end off surfaces, as a share of the scene's extent: some last places of the f32 that files hold, so
+/// that surfaces meant to lie in one plane do not hide each other. Boxes are padded by as much.
+pub(super) const CLEARANCE: f64 = 1.0 / (1 << 20) as f64;
+
+/// The scene centred, with an extent of 1: rays meet boxes in f32.
+#[derive(Clone, Copy)]
+pub(super) struct Frame {
+    centre: DVec3,
+    /// World units per unit here.
+    pub(super) scale: f64,
+}
+
+impl Frame {
+    fn of(scene: &PlainScene) -> Self {
+        let corners = scene.triangles.iter().flat_map(|triangle| triangle.corners);
+        let (low, high) = corners.fold((DVec3::MAX, DVec3::MIN), |(low, high), p| (low.min(p), high.max(p)));
+        Self { centre: low + (high - low) * 0.5, scale: (high - low).max_element() }
+    }
+
+    /// A world position in the frame.
+    pub(super) fn place(&self, world: DVec3) -> DVec3 {
+        (world - self.centre) / self.scale
+    }
+}
+
+/// A triangle of the solid.
+pub(super) struct Triangle {
+    /// Corners in the frame, counter-clockwise seen from the front.
+    pub(super) corners: [DVec3; 3],
+    /// Unit normal of the front.
+    pub(super) normal: DVec3,
+    /// What it is made of.
+    pub(super) material: PlainMaterial,
+}
+
+impl Triangle {
+    /// The unit normal on the side that a ray of this direction meets, if that side reflects or emits at all.
+    pub(super) fn side(&self, direction: DVec3) -> Option<DVec3> {
+        let front = self.normal.dot(direction) < 0.0;
+        (front || self.material.double_sided).then_some(if front { self.normal } else { -self.normal })
+    }
+
+    /// Distance along a ray, in units of the direction's length.
+    ///
+    /// The sign of an edge's volume decides on which side of it the ray passes. Two triangles that share the edge compute it
+    /// from the same numbers with opposite sign, and 0 counts for both: no ray passes between them.
+    fn meet(&self, origin: DVec3, direction: DVec3) -> Option<f64> {
+        let [a, b, c] = self.corners.map(|corner| corner - origin);
+        let volumes = [(a, b), (b, c), (c, a)].map(|(from, to)| direction.dot(from.cross(to)));
+        let inside =
+            volumes.iter().all(|&volume| volume >= 0.0) || volumes.iter().all(|&volume| volume <= 0.0);
+        let slope = direction.dot(self.normal);
+        (inside && slope != 0.0).then(|| a.dot(self.normal) / slope)
+    }
+}
+
+/// What a ray meets first.
+pub(super) struct Hit {
+    /// Index of the triangle in [`Solid::triangles`].
+    pub(super) triangle: usize,
+    /// Distance from the ray's origin.
+    pub(super) distance: f64,
+}
+
+/// A scene's triangles.
+pub(super) struct Solid {
+    /// How their coordinates relate to the world's.
+    pub(super) frame: Frame,
+    /// In the order of the hierarchy's leaves.
+    pub(super) triangles: Vec<Triangle>,
+    bvh: Bvh2,
+}
+
+struct Padded(Aabb);
+
+impl Boundable for Padded {
+    fn aabb(&self) -> Aabb {
+        self.0
+    }
+}
+
+fn padded(corners: &[DVec3], padding: f64) -> Padded {
+    let points: Vec<Vec3A> = corners.iter().map(|corner| corner.as_vec3a()).collect();
+    let tight = Aabb::from_points(&points);
+    let padding = Vec3A::splat(padding as f32);
+    Padded(Aabb::new(tight.min - padding, tight.max + padding))
+}
+
+impl Solid {
+    /// Builds the hierarchy.
+    pub(super) fn new(scene: &PlainScene) -> Self {
+        let frame = Frame::of(scene);
+        let corners = |index: usize| scene.triangles[index].corners.map(|corner| frame.place(corner));
+        let boxes: Vec<Padded> =
+            (0..scene.triangles.len()).map(|index| padded(&corners(index), CLEARANCE)).collect();
+        let bvh = build_bvh2(&boxes, BvhBuildParams::medium_build(), &mut Default::default());
+        let triangles = bvh.primitive_indices.iter().map(|&index| {
+            let source = &scene.triangles[index as usize];
+            let material = scene.materials[source.primitive];
+            Triangle { corners: corners(index as usize), normal: source.area_vector().normalize(), material }
+        });
+        Self { frame, triangles: triangles.collect(), bvh }
+    }
+
+    /// The first triangle that a ray of unit direction meets.
+    ///
+    /// Of several at one place the one that emits towards the ray counts, else the one that shows its front: a thin wall of two
+    /// sheets is seen from both sides, and a lamp in the plane of a ceiling is seen.
+    pub(super) fn first_hit(&self, origin: DVec3, direction: DVec3) -> Option<Hit> {
+        let mut least = f64::INFINITY;
+        let mut found = None;
+        let ray = Ray::new(origin.as_vec3a(), direction.as_vec3a(), 0.0, f32::INFINITY);
+        self.bvh.ray_traverse(ray, &mut RayHit::none(), |_, index| {
+            let triangle = &self.triangles[index];
+            let Some(distance) = triangle.meet(origin, direction).filter(|distance| *distance > 0.0) else {
+                return f32::INFINITY;
+            };
+            let rank = match triangle.side(direction) {
+                Some(_) if triangle.material.exitance != DVec3::ZERO => 2.0,
+                Some(_) => 1.0,
+                None => 0.0,
+            };
+            let key = distance - rank * CLEARANCE;
+            if key >= least {
+                return f32::INFINITY;
+            }
+            least = key;
+            found = Some(Hit { triangle: index, distance });
+            // What comes a little later may still be preferred.
+            (key + 3.0 * CLEARANCE) as f32
+        });
+        found
+    }
+
+    /// Whether nothing lies between two points.
+    pub(super) fn is_clear(&self, from: DVec3, to: DVec3) -> bool {
+        let span = to - from;
+        let length = span.length();
+        let direction = span / length;
+        let ray = Ray::new(from.as_vec3a(), direction.as_vec3a(), 0.0, (length + CLEARANCE) as f32);
+        self.bvh.ray_traverse_miss(ray, |_, index| {
+            let blocks = |distance: f64| distance > 0.0 && distance < length;
+            if self.triangles[index].meet(from, direction).is_some_and(blocks) { 0.0 } else { f32::INFINITY }
+        })
+    }
+
+    /// Indices, in the scene, of the triangles near a world position, and of some more.
+    pub(super) fn near(&self, position: DVec3, distance: f64) -> impl Iterator<Item = usize> + use<'_> {
+        let around = padded(&[self.frame.place(position)], distance / self.frame.scale).0;
+        let mut found = Vec::new();
+        self.bvh.aabb_traverse(around, |bvh, node| {
+            let node = &bvh.nodes[node as usize];
+            found.extend(node.first_index as usize..(node.first_index + node.prim_count) as usize);
+            true
+        });
+        found.into_iter().map(|leaf| self.bvh.primitive_indices[leaf] as usize)
+    }
+}

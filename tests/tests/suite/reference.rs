@@ -1,0 +1,185 @@
+//! References made here against those of an outside renderer, and the command that makes them.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use assert_cmd::Command;
+use coordinator::plain::PlainScene;
+use coordinator::reference::{Agreement, Place, ReferenceSettings, locate, read, trace};
+use serde_json::Value;
+use tempfile::TempDir;
+use tests::builder::{Material, SceneBuilder, pack};
+use tests::data;
+use tests::programs::binary;
+use tests::shapes;
+
+/// Some points of the given reference, each by as many paths as the command has by default: with fewer the rare bright paths of
+/// the room behind the door make its errors too skewed to count in standard errors.
+fn assert_agrees(name: &str) {
+    let scene = PlainScene::open(&data(&format!("scenes/{name}.glb"))).unwrap();
+    let given = read(&data(&format!("references/{name}.reference.csv"))).unwrap();
+    let given: Vec<_> = given.into_iter().step_by(20).collect();
+    let places: Vec<Place> = given.iter().map(|point| point.place).collect();
+    let places: Vec<Place> = locate(&scene, &places).into_iter().map(Option::unwrap).collect();
+    let settings = ReferenceSettings { threads: 2, ..ReferenceSettings::default() };
+    let traced = trace(&scene, &places, &settings, &|| ()).unwrap();
+    let agreement = Agreement::of(&traced, &given);
+    assert!(agreement.within_3_sigma >= 0.99, "{agreement:?}");
+    // Three standard errors of a mean over as many independent values as there are points: channels go together.
+    assert!(agreement.mean_sigma.abs() <= 3.0 / (traced.len() as f64).sqrt(), "{agreement:?}");
+    assert!((0.9..1.1).contains(&agreement.rms_sigma), "{agreement:?}");
+    assert!((agreement.energy_ratio - 1.0).abs() <= 3.0 * agreement.energy_ratio_error, "{agreement:?}");
+    assert!(agreement.energy_ratio_error < 0.003, "{agreement:?}");
+}
+
+#[test]
+fn cornell_agrees_with_the_outside_renderer() {
+    assert_agrees("cornell");
+}
+
+#[test]
+fn table_agrees_with_the_outside_renderer() {
+    assert_agrees("table");
+}
+
+#[test]
+fn doorway_agrees_with_the_outside_renderer() {
+    assert_agrees("doorway");
+}
+
+/// A folder with a scene in it.
+struct Bench {
+    folder: TempDir,
+    scene: PathBuf,
+}
+
+impl Bench {
+    fn new(glb: &[u8]) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let scene = folder.path().join("scene.glb");
+        fs::write(&scene, glb).unwrap();
+        Self { folder, scene }
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn reference(&self, output: &Path, arguments: &[&str]) -> Command {
+        let mut command = Command::new(binary("coordinator"));
+        command.arg("reference").arg(&self.scene).arg("-o").arg(output).args(arguments);
+        command
+    }
+
+    /// Must refuse, say all of this, and write nothing.
+    fn assert_refused(&self, output: &Path, arguments: &[&str], words: &[&str]) {
+        let before = fs::read_dir(self.folder.path()).unwrap().count();
+        let answer = self.reference(output, arguments).output().unwrap();
+        let said = String::from_utf8(answer.stderr).unwrap();
+        assert!(!answer.status.success(), "not refused");
+        for word in words {
+            assert!(said.contains(word), "{word:?} is missing in: {said}");
+        }
+        assert!(!said.contains("panicked"), "{said}");
+        // A cause is told once.
+        assert!(said.matches("os error").count() <= 1, "{said}");
+        assert_eq!(fs::read_dir(self.folder.path()).unwrap().count(), before, "files were left behind");
+    }
+}
+
+fn furnace() -> SceneBuilder {
+    SceneBuilder::new().part("walls", &shapes::unit_room(), Material::grey(0.5).emitting(1.0))
+}
+
+#[test]
+fn command_writes_the_same_file_on_any_number_of_threads() {
+    let bench = Bench::new(&furnace().glb());
+    let few = ["--points", "50", "--paths", "64"];
+    for (name, more) in [("one.csv", "1"), ("three.csv", "3")] {
+        bench.reference(&bench.path(name), &[&few[..], &["--threads", more]].concat()).assert().success();
+    }
+    let text = fs::read_to_string(bench.path("one.csv")).unwrap();
+    assert_eq!(text, fs::read_to_string(bench.path("three.csv")).unwrap());
+    let given = fs::read_to_string(data("references/cornell.reference.csv")).unwrap();
+    assert_eq!((text.lines().next(), text.lines().count()), (given.lines().next(), 51));
+    let output =
+        bench.reference(&bench.path("seed.csv"), &[&few[..], &["--seed", "2"]].concat()).output().unwrap();
+    assert_ne!(text, fs::read_to_string(bench.path("seed.csv")).unwrap());
+    let figures: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!((&figures["points"], &figures["paths"]), (&50.into(), &64.into()));
+    assert!((0.001..0.1).contains(&figures["relative_standard_error"].as_f64().unwrap()), "{figures}");
+}
+
+/// A room of constant radiosity that was baked, against a reference of it: only the noise of the reference is left.
+#[test]
+fn bake_can_be_compared_with_what_the_command_writes() {
+    let bench = Bench::new(&furnace().glb());
+    let [lit, csv] = ["lit.glb", "reference.csv"].map(|name| bench.path(name));
+    bench.reference(&csv, &["--points", "200", "--paths", "256"]).assert().success();
+    let coordinator = || Command::new(binary("coordinator"));
+    coordinator().arg("solve").arg(&bench.scene).arg("-o").arg(&lit).assert().success();
+    let mut compare = coordinator();
+    compare.arg("compare").arg(&lit).arg("--reference").arg(&csv).arg("--scene").arg(&bench.scene);
+    let score: Value = serde_json::from_slice(&compare.output().unwrap().stdout).unwrap();
+    assert_eq!((&score["uncovered"], &score["not_finite"]), (&0.into(), &0.into()));
+    assert!((score["energy_ratio"].as_f64().unwrap() - 1.0).abs() < 0.005, "{score}");
+    assert!(score["relative_l2"].as_f64().unwrap() < 0.01, "{score}");
+}
+
+#[test]
+fn points_of_another_reference_can_be_traced() {
+    let bench = Bench::new(&furnace().glb());
+    let first = bench.path("first.csv");
+    bench.reference(&first, &["--points", "100", "--paths", "128"]).assert().success();
+    let at = first.display().to_string();
+    let again = bench.path("again.csv");
+    let output = bench.reference(&again, &["--at", &at, "--paths", "128", "--seed", "9"]).output().unwrap();
+    let figures: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!(figures["agreement"]["within_3_sigma"].as_f64().unwrap() >= 0.98, "{figures}");
+    let places =
+        |path: &Path| -> Vec<Place> { read(path).unwrap().iter().map(|point| point.place).collect() };
+    for (first, again) in places(&first).iter().zip(places(&again)) {
+        assert!(first.position.abs_diff_eq(again.position, 1e-6) && first.primitive == again.primitive);
+    }
+    let cornell = data("references/cornell.reference.csv").display().to_string();
+    bench.assert_refused(&bench.path("no.csv"), &["--at", &cornell], &["point 1 of", "use the scene that"]);
+    bench.assert_refused(&first, &["--at", &at], &["is what is read", "choose another output"]);
+    let scene = bench.scene.display().to_string();
+    bench.assert_refused(&bench.path("no.csv"), &["--at", &scene], &["scene.glb"]);
+}
+
+#[test]
+fn numbers_that_make_no_reference_are_refused() {
+    let bench = Bench::new(&furnace().glb());
+    let output = bench.path("no.csv");
+    bench.assert_refused(&output, &["--points", "0"], &["--points", "must be a whole number from 1"]);
+    bench.assert_refused(&output, &["--paths", "0"], &["--paths", "0 is not in 1..=2097152"]);
+    bench.assert_refused(&output, &["--paths", "many"], &["--paths", "invalid digit"]);
+}
+
+#[test]
+fn output_that_cannot_be_written_is_refused_before_the_work() {
+    let bench = Bench::new(b"no scene at all");
+    let nowhere = bench.path("nowhere/reference.csv");
+    bench.assert_refused(&nowhere, &[], &["nowhere", "does not exist", "create it"]);
+    bench.assert_refused(bench.folder.path(), &[], &["is a directory", "name a file"]);
+    bench.assert_refused(&bench.scene, &[], &["is what is read", "choose another output"]);
+}
+
+#[test]
+fn scenes_that_make_no_reference_are_refused() {
+    let room =
+        |material| Bench::new(&SceneBuilder::new().part("walls", &shapes::unit_room(), material).glb());
+    let refused = |bench: &Bench, words: &[&str]| bench.assert_refused(&bench.path("no.csv"), &[], words);
+    refused(
+        &room(Material::grey(0.0).emitting(1.0)),
+        &["scene.glb", "no surface that reflects", "base colour"],
+    );
+    refused(&room(Material::grey(0.5)), &["scene.glb", "no light", "emissiveFactor"]);
+    refused(&Bench::new(b"no scene at all"), &["scene.glb", "not a valid glTF"]);
+    let missing = Bench { scene: PathBuf::from("missing.glb"), ..room(Material::grey(0.5)) };
+    refused(&missing, &["missing.glb cannot be read"]);
+    let (mut document, binary) = furnace().document();
+    document["accessors"][0]["count"] = 1_000_000.into();
+    refused(&Bench::new(&pack(&document, &binary)), &["POSITION of node walls", "cannot be read"]);
+}
