@@ -17,6 +17,7 @@ use crate::protocol::RowStatistics;
 use crate::replica::Receiver;
 use crate::row::Sampling;
 
+pub use cut::cut;
 pub use sample::pair_seed;
 
 /// With more occluders than this in a shaft, rays are cheaper than cutting.
