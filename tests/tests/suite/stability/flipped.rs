@@ -13,7 +13,7 @@ fn room(walls: &[Polygon], solid: &[Polygon]) -> SceneBuilder {
     let parts = walls.iter().zip(names);
     parts
         .fold(SceneBuilder::new(), |builder, (wall, name)| {
-            builder.part(name, &[wall.clone()], Material::grey(0.6))
+            builder.part(name, std::slice::from_ref(wall), Material::grey(0.6))
         })
         .part("lamp", &lamp, Material::grey(0.2).emitting(10.0))
         .part("box", solid, Material::grey(0.5))
