@@ -23,6 +23,12 @@ dependencies:
     cargo deny check
     cargo machete
 
+# Fuzz importer, row_codec or clipper for some seconds (needs cargo-fuzz and a nightly compiler).
+fuzz target seconds="60":
+    mkdir -p tests/fuzz/corpus/{{ target }}
+    cd tests/fuzz && cargo +nightly fuzz run --fuzz-dir . {{ target }} corpus/{{ target }} seeds/{{ target }} -- \
+        -max_total_time={{ seconds }} -timeout=20 -rss_limit_mb=2048
+
 # All that a change must pass.
 ci:
     .ci/run

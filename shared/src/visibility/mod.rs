@@ -17,6 +17,7 @@ use crate::protocol::RowStatistics;
 use crate::replica::Receiver;
 use crate::row::Precision;
 
+pub use cut::cut;
 pub use sample::pair_seed;
 
 /// With more pieces than this, rays are cheaper than cutting on.

@@ -1,0 +1,28 @@
+//! Whatever the bytes, importing gives an error, or a scene of numbers that the solver can take.
+#![no_main]
+
+use coordinator::import::{ImportOptions, import_slice};
+use libfuzzer_sys::fuzz_target;
+
+fuzz_target!(|bytes: &[u8]| {
+    let options = ImportOptions { max_bytes: 1 << 20, max_triangles: 2_000 };
+    let Ok(scene) = import_slice(bytes, &options) else { return };
+    assert!(!scene.surfaces.is_empty() && scene.frame.scale > 0.0 && scene.frame.centre.is_finite());
+    for surface in &scene.surfaces {
+        assert!(surface.reflectance.min_element() >= 0.0 && surface.reflectance.max_element() < 1.0);
+        assert!(surface.exitance.is_finite() && surface.exitance.min_element() >= 0.0);
+        assert!(!surface.facets.is_empty());
+        for facet in &surface.facets {
+            assert!(facet.plane.0 < scene.plane_count && facet.corners.len() >= 3);
+            assert!((facet.normal.length() - 1.0).abs() < 1e-9);
+            for corner in &facet.corners {
+                // The frame is up to 2048 long, about its middle.
+                assert!(corner.position.abs().max_element() <= 1024.0);
+                assert!((corner.normal.length() - 1.0).abs() < 1e-9);
+            }
+        }
+    }
+    for light in &scene.point_lights {
+        assert!(light.position.is_finite() && light.intensity.is_finite());
+    }
+});
