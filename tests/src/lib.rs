@@ -6,11 +6,13 @@
 //! | [`builder`] | small scenes, as the bytes of a GLB |
 //! | [`shapes`] | polygons to build them from |
 //! | [`baking`] | such a scene baked, and figures of the result |
+//! | [`measured`] | the three scenes baked and scored |
 //! | [`programs`] | the binaries of the workspace as processes |
 
 pub mod baking;
 pub mod builder;
 pub mod cases;
+pub mod measured;
 pub mod programs;
 pub mod shapes;
 

@@ -15,7 +15,11 @@ fn cube(reflectance: f64) -> (Vec<ShareEnergy>, Vec<Vec<f32>>) {
 }
 
 /// Runs a shooting to its end, answering the wanted rows in the order that `pick` chooses.
-fn run(mut shooting: Shooting, rows: &[Vec<f32>], mut pick: impl FnMut(usize) -> usize) -> (Vec<DVec3>, u64) {
+fn run(
+    mut shooting: Shooting<DVec3>,
+    rows: &[Vec<f32>],
+    mut pick: impl FnMut(usize) -> usize,
+) -> (Vec<DVec3>, u64) {
     let mut wanted = shooting.start();
     while !shooting.is_done() {
         let share = wanted.swap_remove(pick(wanted.len()));

@@ -8,6 +8,7 @@
 //! | `mesh` | the mesh against its promises: tiling, convexity, no cracks, balance |
 //! | `furnace` | enclosures of constant radiosity against E / (1 - rho) |
 //! | `enclosures` | a cube with one bright face and with a point light against their exact answers |
+//! | `error_budget` | the stated error of a bake against the found one, knobs against its parts |
 //! | `scenes` | whole bakes against path-traced references, and the files that come out |
 //! | `reference` | references made here against those of an outside renderer |
 //! | `determinism` | bakes against bakes by other workers, bit for bit |
@@ -17,6 +18,7 @@
 mod bad_input;
 mod determinism;
 mod enclosures;
+mod error_budget;
 mod form_factors;
 mod furnace;
 mod leaks;
