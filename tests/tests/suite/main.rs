@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `form_factors` | factors of points and polygons against 60-digit values |
 //! | `occlusion` | visible factors against 60-digit values |
+//! | `point_lights` | flux of point lights, as rows have it, against solid angles |
 //! | `leaks` | closed walls against light |
 //! | `mesh` | the mesh against its promises: tiling, convexity, no cracks, balance |
 //! | `furnace` | enclosures of constant radiosity against E / (1 - rho) |
@@ -20,4 +21,5 @@ mod furnace;
 mod leaks;
 mod mesh;
 mod occlusion;
+mod point_lights;
 mod scenes;
