@@ -22,25 +22,30 @@ fn cube(material: impl Fn(usize) -> Material) -> SceneBuilder {
     })
 }
 
-/// Face averages of a cube whose bottom emits, in the continuous limit: emitter, opposite, side.
-#[test]
-fn cube_with_one_emitting_face() {
+/// Largest error of the face averages of a cube whose bottom emits, relative to those of the continuous limit.
+fn worst_face_average(shooter_edge: f64) -> f64 {
     let expected = case("D20").values();
+    let mut worst = 0.0_f64;
     for (reflectance, expected) in [0.5, 0.9].into_iter().zip(expected.chunks(3)) {
         let emitted = |face| f64::from(u8::from(face == BOTTOM));
         let scene = imported(&cube(|face| Material::grey(reflectance).emitting(emitted(face))).glb());
-        let lit = baked(&scene, &BakeSettings::default()).lit;
+        let lit = baked(&scene, &BakeSettings { shooter_edge, ..BakeSettings::default() }).lit;
         for (face, expected) in [(BOTTOM, expected[0]), (TOP, expected[1]), (LEFT, expected[2])] {
             let found = emitted(face) + reflectance * mean_irradiance(&lit, face).x;
-            let error = found / expected - 1.0;
-            assert!(
-                error.abs() <= 0.003,
-                "rho {reflectance}, {}: {found}, off by {:.3} %",
-                FACES[face],
-                error * 100.0
-            );
+            worst = worst.max((found / expected - 1.0).abs());
         }
     }
+    worst
+}
+
+/// 0.3 % at default quality, and less from finer shares: from an edge of a quarter of the cube's to an eighth and a sixteenth.
+#[test]
+fn cube_with_one_emitting_face() {
+    let default = BakeSettings::default().shooter_edge;
+    let [coarse, usual, fine] = [2.0 * default, default, default / 1.5].map(worst_face_average);
+    assert!(usual <= 0.003, "off by {:.3} %", usual * 100.0);
+    assert!(usual <= coarse / 1.8, "off by {usual:e} after {coarse:e}");
+    assert!(fine <= usual / 3.0, "off by {fine:e} after {usual:e}");
 }
 
 /// The cube with a point light of 1 W.
