@@ -9,6 +9,7 @@
 //! | `mesh` | the mesh against its promises: tiling, convexity, no cracks, balance |
 //! | `furnace` | enclosures of constant radiosity against E / (1 - rho) |
 //! | `enclosures` | a cube with one bright face and with a point light against their exact answers |
+//! | `spheres` | spheres of many facets against the exact answers of spheres |
 //! | `systems` | the solver alone against linear systems with known solutions |
 //! | `scenes` | whole bakes against path-traced references, and the files that come out |
 //! | `determinism` | bakes against bakes by other workers, bit for bit |
@@ -24,4 +25,5 @@ mod mesh;
 mod occlusion;
 mod point_lights;
 mod scenes;
+mod spheres;
 mod systems;
