@@ -2,7 +2,7 @@
 //!
 //! | module | what is held against what |
 //! |---|---|
-//! | `form_factors` | factors of points and polygons against 60-digit values |
+//! | `form_factors` | factors of points and polygons against 60-digit values; no case of theirs is left out |
 //! | `occlusion` | visible factors against 60-digit values |
 //! | `point_lights` | flux of point lights, as rows have it, against solid angles |
 //! | `leaks` | closed walls against light |

@@ -4,7 +4,9 @@
 //! |---|---|
 //! | `points` | a point to a polygon: exactly, in the limit at edges, and the fast way that rows take |
 //! | `polygons` | a polygon to a polygon |
+//! | `coverage` | the tests against the file: no case is left out |
 
+mod coverage;
 mod points;
 mod polygons;
 
