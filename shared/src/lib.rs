@@ -3,7 +3,7 @@
 //! | module | what lives there |
 //! |---|---|
 //! | [`geometry`] | planes and convex polygons |
-//! | [`form_factor`] | form factors of a point to a polygon, without occlusion |
+//! | [`form_factor`] | form factors of a point or a polygon to a polygon, without occlusion |
 //! | [`occluder`] | the surfaces that block light, behind a BVH |
 //! | [`visibility`] | how much of a form factor the occluders leave |
 //! | [`replica`] | the read-only data that a worker holds |

@@ -43,10 +43,7 @@ impl Case {
     /// The expected values, one or several.
     #[must_use]
     pub fn values(&self) -> Vec<f64> {
-        match &self.0["value_f64"] {
-            Value::Array(list) => list.iter().map(number).collect(),
-            single => vec![number(single)],
-        }
+        numbers(&self.0["value_f64"])
     }
 
     /// A part of the geometry.
@@ -59,6 +56,12 @@ impl Case {
     #[must_use]
     pub fn point(&self, name: &str) -> DVec3 {
         point(self.geometry(name))
+    }
+
+    /// A list of numbers of the geometry.
+    #[must_use]
+    pub fn numbers(&self, name: &str) -> Vec<f64> {
+        numbers(self.geometry(name))
     }
 
     /// A polygon of the geometry.
@@ -84,6 +87,18 @@ pub fn polygon(value: &Value) -> Vec<DVec3> {
 #[must_use]
 pub fn point(value: &Value) -> DVec3 {
     DVec3::new(number(&value[0]), number(&value[1]), number(&value[2]))
+}
+
+/// Reads a list of numbers, or one.
+///
+/// # Panics
+/// When the value is neither.
+#[must_use]
+pub fn numbers(value: &Value) -> Vec<f64> {
+    match value {
+        Value::Array(list) => list.iter().map(number).collect(),
+        single => vec![number(single)],
+    }
 }
 
 /// Reads a number; those that f64 does not hold exactly stand as strings.

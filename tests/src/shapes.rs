@@ -1,6 +1,7 @@
 //! Polygons to build scenes from: counter-clockwise seen from the lit side.
 
 use std::collections::HashMap;
+use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
 
@@ -143,4 +144,21 @@ pub fn icosphere(levels: u32) -> Vec<[DVec3; 3]> {
             .collect();
     }
     faces.into_iter().map(|face| face.map(|corner| points[corner])).collect()
+}
+
+/// A sphere of radius 1, lit inside, whose corners lie on circles of latitude, `rings` of facets around the z axis from pole
+/// to pole with so many `sectors` each: flat trapezoids, and triangles at the poles.
+#[must_use]
+pub fn globe_facing_in(rings: u32, sectors: u32) -> Vec<Polygon> {
+    let at = |ring: u32, sector: u32| {
+        let (radius, z) = (PI * f64::from(ring) / f64::from(rings)).sin_cos();
+        let (y, x) = (TAU * f64::from(sector % sectors) / f64::from(sectors)).sin_cos();
+        DVec3::new(radius * x, radius * y, z)
+    };
+    let facet = |(ring, sector): (u32, u32)| match ring {
+        0 => vec![DVec3::Z, at(1, sector + 1), at(1, sector)],
+        _ if ring + 1 == rings => vec![-DVec3::Z, at(ring, sector), at(ring, sector + 1)],
+        _ => vec![at(ring, sector), at(ring, sector + 1), at(ring + 1, sector + 1), at(ring + 1, sector)],
+    };
+    (0..rings).flat_map(|ring| (0..sectors).map(move |sector| (ring, sector))).map(facet).collect()
 }

@@ -1,11 +1,20 @@
-//! Form factors of a point on a surface to a polygon, without occlusion.
+//! Form factors of a point on a surface, or of a polygon, to a polygon, without occlusion.
 //!
 //! The form factor F(point -> polygon) is the fraction of what leaves the point's surface element that arrives on the
-//! polygon if nothing is between: the integral of cos cos / (pi r^2) over the polygon. Everything here sums the contour
-//! (Lambert's formula) in f64, on corners relative to the point, so that the distance to the origin costs no digits.
+//! polygon if nothing is between: the integral of cos cos / (pi r^2) over the polygon. F(polygon -> polygon) is its mean over
+//! the first polygon. Everything here is in f64, on corners relative to the point or to each other, so that the distance to the
+//! origin costs no digits.
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `contour` | a point to a polygon, exactly: Lambert's contour sum |
+//! | `prepared` | many points to one polygon, fast |
+//! | `polygon_to_polygon` | a polygon to a polygon |
 
 mod contour;
+mod polygon_to_polygon;
 mod prepared;
 
 pub use contour::{contour, point_to_polygon, point_to_polygon_limit};
+pub use polygon_to_polygon::{exchange_area, polygon_to_polygon};
 pub use prepared::{PreparedPolygon, View};

@@ -2,13 +2,16 @@
 //!
 //! | module | what is held against what |
 //! |---|---|
-//! | `form_factors` | factors of points and polygons against 60-digit values |
+//! | `form_factors` | factors of points and polygons against 60-digit values; no case of theirs is left out |
 //! | `occlusion` | visible factors against 60-digit values |
+//! | `point_lights` | flux of point lights, as rows have it, against solid angles |
 //! | `leaks` | closed walls against light |
 //! | `mesh` | the mesh against its promises: tiling, convexity, no cracks, balance |
 //! | `furnace` | enclosures of constant radiosity against E / (1 - rho) |
 //! | `enclosures` | a cube with one bright face and with a point light against their exact answers |
 //! | `error_budget` | the stated error of a bake against the found one, knobs against its parts |
+//! | `spheres` | spheres of many facets against the exact answers of spheres |
+//! | `systems` | the solver alone against linear systems with known solutions |
 //! | `scenes` | whole bakes against path-traced references, and the files that come out |
 //! | `reference` | references made here against those of an outside renderer |
 //! | `determinism` | bakes against bakes by other workers, bit for bit |
@@ -24,6 +27,9 @@ mod furnace;
 mod leaks;
 mod mesh;
 mod occlusion;
+mod point_lights;
 mod reference;
 mod scenes;
+mod spheres;
 mod stability;
+mod systems;
