@@ -51,7 +51,7 @@ impl Summary<'_> {
         row(
             "pairs",
             format!(
-                "{}: {:.1} % turned away (no form factor), {:.1} % nothing between (no visibility), {:.1} % hidden in part (computed), {:.1} % sampled",
+                "{}: {:.1} % turned away (no form factor), {:.1} % nothing between (no visibility), {:.1} % something between (computed), {:.1} % sampled",
                 short(model.pairs as f64),
                 part(model.pairs_turned_away),
                 part(model.pairs_unoccluded),
