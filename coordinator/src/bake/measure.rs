@@ -5,6 +5,7 @@ use shared::geometry::ConvexPolygon;
 use shared::row::{Shape, Shooter};
 
 use super::checks::Checks;
+use super::refine::NOISE_HIDES;
 use super::{Bake, BakeError, BakeSettings, ErrorBudget, Phase};
 use crate::solver::fit::best_fit;
 
@@ -167,12 +168,13 @@ impl Bake<'_, '_> {
         }
         let mut better = self.settings.clone();
         let rest = |part: f64| part > asked * (1.0 - LEAST_REST * LEAST_REST).sqrt();
-        if rest(self.error.without_receivers()) {
-            if self.error.shooters >= self.error.visibility {
+        let noise_hides = self.mesh_obstacle == Some(NOISE_HIDES);
+        if noise_hides || rest(self.error.without_receivers()) {
+            if !noise_hides && self.error.shooters >= self.error.visibility {
                 let factor = (SHOOTERS_PART * asked / self.error.shooters).clamp(0.3, 0.75);
                 better = better.with_shooter_edge(self.settings.shooter_edge * factor);
             }
-            if self.error.visibility > RAYS_PART * asked {
+            if noise_hides || self.error.visibility > RAYS_PART * asked {
                 let factor = (self.error.visibility / (RAYS_PART * asked)).powf(4.0 / 3.0);
                 better = better.with_rays(f64::from(self.settings.rays_per_hemisphere) * factor.max(1.5));
             }

@@ -10,6 +10,9 @@ use crate::mesh::{PatchId, VertexId};
 use crate::solver::fit::best_fit;
 use crate::solver::refinement::MeshError;
 
+/// Why refinement ends where more vertices would only follow the noise.
+pub const NOISE_HIDES: &str = "noise of sampled visibility hides it: raise --rays or --exact-occluders";
+
 /// What the prediction makes of the noise of sampled visibility: three vertices of half the variance each, on every level.
 const NOISE_SEEN: f64 = 1.1;
 
@@ -34,6 +37,10 @@ impl Bake<'_, '_> {
             let noise = NOISE_SEEN * self.noise();
             let error = self.found_per_predicted * without_noise(prediction.relative(), noise);
             if error <= limit {
+                break;
+            }
+            if error <= self.noise() {
+                self.mesh_obstacle = Some(NOISE_HIDES);
                 break;
             }
             let row_limit = self.settings.row_limit(self.shares.len());
