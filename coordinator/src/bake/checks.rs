@@ -17,7 +17,7 @@ use super::receivers::INWARD;
 use crate::mesh::{Mesh, PatchId, VertexId, interpolation};
 use crate::scene::Scene;
 
-/// Key of the first check point as a receiver: above all vertices, so that its rays are its own.
+/// Key of the first check point of the first draw as a receiver: above all vertices, so that its rays are its own.
 const FIRST_KEY: u64 = 1 << 32;
 
 /// A scene of many patches gets one point for so many of them.
@@ -32,6 +32,8 @@ const MOST_DRAWN: usize = 1 << 16;
 /// The points, and the light gathered at them.
 #[derive(Default)]
 pub struct Checks {
+    /// Key of the first as a receiver.
+    first_key: u64,
     points: Vec<CheckPoint>,
     /// Irradiance from the light sources.
     direct: Vec<DVec3>,
@@ -100,26 +102,28 @@ impl Checks {
             let normals = interpolation(mesh, id, position, |_| DVec3::ZERO);
             let vertex = |id: VertexId| &mesh.vertices[id.index()];
             let normal: DVec3 = normals.iter().map(|(id, weight)| vertex(*id).normal * *weight).sum();
-            let normal = normal.normalize();
+            let facet =
+                &scene.surfaces[mesh.patch(id).surface as usize].facets[mesh.patch(id).facet as usize];
+            let normal = normal.normalize_or(facet.normal);
             // As for vertices: facets around a smooth point may rise over its horizon.
             let is_smooth = normals.iter().any(|(id, _)| vertex(*id).smooth);
             let lift = if is_smooth { INWARD * mesh.patch(id).area.sqrt() } else { 0.0 };
-            let plane = vertex(normals[0].0).plane;
             CheckPoint {
                 patch: id,
                 reflectance: reflectance(id),
-                receiver: Receiver { position: position + normal * lift, normal, plane },
+                receiver: Receiver { position: position + normal * lift, normal, plane: facet.plane },
                 position,
                 weight,
             }
         };
-        Self { points: (0..count).map(point).collect(), ..Self::default() }
+        let first_key = FIRST_KEY + u64::from(round) * MOST_DRAWN as u64;
+        Self { first_key, points: (0..count).map(point).collect(), ..Self::default() }
     }
 
     /// The first `count` points as receivers.
     pub fn receivers(&self, count: usize) -> Receivers {
         let receivers = self.points.iter().take(count).map(|point| point.receiver).collect();
-        Receivers { first_key: FIRST_KEY, receivers }
+        Receivers { first_key: self.first_key, receivers }
     }
 
     /// Number of points.
@@ -181,22 +185,19 @@ impl Checks {
         errors.iter().zip(radiosities).map(|(error, radiosity)| *error + radiosity * level).collect()
     }
 
-    /// Relative standard error of the gathered radiosity, from the rays that sampled visibility.
-    pub fn noise(
-        &self,
-        radiosities: impl Iterator<Item = DVec3>,
-        sources: impl Iterator<Item = DVec3>,
-    ) -> f64 {
-        let variance: DVec3 =
-            radiosities.chain(sources).zip(&self.variances).map(|(light, sum)| light * light * *sum).sum();
+    /// Variance of the row of each share, then of each light source, summed over the points.
+    pub fn variances(&self) -> &[f64] {
+        &self.variances
+    }
+
+    /// Relative standard error of the radiosity gathered at the first `count` points, from the rays that sampled visibility. Of
+    /// each row: the light of its shooter, and its variance summed over the points.
+    pub fn noise(&self, rows: impl Iterator<Item = (DVec3, f64)>, count: usize) -> f64 {
+        let variance: DVec3 = rows.map(|(light, sum)| light * light * sum).sum();
         let reflectance: DVec3 = self.points.iter().map(|point| point.reflectance * point.reflectance).sum();
-        let count = self.points.len() as f64;
         let norm = self.mean_square();
-        if norm > 0.0 {
-            ((variance * reflectance).element_sum() / (count * count * norm)).sqrt()
-        } else {
-            0.0
-        }
+        let points = (count * self.points.len()) as f64;
+        if norm > 0.0 { ((variance * reflectance).element_sum() / (points * norm)).sqrt() } else { 0.0 }
     }
 
     /// Mean square of the radiosity that was gathered.

@@ -6,7 +6,7 @@ use shared::row::{Shape, Shooter};
 
 use super::checks::Checks;
 use super::refine::NOISE_HIDES;
-use super::{Bake, BakeError, BakeSettings, ErrorBudget, Phase};
+use super::{Bake, BakeError, BakeSettings, ErrorBudget, Phase, shooting_mesh};
 use crate::solver::fit::best_fit;
 
 /// Check points at which all leaves of the mesh are gathered, to see what the shares get wrong.
@@ -70,6 +70,7 @@ impl Bake<'_, '_> {
 
     /// Estimates the error of the answer as it stands.
     fn measure(&mut self) -> Result<(), BakeError> {
+        self.office.enter(Phase::Measure, self.mesh.vertices.len());
         let fitted = best_fit(&self.mesh, &self.irradiance);
         let prediction = self.predict();
         // Points of their own: the mesh was refined where the guides found errors, and is better there than elsewhere.
@@ -91,15 +92,11 @@ impl Bake<'_, '_> {
         if prediction.relative() > 0.0 && checks.count() > 0 {
             self.found_per_predicted = (receivers / prediction.relative()).clamp(0.2, 5.0);
         }
-        let gathered = self.gathered_from_leaves(&checks, &fitted)?;
+        let (gathered, noise_of_leaves) = self.gathered_from_leaves(&checks, &fitted)?;
         let differences = checks.relative(checks.differences(&gathered).into_iter());
-        let shooters = without_noise(differences, noise) / (1.0 - RETURNING * self.mean_reflectance());
-        let statistics = &self.office.statistics;
-        let form_factors = if statistics.factor_sum > 0.0 {
-            statistics.factor_error_sum / statistics.factor_sum
-        } else {
-            0.0
-        };
+        let shooters = without_noise(differences, noise.hypot(noise_of_leaves))
+            / (1.0 - RETURNING * self.mean_reflectance());
+        let form_factors = self.office.factor_error();
         let visibility = noise * INTERPOLATED_NOISE.sqrt();
         let unshot = self.residual / (1.0 - RETURNING * self.mean_reflectance());
         self.error = ErrorBudget::new(unshot, visibility, form_factors, receivers, shooters);
@@ -109,21 +106,21 @@ impl Bake<'_, '_> {
 
     /// Relative standard error of irradiance at a point, from the rays that sampled visibility.
     pub(super) fn noise(&self) -> f64 {
-        let radiosities = self.radiosity.iter().copied();
-        self.guides.noise(radiosities, self.sources.iter().map(|source| source.strength))
+        let sources = self.sources.iter().map(|source| source.strength);
+        let lights = self.radiosity.iter().copied().chain(sources);
+        self.guides.noise(lights.zip(self.guides.variances().iter().copied()), self.guides.count())
     }
 
-    /// What the leaves of the refined mesh give the first check points, each with its own mean radiosity.
+    /// What the leaves of the refined mesh give the first check points, each with its own mean radiosity; and the noise of it.
     fn gathered_from_leaves(
         &mut self,
         checks: &Checks,
         irradiance: &[DVec3],
-    ) -> Result<Vec<DVec3>, BakeError> {
+    ) -> Result<(Vec<DVec3>, f64), BakeError> {
         let count = checks.count().min(GATHERED);
         if count == 0 {
-            return Ok(vec![]);
+            return Ok((vec![], 0.0));
         }
-        self.office.enter(Phase::Measure, self.mesh.vertices.len());
         let (mut shooters, mut radiosities) = (vec![], vec![]);
         for (id, patch) in self.mesh.leaves() {
             let mean = patch.corners.iter().map(|corner| irradiance[corner.index()]).sum::<DVec3>()
@@ -141,11 +138,12 @@ impl Bake<'_, '_> {
             radiosities.push(surface.reflectance * mean);
         }
         let set = self.office.publish_receivers(&checks.receivers(count));
-        let rows = self.office.rows(&shooters, set)?;
+        let (rows, variances) = self.office.rows_with_variances(&shooters, set)?;
         self.office.release_receivers(set);
         let mut gathered = vec![DVec3::ZERO; count];
-        self.channels.gather(&mut gathered, rows.iter().zip(radiosities));
-        Ok(gathered)
+        self.channels.gather(&mut gathered, rows.iter().zip(radiosities.iter().copied()));
+        let noise = checks.noise(radiosities.into_iter().zip(variances), count);
+        Ok((gathered, noise))
     }
 
     /// Reflected flux over incident flux.
@@ -166,27 +164,35 @@ impl Bake<'_, '_> {
         if self.error.total <= asked || self.spent.restarts >= MAX_RESTARTS {
             return None;
         }
-        let mut better = self.settings.clone();
-        let rest = |part: f64| part > asked * (1.0 - LEAST_REST * LEAST_REST).sqrt();
+        let error = &self.error;
+        let rest_is_too_small = error.without_receivers() > asked * (1.0 - LEAST_REST * LEAST_REST).sqrt();
         let noise_hides = self.mesh_obstacle == Some(NOISE_HIDES);
-        if noise_hides || rest(self.error.without_receivers()) {
-            if !noise_hides && self.error.shooters >= self.error.visibility {
-                let factor = (SHOOTERS_PART * asked / self.error.shooters).clamp(0.3, 0.75);
-                better = better.with_shooter_edge(self.settings.shooter_edge * factor);
+        let most = error.unshot.max(error.form_factors);
+        let better = self.settings.clone();
+        let better = if noise_hides || (rest_is_too_small && error.visibility > error.shooters.max(most)) {
+            let factor = (error.visibility / (RAYS_PART * asked)).powf(4.0 / 3.0).max(1.5);
+            better.with_rays(f64::from(self.settings.rays_per_hemisphere) * factor)
+        } else if rest_is_too_small && error.shooters > most {
+            // Edges are halved: a factor of more than a half might change nothing.
+            let factor = (SHOOTERS_PART * asked / error.shooters).clamp(0.25, 0.5);
+            let finer = better.with_shooter_edge(self.settings.shooter_edge * factor);
+            let vertices = shooting_mesh(self.scene, &finer).vertices.len();
+            let fits = vertices <= finer.row_limit(vertices).min(finer.max_vertices);
+            if !fits {
+                return None;
             }
-            if noise_hides || self.error.visibility > RAYS_PART * asked {
-                let factor = (self.error.visibility / (RAYS_PART * asked)).powf(4.0 / 3.0);
-                better = better.with_rays(f64::from(self.settings.rays_per_hemisphere) * factor.max(1.5));
-            }
-        }
-        let growth = (self.settings.shooter_edge / better.shooter_edge).powi(2);
-        let shares = (self.shares.len() as f64 * growth) as usize;
-        let fits = self.mesh.vertices.len() + shares <= better.row_limit(shares).min(better.max_vertices);
-        (better != *self.settings && fits).then_some(better)
+            finer
+        } else {
+            return None;
+        };
+        (better != *self.settings).then_some(better)
     }
 
     /// Why the asked error is not met, in words for the user.
     pub(super) fn obstacle(&self) -> Option<String> {
+        if self.settings.error.is_some() && self.guides.count() == 0 {
+            return Some("the error asked for was predicted, not measured: give --check-points".to_owned());
+        }
         let asked = self.settings.error.unwrap_or(self.settings.mesh_error);
         let estimate = if self.settings.error.is_some() { self.error.total } else { self.error.receivers };
         if estimate <= asked {

@@ -224,7 +224,7 @@ struct Bake<'a, 'b> {
     guides: Checks,
     /// Irradiance from the light sources, per vertex.
     direct: Vec<DVec3>,
-    /// Rows of the shares over all vertices so far; none for a share that was never needed.
+    /// Rows of the shares over all vertices so far.
     rows: Vec<Vec<f32>>,
     /// Radiosity of each share.
     radiosity: Vec<DVec3>,
@@ -258,7 +258,7 @@ impl<'a, 'b> Bake<'a, 'b> {
         spent: Spent,
     ) -> Result<Self, BakeError> {
         let clock = Instant::now();
-        let mesh = Mesh::new(scene, extent(scene), settings.shooter_edge * extent(scene), settings.max_level);
+        let mesh = shooting_mesh(scene, settings);
         if mesh.patches.is_empty() {
             return Err(BakeError::EmptyMesh);
         }
@@ -354,10 +354,24 @@ impl<'a, 'b> Bake<'a, 'b> {
         let radiosity = |vertex: VertexId| self.irradiance[vertex.index()];
         let triangles = triangulate(&self.mesh, self.scene.surfaces.len(), radiosity);
         let lit = receivers::lit_mesh(&self.mesh, &self.irradiance, triangles);
-        self.end_step("settle");
+        self.end_step("export mesh");
         let mut report = self.report();
         report.warnings.extend(warnings);
         Baked { lit, report }
+    }
+}
+
+/// The mesh of the shares. Where an error is asked for and its mesh does not fit, the finest that does.
+fn shooting_mesh(scene: &Scene, settings: &BakeSettings) -> Mesh {
+    let extent = extent(scene);
+    let mut edge = settings.shooter_edge;
+    loop {
+        let mesh = Mesh::new(scene, extent, edge * extent, settings.max_level);
+        let fits = mesh.vertices.len() <= settings.row_limit(mesh.vertices.len());
+        if fits || settings.error.is_none() || edge >= 1.0 {
+            return mesh;
+        }
+        edge *= 2.0;
     }
 }
 

@@ -13,6 +13,9 @@ use crate::cluster::{Cluster, FinishedJob, JobId};
 /// nothing beside it and the end of a batch does not wait for one worker.
 const PAIRS_PER_JOB: usize = 8_000;
 
+/// Form factors are summed up in this unit: 2^-50, far below the rounding of a row.
+const SUM_UNIT: f64 = 1.0 / (1_u64 << 50) as f64;
+
 /// Whoever computes rows: a cluster of workers, in this process or elsewhere.
 pub trait RowService {
     /// Makes a replica known before the first job that needs it.
@@ -86,8 +89,11 @@ pub struct RowOffice<'a> {
     /// What the caller called each job under way.
     tags: HashMap<JobId, u64>,
     next_job: u64,
-    /// What has been computed so far.
+    /// Counts of what has been computed so far.
     pub statistics: RowStatistics,
+    /// Sums of all form factors and of their errors, in units of [`SUM_UNIT`]: jobs finish in any order, and only sums of whole
+    /// numbers are the same in all.
+    factor_sums: [u128; 2],
     progress: Progress,
 }
 
@@ -108,6 +114,7 @@ impl<'a> RowOffice<'a> {
             tags: HashMap::new(),
             next_job: 0,
             statistics: RowStatistics::default(),
+            factor_sums: [0; 2],
             progress: Progress {
                 phase: Phase::Light,
                 unshot: 1.0,
@@ -186,13 +193,25 @@ impl<'a> RowOffice<'a> {
         loop {
             let finished = self.service.next()?;
             if let Some(tag) = self.tags.remove(&finished.job) {
-                finished.statistics.iter().for_each(|row| add(&mut self.statistics, row));
+                for row in &finished.statistics {
+                    add(&mut self.statistics, row);
+                    for (sum, part) in self.factor_sums.iter_mut().zip([row.factor_sum, row.factor_error_sum])
+                    {
+                        *sum += (part / SUM_UNIT) as u128;
+                    }
+                }
                 self.progress.rows += finished.rows.len() as u64;
                 self.progress.rays = self.statistics.rays;
                 (self.report)(&self.progress);
                 return Ok((tag, finished));
             }
         }
+    }
+
+    /// Mean relative error that the rules for form factors have.
+    pub fn factor_error(&self) -> f64 {
+        let [factors, errors] = self.factor_sums.map(|sum| sum as f64);
+        if factors > 0.0 { errors / factors } else { 0.0 }
     }
 
     /// Number of rows made.
@@ -218,6 +237,7 @@ impl<'a> RowOffice<'a> {
     }
 }
 
+/// Adds the counts.
 fn add(sum: &mut RowStatistics, row: &RowStatistics) {
     sum.rays += row.rays;
     sum.pairs += row.pairs;
@@ -225,7 +245,4 @@ fn add(sum: &mut RowStatistics, row: &RowStatistics) {
     sum.occluded_pairs += row.occluded_pairs;
     sum.sampled_pairs += row.sampled_pairs;
     sum.busy_nanoseconds += row.busy_nanoseconds;
-    sum.sampling_variance += row.sampling_variance;
-    sum.factor_sum += row.factor_sum;
-    sum.factor_error_sum += row.factor_error_sum;
 }

@@ -43,8 +43,8 @@ pub struct BakeSettings {
 /// Coarsest shooting patches that an error is met with: half of a room's length.
 const COARSEST_SHOOTERS: f64 = 0.4;
 
-/// Finest ones: a thousand to a room.
-const FINEST_SHOOTERS: f64 = 1e-3;
+/// Finest ones: fifty to the length of a room, some ten thousand shares.
+const FINEST_SHOOTERS: f64 = 0.02;
 
 impl BakeSettings {
     /// Settings to start from for a relative L2 error of the radiosity.

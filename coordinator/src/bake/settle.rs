@@ -33,7 +33,9 @@ impl Bake<'_, '_> {
             .map(|weights| weights.iter().map(|(vertex, weight)| self.direct[*vertex] * *weight).sum())
             .collect();
         let guess = std::mem::take(&mut self.radiosity);
-        self.solve(&Transfer { columns }, &direct, guess)
+        self.solve(&Transfer { columns }, &direct, guess)?;
+        self.end_step("settle");
+        Ok(())
     }
 
     /// Whether each vertex sees any surface. One that sees none, like the floor under a box, sends light to none either: what

@@ -6,7 +6,7 @@ use coordinator::bake::BakeSettings;
 pub struct Knobs {
     /// Error to reach: relative L2 of the radiosity, for example 0.02. Picks mesh, rays and threshold, and goes on until the
     /// bake's own estimate meets it [default: none; the knobs below decide].
-    #[arg(long, value_parser = error, conflicts_with_all = ["shooter_edge", "mesh_error", "threshold", "rays", "form_factor_error"])]
+    #[arg(long, value_parser = error, conflicts_with_all = ["shooter_edge", "mesh_error"])]
     error: Option<f64>,
     /// Longest edge of a shooting patch, relative to the scene's extent.
     #[arg(long, default_value_t = BakeSettings::default().shooter_edge, value_parser = proportion)]
@@ -21,17 +21,18 @@ pub struct Knobs {
     #[arg(long, default_value_t = BakeSettings::default().row_memory)]
     row_memory: usize,
     /// The solution ends when rho / (1 - rho) x unshot flux is under this part of the reflected flux.
-    #[arg(long, default_value_t = BakeSettings::default().threshold, value_parser = positive)]
-    threshold: f64,
+    /// [default: 1e-6; a hundredth of --error]
+    #[arg(long, value_parser = positive)]
+    threshold: Option<f64>,
     /// Shot n is chosen from the state after shot n - WINDOW. Part of the answer, whatever the workers.
     #[arg(long, default_value_t = BakeSettings::default().window, value_parser = at_least_one)]
     window: usize,
     /// Visibility through a shaft with more occluders than this is sampled with rays; that through others is computed exactly.
     #[arg(long, default_value_t = BakeSettings::default().exact_occluders)]
     exact_occluders: u32,
-    /// Rays that a vertex spends on a hemisphere of such crowded shafts.
-    #[arg(long, default_value_t = BakeSettings::default().rays_per_hemisphere)]
-    rays: u32,
+    /// Rays that a vertex spends on a hemisphere of such crowded shafts [default: 1024, or what --error needs].
+    #[arg(long, value_parser = clap::value_parser!(u32).range(4..=262_144))]
+    rays: Option<u32>,
     /// Relative error that a form factor may have before occlusion: distant polygons may then be taken for points.
     #[arg(long, default_value_t = BakeSettings::default().form_factor_error, value_parser = part)]
     form_factor_error: f64,
@@ -54,13 +55,16 @@ impl Knobs {
             None => BakeSettings {
                 shooter_edge: self.shooter_edge,
                 mesh_error: self.mesh_error,
-                threshold: self.threshold,
-                form_factor_error: self.form_factor_error,
                 ..BakeSettings::default()
-            }
-            .with_rays(f64::from(self.rays)),
+            },
+        };
+        let picked = match self.rays {
+            Some(rays) => picked.with_rays(f64::from(rays)),
+            None => picked,
         };
         BakeSettings {
+            threshold: self.threshold.unwrap_or(picked.threshold),
+            form_factor_error: self.form_factor_error,
             max_vertices: self.max_vertices,
             row_memory: self.row_memory,
             window: self.window,

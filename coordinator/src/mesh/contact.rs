@@ -16,7 +16,7 @@ use crate::scene::{Corner, Facet, Scene, Side};
 /// Shorter contacts than this part of the scene's extent are not worth an edge.
 const SHORTEST: f64 = 2e-3;
 
-/// A facet takes no more contacts than this, the longest.
+/// A facet takes no more lines than this: the longest contacts, then the longest outlines of what hovers.
 const MOST: usize = 256;
 
 /// A line on a facet along which another facet rises from it.
@@ -33,30 +33,40 @@ impl Boundable for FacetBox<'_> {
     }
 }
 
-/// The contacts of every facet, in the order of surfaces and facets; longest first.
+/// The contacts of every facet, in the order of surfaces and facets, longest first; then the outlines of what hovers over it, no
+/// higher than `gap`.
 pub fn contacts(scene: &Scene, extent: f64, gap: f64) -> Vec<Vec<Vec<Contact>>> {
     let boxed = |facet| FacetBox { facet, aabb: facet_box(facet) };
     let risers: Vec<FacetBox> =
         scene.surfaces.iter().filter(|s| s.side == Side::Front).flat_map(|s| &s.facets).map(boxed).collect();
     let bvh = build_bvh2(&risers, BvhBuildParams::fast_build(), &mut Default::default());
     let of_facet = |facet: &Facet| {
-        let mut found = vec![];
+        let (mut found, mut hovering) = (vec![], vec![]);
+        let is_long = |line: &Contact| line[0].distance(line[1]) >= SHORTEST * extent;
         bvh.aabb_traverse(grown(facet_box(facet), gap), |bvh, node| {
             let node = &bvh.nodes[node as usize];
             for index in &bvh.primitive_indices[node.first_index as usize..][..node.prim_count as usize] {
                 let riser = risers[*index as usize].facet;
-                let lines = contact(facet, riser).into_iter().chain(hovering_edges(facet, riser, gap));
-                found.extend(lines.filter(|line| line[0].distance(line[1]) >= SHORTEST * extent));
+                found.extend(contact(facet, riser).filter(is_long));
+                hovering.extend(hovering_edges(facet, riser, gap).into_iter().filter(is_long));
             }
             true
         });
-        // By length, then by place: the order of the BVH must not show.
-        let key = |c: &Contact| (c[1].distance(c[0]), c[0].to_array(), c[1].to_array());
-        found.sort_by(|a, b| key(b).partial_cmp(&key(a)).unwrap_or(std::cmp::Ordering::Equal));
+        sort_by_length(&mut found);
+        sort_by_length(&mut hovering);
+        // Two facets share each edge of what hovers.
+        hovering.dedup();
+        found.extend(hovering);
         found.truncate(MOST);
         found
     };
     scene.surfaces.iter().map(|surface| surface.facets.iter().map(of_facet).collect()).collect()
+}
+
+/// By length, then by place: the order of the BVH must not show.
+fn sort_by_length(lines: &mut [Contact]) {
+    let key = |c: &Contact| (c[1].distance(c[0]), c[0].to_array(), c[1].to_array());
+    lines.sort_by(|a, b| key(b).partial_cmp(&key(a)).unwrap_or(std::cmp::Ordering::Equal));
 }
 
 fn facet_box(facet: &Facet) -> Aabb {
@@ -78,7 +88,9 @@ fn hovering_edges(facet: &Facet, riser: &Facet, gap: f64) -> Vec<Contact> {
     let foot = |corner: &Corner| corner.position - facet.normal * height(corner);
     let next = riser.corners.iter().cycle().skip(1);
     let edges = riser.corners.iter().zip(next).filter(|(a, b)| hovers(a) && hovers(b));
-    edges.filter_map(|(a, b)| clip_to_facet([foot(a), foot(b)], facet)).collect()
+    // The same way round from whichever of its two facets an edge is seen.
+    let from_least = |[a, b]: Contact| if a.to_array() <= b.to_array() { [a, b] } else { [b, a] };
+    edges.filter_map(|(a, b)| clip_to_facet(from_least([foot(a), foot(b)]), facet)).collect()
 }
 
 /// The line along which `riser` rises from the front of `facet`.

@@ -1,4 +1,4 @@
-//! Precision visibility with rays, for shafts with too many occluders to cut.
+//! Sampling visibility with rays, for shafts with too many occluders to cut.
 
 use glam::DVec3;
 use sobol_burley::sample_4d;
