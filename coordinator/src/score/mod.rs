@@ -122,10 +122,9 @@ pub fn score(lit: &Path, reference: &Path, scene: &Path) -> Result<Score, ScoreE
     let source = PlainScene::open(scene)?;
     check_fit(&points, &source, reference, scene)?;
     let mesh = lit_glb::read(lit)?;
-    let corners = |pick: fn(DVec3, DVec3) -> DVec3, start| {
-        points.iter().fold(start, |bound, point| pick(bound, point.place.position))
-    };
-    let extent = corners(DVec3::max, DVec3::MIN) - corners(DVec3::min, DVec3::MAX);
+    let corners = mesh.triangles.as_flattened();
+    let bound = |pick: fn(DVec3, DVec3) -> DVec3, start| corners.iter().copied().fold(start, pick);
+    let extent = bound(DVec3::max, DVec3::MIN) - bound(DVec3::min, DVec3::MAX);
     let grid = TriangleGrid::new(&mesh.triangles, extent.max_element());
     let radiosities: Vec<Option<DVec3>> = points
         .iter()
