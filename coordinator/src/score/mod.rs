@@ -144,7 +144,16 @@ pub fn score(lit: &Path, reference: &Path, scene: &Path) -> Result<Score, ScoreE
     Ok(Score { vertices: mesh.vertices, triangles: mesh.triangles.len(), ..score })
 }
 
-/// Whether the reference can have been made of the scene.
+/// Finds out whether a reference (CSV) can have been made of the GLB `scene`: what [`score`] would refuse of the two, before
+/// there is a lit scene.
+///
+/// # Errors
+/// When a file cannot be read or is not what it should be; when the reference does not fit the scene.
+pub fn check_reference(reference: &Path, scene: &Path) -> Result<(), ScoreError> {
+    check_fit(&read(reference)?, &PlainScene::open(scene)?, reference, scene)
+}
+
+/// Whether the points can have been made of the scene.
 fn check_fit(
     points: &[ReferencePoint],
     source: &PlainScene,
