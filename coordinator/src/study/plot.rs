@@ -21,7 +21,7 @@ const GRID: RGBColor = RGBColor(217, 217, 217);
 const SHOWN_ERRORS: (f64, f64) = (0.009, 0.12);
 
 /// Free space at the ends of an axis, as a factor.
-const MARGIN: f64 = 1.25;
+const MARGIN: f64 = 1.4;
 
 /// Why there is no plot.
 #[derive(Debug, thiserror::Error)]
@@ -94,8 +94,9 @@ fn draw(root: &Area<'_>, about: &Circumstances, curves: &[(Curve, Vec<Point>)]) 
         for (point, &place) in points.iter().zip(&places) {
             mark(root, *curve, place)?;
             if let (Curve::Together, Some(value)) = (curve, point.setting.value) {
-                let beside = (place.0 + 10, place.1 - 11);
-                write(root, &value.to_string(), beside, 15.0, colour(*curve), HPos::Left)?;
+                // Other curves come from the right.
+                let beside = (place.0 - 7, place.1 + 12);
+                write(root, &value.to_string(), beside, 15.0, colour(*curve), HPos::Right)?;
             }
         }
     }
