@@ -38,6 +38,11 @@ bake name="cornell" *arguments:
     cargo run --release -p coordinator -- solve tests/scenes/{{ name }}.glb -o target/{{ name }}-lit.glb \
         --report target/{{ name }}-report.json {{ arguments }}
 
+# Error over time, knob by knob, for a scene of tests/scenes: target/study/NAME/study.{csv,svg,md}. Wants a quiet machine.
+study name="cornell" *arguments:
+    cargo run --release -p coordinator -- study tests/scenes/{{ name }}.glb \
+        --reference tests/references/{{ name }}.reference.csv -o target/study/{{ name }} {{ arguments }}
+
 # A picture of a baked scene: target/NAME.png (needs Node and chromium).
 picture name="cornell" *arguments: node
     node tests/node/picture.mjs target/{{ name }}-lit.glb target/{{ name }}.png {{ arguments }}

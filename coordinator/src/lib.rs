@@ -14,3 +14,4 @@ pub mod scene;
 pub mod scheduler;
 pub mod score;
 pub mod solver;
+pub mod study;

@@ -1,10 +1,10 @@
 //! Where the error of a bake comes from.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Estimated relative L2 error of the radiosity over the reflecting surfaces, sqrt(int (B' - B)^2 / int B^2), split by origin.
 /// The parts are independent of each other: their squares add up.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct ErrorBudget {
     /// Light not yet shot, and what reflection would make of it. The bake's `unshot_bound` is the worst that it can be.
     pub unshot: f64,

@@ -2,10 +2,12 @@
 
 mod compare;
 mod knobs;
+mod machine;
 mod progress;
 mod reference;
 mod report;
 mod solve;
+mod study;
 
 use std::num::NonZeroUsize;
 
@@ -43,6 +45,8 @@ enum Command {
     Compare(compare::CompareArguments),
     /// Path-trace the radiosity at points of a scene: what a bake can be compared with.
     Reference(reference::ReferenceArguments),
+    /// Sweep the quality of a scene's bakes: error over time against a path-traced reference.
+    Study(study::StudyArguments),
 }
 
 impl WorkerArguments {
@@ -71,5 +75,6 @@ pub fn run(arguments: Arguments) -> anyhow::Result<()> {
         Command::Solve(solve) => solve::run(&solve, &arguments.workers.workers()?),
         Command::Compare(compare) => compare::run(&compare),
         Command::Reference(reference) => reference::run(&reference, arguments.workers.threads()?),
+        Command::Study(study) => study::run(&study, &arguments.workers.workers()?),
     }
 }

@@ -16,6 +16,8 @@ pub struct Summary<'a> {
     pub unit: &'a str,
     /// Triangles dropped on import.
     pub degenerate_triangles: usize,
+    /// Largest memory of this process so far; none where the system does not say.
+    pub peak_memory_bytes: Option<u64>,
     /// Of the bake.
     pub bake: &'a BakeReport,
     /// Of the output.
@@ -99,6 +101,9 @@ impl Summary<'_> {
         let classes: Vec<String> =
             classes.map(|(name, part)| format!("{name}: {:.1} %", part * 100.0)).collect();
         row("  of the area", classes.join("  "));
+        if let Some(bytes) = self.peak_memory_bytes {
+            row("peak memory", format!("{}B", short(bytes as f64)));
+        }
         row("exposure", format!("{:.4e} per {}", self.exported.exposure, self.unit));
         if self.degenerate_triangles > 0 {
             row("dropped", format!("{} triangles without area", self.degenerate_triangles));
@@ -149,6 +154,7 @@ impl Summary<'_> {
             "output_vertices": self.exported.vertices,
             "output_triangles": self.exported.triangles,
             "degenerate_triangles": self.degenerate_triangles,
+            "peak_memory_bytes": self.peak_memory_bytes,
             "bake": self.bake,
             "settings": settings,
             "workers": workers,

@@ -11,6 +11,7 @@ use coordinator::import::{ImportOptions, import};
 use serde_json::json;
 
 use super::knobs::{Knobs, positive};
+use super::machine::peak_memory_bytes;
 use super::progress::ProgressLine;
 use super::report::Summary;
 
@@ -64,6 +65,7 @@ pub fn run(arguments: &SolveArguments, workers: &Workers) -> anyhow::Result<()> 
         seconds: clock.elapsed().as_secs_f64(),
         unit: &arguments.unit,
         degenerate_triangles: scene.degenerate_triangles,
+        peak_memory_bytes: peak_memory_bytes(),
         bake: &baked.report,
         exported: &exported,
         workers: &per_worker,

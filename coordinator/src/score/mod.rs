@@ -122,10 +122,9 @@ pub fn score(lit: &Path, reference: &Path, scene: &Path) -> Result<Score, ScoreE
     let source = PlainScene::open(scene)?;
     check_fit(&points, &source, reference, scene)?;
     let mesh = lit_glb::read(lit)?;
-    let corners = |pick: fn(DVec3, DVec3) -> DVec3, start| {
-        points.iter().fold(start, |bound, point| pick(bound, point.place.position))
-    };
-    let extent = corners(DVec3::max, DVec3::MIN) - corners(DVec3::min, DVec3::MAX);
+    let corners = mesh.triangles.as_flattened();
+    let bound = |pick: fn(DVec3, DVec3) -> DVec3, start| corners.iter().copied().fold(start, pick);
+    let extent = bound(DVec3::max, DVec3::MIN) - bound(DVec3::min, DVec3::MAX);
     let grid = TriangleGrid::new(&mesh.triangles, extent.max_element());
     let radiosities: Vec<Option<DVec3>> = points
         .iter()
@@ -145,7 +144,16 @@ pub fn score(lit: &Path, reference: &Path, scene: &Path) -> Result<Score, ScoreE
     Ok(Score { vertices: mesh.vertices, triangles: mesh.triangles.len(), ..score })
 }
 
-/// Whether the reference can have been made of the scene.
+/// Finds out whether a reference (CSV) can have been made of the GLB `scene`: what [`score`] would refuse of the two, before
+/// there is a lit scene.
+///
+/// # Errors
+/// When a file cannot be read or is not what it should be; when the reference does not fit the scene.
+pub fn check_reference(reference: &Path, scene: &Path) -> Result<(), ScoreError> {
+    check_fit(&read(reference)?, &PlainScene::open(scene)?, reference, scene)
+}
+
+/// Whether the points can have been made of the scene.
 fn check_fit(
     points: &[ReferencePoint],
     source: &PlainScene,

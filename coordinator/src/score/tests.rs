@@ -127,6 +127,14 @@ fn of_two_sheets_at_one_place_the_one_that_faces_the_point_counts() {
     assert!(score.max < 1e-6 && score.uncovered == 0, "{score:?}");
 }
 
+/// Its points have no extent; that of the scene says how near is near.
+#[test]
+fn reference_of_a_single_point_is_found() {
+    let score = Files::cornell(|_| DVec3::ONE, &["1,0,1,0,1,0,0,.73,.73,.73,0,0,0"]).score().unwrap();
+    assert_eq!(score.uncovered, 0);
+    assert_near(score.energy_ratio, 1.0);
+}
+
 #[test]
 fn what_is_not_finite_shows() {
     let point = || ReferencePoint {

@@ -14,6 +14,7 @@
 //! | `systems` | the solver alone against linear systems with known solutions |
 //! | `scenes` | whole bakes against path-traced references, and the files that come out |
 //! | `reference` | references made here against those of an outside renderer |
+//! | `study` | a study of a small room: its runs, its figures, its files |
 //! | `determinism` | bakes against bakes by other workers, bit for bit |
 //! | `stability` | hard cases, and scenes told in several ways, against what is true of every bake |
 //! | `bad_input` | the command line against wrong files, wrong addresses and lost workers |
@@ -32,4 +33,5 @@ mod reference;
 mod scenes;
 mod spheres;
 mod stability;
+mod study;
 mod systems;

@@ -2,6 +2,7 @@
 //! half-written.
 
 mod files;
+mod references;
 mod workers;
 
 use std::fs;
