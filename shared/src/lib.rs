@@ -7,6 +7,7 @@
 //! | [`occluder`] | the surfaces that block light, behind a BVH |
 //! | [`visibility`] | how much of a form factor the occluders leave |
 //! | [`replica`] | the read-only data that a worker holds |
+//! | [`simd`] | the widest vector instructions of the machine |
 //! | [`row`] | rows of form factors: how they are asked for and how they travel |
 //! | [`protocol`] | the generated messages of `radiosity.worker.v1` |
 
@@ -16,4 +17,5 @@ pub mod occluder;
 pub mod protocol;
 pub mod replica;
 pub mod row;
+pub mod simd;
 pub mod visibility;

@@ -6,10 +6,7 @@ use shared::occluder::Occluder;
 use shared::protocol::RowStatistics;
 use shared::replica::Receiver;
 use shared::row::{Precision, Shape, Shooter};
-use shared::visibility::{VisibilityKernel, pair_seed};
-
-/// Receivers that look for their occluders together: neighbours in a set mostly lie close to each other.
-const GROUP: usize = 16;
+use shared::visibility::{ReceiverGroups, VisibilityKernel, pair_seed};
 
 /// A scene replica made ready.
 pub struct Scene {
@@ -28,23 +25,20 @@ impl Scene {
 #[must_use]
 pub fn compute_row(
     scene: &Scene,
-    receivers: &[Receiver],
+    groups: &ReceiverGroups,
     first_key: u64,
     shooter: &Shooter,
     precision: &Precision,
 ) -> (Vec<f32>, RowStatistics) {
     let mut statistics = RowStatistics::default();
+    let receivers = groups.receivers();
     let row = match &shooter.shape {
         Shape::Polygons(polygons) => {
             let mut kernel = VisibilityKernel::new(&scene.occluder, precision);
             let mut factors = vec![0.0; receivers.len()];
+            let seed = |index: usize| pair_seed(precision.seed, shooter.key, first_key + index as u64);
             for polygon in polygons.iter().map(PreparedPolygon::new) {
-                let groups = receivers.chunks(GROUP).zip(factors.chunks_mut(GROUP)).enumerate();
-                for (group, (receivers, factors)) in groups {
-                    let first = first_key + (group * GROUP) as u64;
-                    let seed = |index: usize| pair_seed(precision.seed, shooter.key, first + index as u64);
-                    kernel.add_form_factors(receivers, &polygon, seed, factors, &mut statistics);
-                }
+                kernel.add_form_factors(groups, &polygon, seed, &mut factors, &mut statistics);
             }
             factors.into_iter().map(|factor| factor as f32).collect()
         }

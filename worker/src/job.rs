@@ -7,6 +7,7 @@ use shared::protocol::worker_message::Body;
 use shared::protocol::{FailureReason, Finished, JobFailed, MAX_MESSAGE_BYTES, RowJob};
 use shared::replica::{Digest, Receivers};
 use shared::row::{RequestError, RowRequest, encode_row};
+use shared::visibility::ReceiverGroups;
 
 use crate::engine::{Scene, compute_row};
 use crate::pool::Panicked;
@@ -113,10 +114,11 @@ impl Job {
     pub fn compute(&self) -> Finished {
         let first = self.request.first_receiver as usize;
         let receivers = &self.receivers.receivers[first..first + self.request.receiver_count as usize];
+        let groups = ReceiverGroups::new(receivers.to_vec());
         let row = |shooter| {
             let start = Instant::now();
             let (row, mut statistics) =
-                compute_row(&self.scene, receivers, self.first_key, shooter, &self.request.precision);
+                compute_row(&self.scene, &groups, self.first_key, shooter, &self.request.precision);
             statistics.busy_nanoseconds = start.elapsed().as_nanos().try_into().unwrap_or(u64::MAX);
             (encode_row(&row), statistics)
         };

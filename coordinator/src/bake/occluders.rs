@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 use shared::geometry::ConvexPolygon;
+use shared::occluder::convex_bodies;
 
 use crate::scene::{Facet, Scene, Side};
 
@@ -15,7 +16,7 @@ const PROBES: i32 = 2;
 const MAX_TESTS: usize = 2_000_000_000;
 
 /// The facets that can stand between two points of the scene: all but those with the whole scene on one side, such as the
-/// walls of a convex room. The back sides of double-sided surfaces are left out, since a facet blocks from both sides.
+/// walls of a convex room; but convex bodies stay whole. The back sides of double-sided surfaces are left out, since a facet blocks from both sides.
 pub fn occluders(scene: &Scene) -> Vec<ConvexPolygon> {
     let facets = || scene.surfaces.iter().filter(|s| s.side == Side::Front).flat_map(|s| &s.facets);
     let points: Vec<DVec3> = facets()
@@ -24,19 +25,28 @@ pub fn occluders(scene: &Scene) -> Vec<ConvexPolygon> {
         .collect();
     let extremes = extreme_points(&points);
     let mut tests = 0;
-    facets()
-        .filter(|facet| {
+    let mut blocks: Vec<bool> = facets()
+        .map(|facet| {
             if has_both_sides(facet, &extremes) {
                 return true;
             }
             tests += points.len();
             tests > MAX_TESTS || has_both_sides(facet, &points)
         })
+        .collect();
+    let polygons: Vec<ConvexPolygon> = facets()
         .map(|facet| ConvexPolygon {
             plane: facet.plane,
             corners: facet.corners.iter().map(|corner| corner.position).collect(),
         })
-        .collect()
+        .collect();
+    // The bottom of a box on the floor blocks nothing, but makes the box a body.
+    for faces in convex_bodies(&polygons) {
+        if faces.iter().any(|face| blocks[*face]) {
+            faces.iter().for_each(|face| blocks[*face] = true);
+        }
+    }
+    polygons.into_iter().zip(blocks).filter(|(_, blocks)| *blocks).map(|(polygon, _)| polygon).collect()
 }
 
 fn has_both_sides(facet: &Facet, points: &[DVec3]) -> bool {

@@ -8,6 +8,7 @@ use shared::geometry::{ConvexPolygon, PlaneId};
 use shared::protocol::RowJob;
 use shared::replica::{Digest, EncodedReplica, Receiver, Receivers, encode_receivers, encode_scene};
 use shared::row::{Precision, RowRequest, Shape, Shooter, encode_row};
+use shared::visibility::ReceiverGroups;
 use worker::engine::{Scene, compute_row};
 
 /// A small scene, and jobs that it gives.
@@ -74,7 +75,16 @@ impl Bakery {
             let first = request.first_receiver as usize;
             let receivers = &self.receivers.receivers[first..first + request.receiver_count as usize];
             let first_key = self.receivers.first_key + u64::from(request.first_receiver);
-            let row = |shooter| compute_row(&scene, receivers, first_key, shooter, &request.precision).0;
+            let row = |shooter| {
+                compute_row(
+                    &scene,
+                    &ReceiverGroups::new(receivers.to_vec()),
+                    first_key,
+                    shooter,
+                    &request.precision,
+                )
+                .0
+            };
             request.shooters.iter().map(row).collect()
         };
         (0..).zip(self.requests().into_iter().map(rows)).collect()

@@ -100,6 +100,23 @@ impl PreparedPolygon {
         self.normal
     }
 
+    /// Mean of the corners.
+    #[must_use]
+    pub fn centre(&self) -> DVec3 {
+        self.centre
+    }
+
+    /// The part of the polygon above a point's horizon, relative to the point.
+    #[must_use]
+    pub fn corners_above(&self, position: DVec3, normal: DVec3) -> Corners {
+        let corners: Corners = self.corners.iter().map(|corner| *corner - position).collect();
+        if corners.iter().all(|corner| normal.dot(*corner) > 0.0) {
+            corners
+        } else {
+            clip_by_plane(&corners, normal)
+        }
+    }
+
     /// What a surface element sees of the polygon; `None` where it sees nothing: in the polygon's plane, behind it, or with
     /// the polygon under the horizon. A polygon that is wholly above the horizon and so far that its form factor is that of a
     /// point, up to a relative error of `tolerance`, is taken for one.

@@ -13,26 +13,40 @@ const SAME_CORNER: f64 = 1e-12;
 /// The part of a convex polygon where `height` is positive or zero, given the height of each corner. Corners at height 0
 /// belong to the part; cuts are made on the edges, between a corner above and one below. Empty where no area is left.
 pub fn clip(corners: &[DVec3], heights: &[f64]) -> Corners {
-    let mut kept = Corners::new();
-    let Some(last) = corners.len().checked_sub(1) else { return kept };
+    let (mut above, mut below) = (Corners::new(), Corners::new());
+    split(corners, heights, &mut above, &mut below);
+    above
+}
+
+/// Both parts of a convex polygon: where `height` is positive or zero, and where it is negative or zero, as [`clip`] finds each.
+pub fn split(corners: &[DVec3], heights: &[f64], above: &mut Corners, below: &mut Corners) {
+    above.clear();
+    below.clear();
+    let Some(last) = corners.len().checked_sub(1) else { return };
     let mut previous = (corners[last], heights[last]);
     for (&corner, &height) in corners.iter().zip(heights) {
         let (from, from_height) = previous;
         if (from_height > 0.0 && height < 0.0) || (from_height < 0.0 && height > 0.0) {
-            push_distinct(&mut kept, from + (corner - from) * (from_height / (from_height - height)));
+            let cut = from + (corner - from) * (from_height / (from_height - height));
+            push_distinct(above, cut);
+            push_distinct(below, cut);
         }
         if height >= 0.0 {
-            push_distinct(&mut kept, corner);
+            push_distinct(above, corner);
+        }
+        if height <= 0.0 {
+            push_distinct(below, corner);
         }
         previous = (corner, height);
     }
-    while kept.len() > 1 && is_same(kept[0], kept[kept.len() - 1]) {
-        kept.pop();
+    for part in [above, below] {
+        while part.len() > 1 && is_same(part[0], part[part.len() - 1]) {
+            part.pop();
+        }
+        if part.len() < 3 {
+            part.clear();
+        }
     }
-    if kept.len() < 3 {
-        kept.clear();
-    }
-    kept
 }
 
 fn push_distinct(corners: &mut Corners, corner: DVec3) {

@@ -1,12 +1,13 @@
 //! Planes and convex polygons, in f64.
 
 mod clip;
+pub mod lanes;
 mod polygon;
 
-pub use clip::{Corners, clip, clip_by_plane};
+pub use clip::{Corners, clip, clip_by_plane, split};
 pub use polygon::{ConvexPolygon, area_vector, uniform_point};
 
 /// Number of a plane of the scene. Polygons that lie in one plane, whichever way they face, share it: they can neither
 /// see nor block each other.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Default)]
 pub struct PlaneId(pub u32);

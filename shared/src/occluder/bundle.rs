@@ -21,6 +21,28 @@ impl Bounds {
         points.fold(start, |bounds, point| Self { low: bounds.low.min(point), high: bounds.high.max(point) })
     }
 
+    /// The middle.
+    #[must_use]
+    pub fn centre(&self) -> DVec3 {
+        (self.low + self.high) * 0.5
+    }
+
+    /// The eight corners.
+    #[must_use]
+    pub fn corners(&self) -> [DVec3; 8] {
+        std::array::from_fn(|i| {
+            DVec3::from_array(std::array::from_fn(|axis| {
+                if i >> axis & 1 == 1 { self.high[axis] } else { self.low[axis] }
+            }))
+        })
+    }
+
+    /// The largest of n . x over the box.
+    #[must_use]
+    pub fn farthest_along(&self, n: DVec3) -> f64 {
+        n.dot(self.centre()) + n.abs().dot(self.high - self.low) * 0.5
+    }
+
     fn corner(&self, axes: [usize; 2], high: [bool; 2]) -> DVec2 {
         let pick = |i: usize| if high[i] { self.high[axes[i]] } else { self.low[axes[i]] };
         DVec2::new(pick(0), pick(1))
@@ -68,6 +90,14 @@ impl Bundle {
         Self { centre: (low + high) * 0.5, half: (high - low) * 0.5, planes }
     }
 
+    /// False where the polygon with these corners cannot lie between two points of the boxes.
+    #[must_use]
+    pub fn meets(&self, corners: &[DVec3]) -> bool {
+        let outside =
+            |(normal, offset): &(DVec3, f64)| corners.iter().all(|corner| normal.dot(*corner) < *offset);
+        !self.planes.iter().any(outside)
+    }
+
     fn misses_box(&self, centre: DVec3, half: DVec3) -> bool {
         (centre - self.centre).abs().cmpgt(half + self.half).any()
             || self
@@ -78,19 +108,32 @@ impl Bundle {
 }
 
 impl Occluder {
+    /// The polygons whose boxes a segment meets.
+    pub fn near_segment(&self, from: DVec3, to: DVec3, found: &mut Vec<u32>) {
+        found.clear();
+        let (middle, half) = ((from + to) * 0.5, (to - from) * 0.5);
+        let misses = |centre: DVec3, extent: DVec3| {
+            let apart = centre - middle;
+            let across = half.cross(apart).abs();
+            // The box's extent across the segment, along each axis crossed with it: the axes of separation of segment and box.
+            let reach = DVec3::new(
+                half.y.abs() * extent.z + half.z.abs() * extent.y,
+                half.z.abs() * extent.x + half.x.abs() * extent.z,
+                half.x.abs() * extent.y + half.y.abs() * extent.x,
+            );
+            apart.abs().cmpgt(half.abs() + extent).any() || across.cmpgt(reach).any()
+        };
+        self.for_each_leaf(misses, |polygons| found.extend(polygons));
+    }
+
     /// The polygons that can lie between any two points of the bundle's boxes, in ascending order.
     pub fn candidates(&self, bundle: &Bundle, candidates: &mut Vec<u32>) {
         candidates.clear();
         self.for_each_leaf(
             |centre, half| bundle.misses_box(centre, half),
             |polygons| {
-                candidates.extend(polygons.filter(|index| {
-                    let polygon = &self.polygons[*index as usize];
-                    let outside = |(normal, offset): &(DVec3, f64)| {
-                        polygon.corners.iter().all(|corner| normal.dot(*corner) < *offset)
-                    };
-                    !bundle.planes.iter().any(outside)
-                }));
+                candidates
+                    .extend(polygons.filter(|index| bundle.meets(&self.polygons[*index as usize].corners)));
             },
         );
         candidates.sort_unstable();

@@ -1,19 +1,25 @@
 //! The surfaces that block light, behind a BVH.
 
+mod bodies;
 mod bundle;
+mod front;
 mod segment;
-mod shaft;
+mod shafts;
+mod wide;
 
 use glam::{DVec3, Vec3A};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::builder::build_bvh2;
 use obvhs::{Boundable, BvhBuildParams};
+use smallvec::SmallVec;
 
 use crate::geometry::{ConvexPolygon, PlaneId, area_vector};
 
+pub use bodies::{Body, Edge, convex_bodies};
 pub use bundle::{Bounds, Bundle};
-pub use shaft::{Blockage, Shaft};
+pub use front::{Blocker, Front};
+pub use shafts::{Reach, Shafts};
 
 /// Boxes are padded by this part of the scene's largest coordinate: rays are rounded to f32 when they meet a box, and must
 /// not slip past one that their exact counterpart touches.
@@ -28,14 +34,19 @@ pub struct Occluder {
     /// In the order of the BVH's leaves.
     polygons: Vec<OccluderPolygon>,
     bvh: Bvh2,
+    bodies: Vec<Body>,
     /// Rays start this much after and end this much before their ends: coordinates are not known better.
     clearance: f64,
 }
 
-struct OccluderPolygon {
+/// A polygon that blocks light, from both sides.
+#[derive(Debug)]
+pub struct OccluderPolygon {
     plane: PlaneId,
     normal: DVec3,
     corners: Vec<DVec3>,
+    /// The convex body that it is a face of.
+    body: Option<u32>,
 }
 
 struct PaddedBox(Aabb);
@@ -62,7 +73,13 @@ impl Occluder {
             })
             .collect();
         let bvh = build_bvh2(&boxes, BvhBuildParams::medium_build(), &mut Default::default());
-        let polygons = bvh
+        let mut place = vec![0; polygons.len()];
+        for (to, from) in bvh.primitive_indices.iter().enumerate() {
+            place[*from as usize] = to as u32;
+        }
+        let faces_of_bodies = convex_bodies(polygons);
+        let rounding = bodies::rounding(corners());
+        let mut polygons: Vec<OccluderPolygon> = bvh
             .primitive_indices
             .iter()
             .map(|index| {
@@ -71,10 +88,19 @@ impl Occluder {
                     plane: polygon.plane,
                     normal: area_vector(&polygon.corners).normalize_or_zero(),
                     corners: polygon.corners.clone(),
+                    body: None,
                 }
             })
             .collect();
-        Self { polygons, bvh, clearance: largest * CLEARANCE }
+        let mut bodies = vec![];
+        for faces in faces_of_bodies {
+            let faces: Vec<u32> = faces.into_iter().map(|face| place[face]).collect();
+            for face in &faces {
+                polygons[*face as usize].body = Some(bodies.len() as u32);
+            }
+            bodies.push(Body::new(&polygons, faces, rounding));
+        }
+        Self { polygons, bvh, bodies, clearance: largest * CLEARANCE }
     }
 
     /// Number of polygons.
@@ -83,9 +109,39 @@ impl Occluder {
         self.polygons.len()
     }
 
+    /// Plane of a polygon.
+    #[must_use]
+    pub fn plane(&self, index: u32) -> PlaneId {
+        self.polygons[index as usize].plane
+    }
+
     /// True where nothing can block anything.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.polygons.is_empty()
+    }
+
+    /// Visits the BVH's leaves except where `misses` says so of a box (centre and half extent).
+    fn for_each_leaf(
+        &self,
+        misses: impl Fn(DVec3, DVec3) -> bool,
+        mut visit: impl FnMut(std::ops::Range<u32>),
+    ) {
+        if self.polygons.is_empty() {
+            return;
+        }
+        let mut stack = SmallVec::<[u32; 64]>::from_slice(&[0]);
+        while let Some(index) = stack.pop() {
+            let node = &self.bvh.nodes[index as usize];
+            let (low, high) = (node.aabb().min.as_dvec3(), node.aabb().max.as_dvec3());
+            if misses((low + high) * 0.5, (high - low) * 0.5) {
+                continue;
+            }
+            if node.is_leaf() {
+                visit(node.first_index..node.first_index + node.prim_count);
+            } else {
+                stack.extend([node.first_index, node.first_index + 1]);
+            }
+        }
     }
 }

@@ -2,144 +2,230 @@
 //!
 //! Where few occluders stand between a point and a polygon, the visible part of the polygon is *computed*: the occluders are
 //! cut out of it as the point sees them, and the rest is summed up exactly. Where there are many, rays sample it.
+//!
+//! What can be decided for a whole group of receivers is: that they look away from the polygon, that nothing stands between,
+//! that one occluder hides it from all of them.
 
 mod cut;
+mod groups;
+mod partial;
 mod sample;
 #[cfg(test)]
 mod tests;
 
-use glam::DVec3;
-
-use crate::form_factor::{PreparedPolygon, View, contour};
-use crate::geometry::Corners;
-use crate::occluder::{Blockage, Bounds, Bundle, Occluder, Shaft};
+use crate::form_factor::PreparedPolygon;
+use crate::geometry::lanes::{LANES, Mask};
+use crate::occluder::{Blocker, Bounds, Bundle, Front, Occluder, Shafts};
 use crate::protocol::RowStatistics;
-use crate::replica::Receiver;
 use crate::row::Precision;
 
-pub use cut::cut;
+pub use cut::{Cone, Cones, Pieces, cut};
+pub use groups::{Node, ReceiverGroups, ReceiverLanes};
+use partial::PartialView;
 pub use sample::pair_seed;
 
-/// With more pieces than this, rays are cheaper than cutting on.
-const MAX_PIECES: usize = 64;
-
-/// When cutting leaves less than this part of a form factor, what is left are slivers of rounding error between the cuts: the
-/// polygon is hidden. Without this, closed rooms would hang together by factors of 1e-23.
-const ROUNDING: f64 = 1e-12;
-
-/// With more candidates than this for a whole group, each of its shafts asks the BVH itself.
-const MAX_CANDIDATES: usize = 96;
-
-/// Computes visible form factors from groups of receivers to one polygon; keeps its buffers from pair to pair.
+/// Computes visible form factors. Keeps its buffers between calls.
 pub struct VisibilityKernel<'a> {
     occluder: &'a Occluder,
     precision: &'a Precision,
-    candidates: Vec<u32>,
-    blockers: Vec<Corners>,
-    pieces: Vec<Corners>,
-    scratch: Vec<Corners>,
+    /// Occluders between the polygon and some hundred receivers.
+    front: Front,
+    /// Those of them that may matter to a group.
+    parts: Vec<u32>,
+    /// What some of them leave of the polygon for some receivers.
+    partly: Vec<(u32, Mask)>,
+    /// The part that filled the last shaft: likely to fill the next.
+    last_filler: u32,
+    shafts: Shafts,
+    partial: PartialView,
+    found: Vec<u32>,
 }
 
 impl<'a> VisibilityKernel<'a> {
-    /// A kernel for these occluders.
+    /// A kernel for this scene.
     #[must_use]
     pub fn new(occluder: &'a Occluder, precision: &'a Precision) -> Self {
-        Self { occluder, precision, candidates: vec![], blockers: vec![], pieces: vec![], scratch: vec![] }
+        Self {
+            occluder,
+            precision,
+            front: Front::default(),
+            parts: vec![],
+            partly: vec![],
+            last_filler: 0,
+            shafts: Shafts::default(),
+            partial: PartialView::default(),
+            found: vec![],
+        }
     }
 
-    /// Adds the visible form factor of each receiver's point to a polygon to `factors`. `seeds` are the pairs' own (see
-    /// [`pair_seed`]): who computes a pair makes no difference. Groups pay when receivers lie close together.
+    /// Adds the visible form factors from receivers to a polygon to `factors`. `seeds` gives the seed of each receiver's rays.
+    /// The result for a receiver does not depend on the others.
     pub fn add_form_factors(
         &mut self,
-        receivers: &[Receiver],
+        groups: &ReceiverGroups,
         polygon: &PreparedPolygon,
         seeds: impl Fn(usize) -> u32,
         factors: &mut [f64],
         statistics: &mut RowStatistics,
     ) {
-        let mut is_prepared = false;
-        for (index, (receiver, factor)) in receivers.iter().zip(factors).enumerate() {
-            statistics.pairs += 1;
-            if receiver.plane == polygon.plane() {
+        statistics.pairs += groups.receivers().len() as u64;
+        let target = Bounds::around(polygon.corners().iter().copied());
+        let mut stack = vec![(groups.top(), 0)];
+        while let Some((level, index)) = stack.pop() {
+            let Some(node) = groups.node(level, index) else { continue };
+            if looks_away(node, polygon) {
                 continue;
             }
-            let tolerance = self.precision.form_factor_error;
-            let Some(view) = polygon.view(receiver.position, receiver.normal, tolerance) else { continue };
-            statistics.factors += 1;
-            statistics.factor_sum += view.factor;
-            statistics.factor_error_sum += view.error;
-            if !is_prepared {
-                self.prepare(receivers, polygon);
-                is_prepared = true;
+            if level > 0 && self.is_hidden(node, polygon) {
+                statistics.factors += u64::from(node.count);
+                statistics.occluded_pairs += u64::from(node.count);
+                continue;
             }
-            *factor += self.visible(receiver, polygon, &view, seeds(index), statistics);
+            if level == groups.top().min(1) {
+                self.front.collect(self.occluder, &node.bounds, polygon);
+            }
+            if level > 0 {
+                stack.extend(groups.children(level, index).rev().map(|child| (level - 1, child)));
+                continue;
+            }
+            self.parts.clear();
+            if !self.front.is_empty() {
+                let bundle = Bundle::new(&node.bounds, &target);
+                let horizon = node.normal.map(|normal| (normal, -node.bounds.farthest_along(-normal)));
+                self.front.narrow(self.occluder, &bundle, horizon, &mut self.parts);
+            }
+            let first = index * LANES;
+            let seed = |lane: usize| seeds(first + lane);
+            let end = factors.len().min(first + LANES);
+            self.add_group(groups.lanes(index), polygon, seed, &mut factors[first..end], statistics);
         }
     }
 
-    fn prepare(&mut self, receivers: &[Receiver], polygon: &PreparedPolygon) {
-        let group = Bounds::around(receivers.iter().map(|receiver| receiver.position));
-        let target = Bounds::around(polygon.corners().iter().copied());
-        self.occluder.candidates(&Bundle::new(&group, &target), &mut self.candidates);
+    /// True where one occluder stands between a whole group and the polygon. What a convex occluder hides of a point from points is convex:
+    /// if it hides the polygon's corners from the corners of the group's box, it hides all from all.
+    fn is_hidden(&mut self, node: &Node, polygon: &PreparedPolygon) -> bool {
+        let corners = polygon.corners();
+        let nearest = -node.bounds.farthest_along(-polygon.normal());
+        if self.occluder.is_empty() || nearest < polygon.normal().dot(corners[0]) {
+            return false;
+        }
+        self.occluder.near_segment(node.bounds.centre(), polygon.centre(), &mut self.found);
+        if self.found.is_empty() {
+            return false;
+        }
+        let mut apexes = ReceiverLanes::at(&node.bounds.corners());
+        self.shafts.aim(&apexes.positions, corners);
+        self.found.sort_unstable();
+        self.front.take(self.occluder, &self.found, polygon);
+        (0..self.front.len() as u32).any(|part| {
+            node.planes.iter().all(|plane| {
+                apexes.planes = [*plane; LANES];
+                self.front.reach(self.occluder, part, &self.shafts, &apexes).wholly == Mask::MAX
+            })
+        })
     }
 
-    fn visible(
+    /// Adds the factors of one group of receivers.
+    fn add_group(
         &mut self,
-        receiver: &Receiver,
+        lanes: &ReceiverLanes,
         polygon: &PreparedPolygon,
-        view: &View,
-        seed: u32,
+        seeds: impl Fn(usize) -> u32,
+        factors: &mut [f64],
         statistics: &mut RowStatistics,
-    ) -> f64 {
-        if self.candidates.is_empty() {
-            return view.factor;
-        }
-        let planes = [receiver.plane, polygon.plane()];
-        let shaft = Shaft::new(receiver.position, &view.corners, polygon.normal(), planes);
-        let candidates = (self.candidates.len() <= MAX_CANDIDATES).then_some(self.candidates.as_slice());
-        match self.occluder.collect_blockers(&shaft, candidates, &mut self.blockers) {
-            Blockage::Free => return view.factor,
-            Blockage::Full => {
-                statistics.occluded_pairs += 1;
-                return 0.0;
+    ) {
+        let mut unoccluded = [0.0; LANES];
+        let mut open: Mask = 0;
+        for lane in 0..factors.len() {
+            if lanes.planes[lane] == polygon.plane() {
+                continue;
             }
-            Blockage::Partial => {}
+            let (position, normal) = (lanes.positions.get(lane), lanes.normals.get(lane));
+            if let Some(view) = polygon.view(position, normal, self.precision.form_factor_error) {
+                open |= 1 << lane;
+                unoccluded[lane] = view.factor;
+                statistics.factors += 1;
+                statistics.factor_sum += view.factor;
+                statistics.factor_error_sum += view.error;
+            }
         }
-        statistics.occluded_pairs += 1;
-        if let Some(visible) = self.cut_factor(receiver.normal, view) {
-            return visible;
+        if open == 0 {
+            return;
         }
-        statistics.sampled_pairs += 1;
-        let blocked =
-            |target: DVec3| self.occluder.blocks(receiver.position, receiver.position + target, planes);
-        let rays = sample::ray_count(view.factor, self.precision);
-        let sample =
-            sample::sample_visibility(&view.corners, receiver.normal, polygon.normal(), rays, seed, blocked);
-        statistics.rays += u64::from(sample.rays);
-        statistics.sampling_variance += view.factor * view.factor * sample.variance;
-        view.factor * sample.fraction
+        let hidden = self.block(lanes, polygon, open, statistics);
+        for (lane, factor) in
+            factors.iter_mut().enumerate().filter(|(lane, _)| (open & !hidden) >> lane & 1 == 1)
+        {
+            let (position, plane) = (lanes.positions.get(lane), lanes.planes[lane]);
+            self.partial.clear();
+            for (part, _) in self.partly.iter().filter(|(_, mask)| mask >> lane & 1 == 1) {
+                let add = |blocker: Blocker<'_>| self.partial.add(blocker, position);
+                self.front.for_each_blocker(self.occluder, *part, (position, plane), add);
+            }
+            if self.partial.is_free() {
+                *factor += unoccluded[lane];
+                continue;
+            }
+            let receiver = (position, lanes.normals.get(lane), plane);
+            statistics.occluded_pairs += 1;
+            *factor += self.partial.factor(
+                self.occluder,
+                self.precision,
+                receiver,
+                polygon,
+                unoccluded[lane],
+                seeds(lane),
+                statistics,
+            );
+        }
     }
 
-    /// The form factor of what the blockers leave; `None` when they are too many, or it falls into too many pieces.
-    fn cut_factor(&mut self, normal: DVec3, view: &View) -> Option<f64> {
-        if self.blockers.len() > self.precision.exact_occluders as usize {
-            return None;
+    /// Finds what blocks the shafts of these receivers: those whose shaft is filled, and the parts that reach into others.
+    fn block(
+        &mut self,
+        lanes: &ReceiverLanes,
+        polygon: &PreparedPolygon,
+        wanted: Mask,
+        statistics: &mut RowStatistics,
+    ) -> Mask {
+        self.partly.clear();
+        if self.parts.is_empty() {
+            return 0;
         }
-        self.pieces.clear();
-        self.pieces.push(view.corners.clone());
-        let mut touched = false;
-        for blocker in &self.blockers {
-            touched |= cut::cut(&mut self.pieces, blocker, &mut self.scratch);
-            if self.pieces.is_empty() {
-                return Some(0.0);
+        self.shafts.aim(&lanes.positions, polygon.corners());
+        let mut open = wanted;
+        if let Ok(likely) = self.parts.binary_search(&self.last_filler) {
+            let part = self.parts[likely];
+            open &= !self.front.reach(self.occluder, part, &self.shafts, lanes).wholly;
+        }
+        for at in 0..self.parts.len() {
+            if open == 0 {
+                break;
             }
-            if self.pieces.len() > MAX_PIECES {
-                return None;
+            let part = self.parts[at];
+            let reach = self.front.reach(self.occluder, part, &self.shafts, lanes);
+            if reach.wholly & open != 0 {
+                self.last_filler = part;
+                open &= !reach.wholly;
+            }
+            if reach.partly & open != 0 {
+                self.partly.push((part, reach.partly & open));
             }
         }
-        if !touched {
-            return Some(view.factor);
-        }
-        let visible: f64 = self.pieces.iter().map(|piece| contour(normal, piece)).sum();
-        Some(if visible <= ROUNDING * view.factor { 0.0 } else { visible.min(view.factor) })
+        let hidden = wanted & !open;
+        statistics.occluded_pairs += u64::from(hidden.count_ones());
+        hidden
     }
+}
+
+/// True where no receiver of a group sees the polygon's front above its horizon.
+fn looks_away(node: &Node, polygon: &PreparedPolygon) -> bool {
+    let farthest = node.bounds.farthest_along(polygon.normal());
+    if node.planes == [polygon.plane()] || farthest <= polygon.normal().dot(polygon.centre()) {
+        return true;
+    }
+    node.normal.is_some_and(|normal| {
+        let lowest = -node.bounds.farthest_along(-normal);
+        polygon.corners().iter().all(|corner| normal.dot(*corner) <= lowest)
+    })
 }

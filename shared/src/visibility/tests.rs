@@ -5,6 +5,8 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::geometry::{ConvexPolygon, PlaneId};
+use crate::occluder::convex_bodies;
+use crate::replica::Receiver;
 
 const PRECISION: Precision = Precision {
     rays_per_hemisphere: 4096,
@@ -28,7 +30,13 @@ fn visible(occluders: &[ConvexPolygon], receivers: &[Receiver], target: &ConvexP
     let mut factors = vec![0.0; receivers.len()];
     let target = PreparedPolygon::new(target);
     let mut kernel = VisibilityKernel::new(&occluder, &PRECISION);
-    kernel.add_form_factors(receivers, &target, |i| i as u32, &mut factors, &mut RowStatistics::default());
+    kernel.add_form_factors(
+        &ReceiverGroups::new(receivers.to_vec()),
+        &target,
+        |i| i as u32,
+        &mut factors,
+        &mut RowStatistics::default(),
+    );
     factors
 }
 
@@ -119,5 +127,55 @@ proptest! {
         let together = visible(&occluders, &receivers, &ceiling());
         let alone: Vec<f64> = receivers.iter().map(|receiver| visible(&occluders, &[*receiver], &ceiling())[0]).collect();
         prop_assert_eq!(together, alone);
+    }
+}
+
+/// A box of these half axes, its faces showing outwards.
+fn solid(centre: DVec3, axes: [DVec3; 3], first_plane: u32) -> Vec<ConvexPolygon> {
+    let corner = |signs: [f64; 3]| centre + axes[0] * signs[0] + axes[1] * signs[1] + axes[2] * signs[2];
+    let face = |axis: usize, side: f64| {
+        let at = |a: f64, b: f64| {
+            let mut signs = [side; 3];
+            (signs[(axis + 1) % 3], signs[(axis + 2) % 3]) = (a * side, b);
+            corner(signs)
+        };
+        vec![at(-1.0, -1.0), at(1.0, -1.0), at(1.0, 1.0), at(-1.0, 1.0)]
+    };
+    let faces = (0..6).map(|i| face(i / 2, if i % 2 == 0 { 1.0 } else { -1.0 }));
+    faces
+        .zip(first_plane..)
+        .map(|(corners, plane)| ConvexPolygon { plane: PlaneId(plane), corners })
+        .collect()
+}
+
+fn turned(centre: [f64; 3], half: [f64; 3], angles: [f64; 2]) -> Vec<ConvexPolygon> {
+    let turn = glam::DQuat::from_rotation_z(angles[0]) * glam::DQuat::from_rotation_x(angles[1]);
+    let axes = [DVec3::X * half[0], DVec3::Y * half[1], DVec3::Z * half[2]].map(|axis| turn * axis);
+    solid(DVec3::from_array(centre), axes, 2)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(256))]
+
+    /// The outline of a body blocks what its faces block. A face that is there twice makes them no body.
+    #[test]
+    fn a_body_blocks_what_its_faces_block(
+        x in -1.0..1.0, y in -1.0..1.0, z in prop_oneof![Just(0.2_f64), 0.0..2.2],
+        half in prop::array::uniform3(0.05..0.5), angle in -1.0..1.0, tilt in prop_oneof![Just(0.0), -1.0..1.0],
+        places in prop::collection::vec((-2.0..2.0, -2.0..2.0), 1..40),
+    ) {
+        let half = [half[0], half[1], if tilt == 0.0 && z == 0.2 { 0.2 } else { half[2] }];
+        let body = turned([x, y, z], half, [angle, tilt]);
+        prop_assert_eq!(convex_bodies(&body).len(), 1);
+        let mut faces = body.clone();
+        faces.push(body[0].clone());
+        let mut receivers: Vec<Receiver> = places.iter().map(|(x, y)| floor(*x, *y)).collect();
+        // In line with an edge, and in the planes of two faces when the box stands on the floor.
+        let (from, to) = (body[0].corners[0], body[0].corners[1]);
+        receivers.extend([-2.0, -0.1, 1.1, 3.0].map(|t| from + (to - from) * t).map(|p| floor(p.x, p.y)));
+        let (outline, faces) = (visible(&body, &receivers, &ceiling()), visible(&faces, &receivers, &ceiling()));
+        for (i, (outline, faces)) in outline.iter().zip(&faces).enumerate() {
+            prop_assert!((outline - faces).abs() < 1e-12, "{i}: {outline} {faces}");
+        }
     }
 }

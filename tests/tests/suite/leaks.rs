@@ -5,6 +5,7 @@ use shared::geometry::{ConvexPolygon, PlaneId};
 use shared::occluder::Occluder;
 use shared::replica::Receiver;
 use shared::row::{Precision, Shape, Shooter};
+use shared::visibility::ReceiverGroups;
 use tests::shapes;
 use worker::engine::{Scene, compute_row};
 
@@ -123,11 +124,13 @@ fn form_factors_through_a_wall() {
                 plane: BELOW,
             })
             .collect();
-        let open = compute_row(&Scene::new(&[]), &receivers, 0, &shooter, &precision).0;
+        let open =
+            compute_row(&Scene::new(&[]), &ReceiverGroups::new(receivers.clone()), 0, &shooter, &precision).0;
         assert!(open.iter().all(|factor| *factor > 0.1));
         for cells in [1, 2, 3, 10, 13, 16] {
             let wall = Scene::new(&placing.wall(&shapes::triangle_grid(cells)));
-            let (row, statistics) = compute_row(&wall, &receivers, 0, &shooter, &precision);
+            let (row, statistics) =
+                compute_row(&wall, &ReceiverGroups::new(receivers.clone()), 0, &shooter, &precision);
             for (i, factor) in row.iter().enumerate() {
                 assert_eq!(*factor, 0.0, "{cells} x {cells}, receiver {i}");
             }

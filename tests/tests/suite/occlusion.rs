@@ -4,6 +4,7 @@ use glam::DVec3;
 use shared::geometry::{ConvexPolygon, PlaneId};
 use shared::replica::Receiver;
 use shared::row::{Precision, Shape, Shooter};
+use shared::visibility::ReceiverGroups;
 use tests::cases::case;
 use worker::engine::{Scene, compute_row};
 
@@ -38,7 +39,13 @@ fn divided(blocker: &[DVec3], cells: u32) -> Vec<ConvexPolygon> {
 fn mean_factor(receivers: &[Receiver], polygon: &[DVec3], blockers: &[ConvexPolygon]) -> (f64, u64) {
     let polygon = ConvexPolygon { plane: SHOOTING, corners: polygon.to_vec() };
     let shooter = Shooter { key: 7, shape: Shape::Polygons(vec![polygon]) };
-    let (row, statistics) = compute_row(&Scene::new(blockers), receivers, 100, &shooter, &PRECISION);
+    let (row, statistics) = compute_row(
+        &Scene::new(blockers),
+        &ReceiverGroups::new(receivers.to_vec()),
+        100,
+        &shooter,
+        &PRECISION,
+    );
     (row.iter().map(|factor| f64::from(*factor)).sum::<f64>() / row.len() as f64, statistics.sampled_pairs)
 }
 

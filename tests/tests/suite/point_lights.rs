@@ -5,6 +5,7 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 use shared::row::{Precision, Shape, Shooter};
+use shared::visibility::ReceiverGroups;
 use tests::cases::case;
 use worker::engine::{Scene, compute_row};
 
@@ -21,7 +22,8 @@ fn part_on(square: &[DVec3], shape: Shape) -> f64 {
     let area = (square[1] - square[0]).cross(square[3] - square[0]).length();
     let [coarse, fine] = [64, 128].map(|cells| {
         let receivers = receivers_on(square, cells);
-        let (row, _) = compute_row(&Scene::new(&[]), &receivers, 0, &shooter, &sampling);
+        let (row, _) =
+            compute_row(&Scene::new(&[]), &ReceiverGroups::new(receivers.clone()), 0, &shooter, &sampling);
         let mean = row.iter().map(|factor| f64::from(*factor)).sum::<f64>() / row.len() as f64;
         // The intensity of a light of 1 W is 1 / (4 pi).
         mean * area / (4.0 * PI)

@@ -7,6 +7,7 @@ use shared::form_factor::{PreparedPolygon, point_to_polygon};
 use shared::geometry::{ConvexPolygon, PlaneId, area_vector};
 use shared::replica::Receiver;
 use shared::row::{Precision, Shape, Shooter};
+use shared::visibility::ReceiverGroups;
 use tests::builder::{Material, SceneBuilder};
 use tests::shapes::{Polygon, box_facing_in, box_facing_out};
 use worker::engine::{Scene, compute_row};
@@ -56,7 +57,7 @@ fn visible(at: Receiver, polygon: &[DVec3], blockers: &[Polygon]) -> f32 {
     let blockers: Vec<ConvexPolygon> =
         blockers.iter().zip(1..).map(|(corners, id)| convex(corners, id)).collect();
     let shooter = Shooter { key: 5, shape: Shape::Polygons(vec![convex(polygon, 0)]) };
-    compute_row(&Scene::new(&blockers), &[at], 0, &shooter, &PRECISION).0[0]
+    compute_row(&Scene::new(&blockers), &ReceiverGroups::new(vec![at]), 0, &shooter, &PRECISION).0[0]
 }
 
 /// Mean factor from points of one polygon, in the middles of pieces of its fan, to another.

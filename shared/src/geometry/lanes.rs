@@ -1,0 +1,36 @@
+//! Vectors of several points side by side, for vector instructions.
+
+use glam::DVec3;
+
+/// Points that are treated together.
+pub const LANES: usize = 16;
+
+/// One yes or no for each point: bit 0 is that of the first.
+pub type Mask = u16;
+
+/// One vector for each point, coordinate by coordinate.
+#[derive(Debug, Clone, Copy)]
+pub struct Vectors {
+    /// Coordinates along x.
+    pub x: [f64; LANES],
+    /// Coordinates along y.
+    pub y: [f64; LANES],
+    /// Coordinates along z.
+    pub z: [f64; LANES],
+}
+
+impl Vectors {
+    /// All of them zero.
+    pub const ZERO: Self = Self { x: [0.0; LANES], y: [0.0; LANES], z: [0.0; LANES] };
+
+    /// Sets one of them.
+    pub fn set(&mut self, lane: usize, vector: DVec3) {
+        (self.x[lane], self.y[lane], self.z[lane]) = (vector.x, vector.y, vector.z);
+    }
+
+    /// One of them.
+    #[must_use]
+    pub fn get(&self, lane: usize) -> DVec3 {
+        DVec3::new(self.x[lane], self.y[lane], self.z[lane])
+    }
+}

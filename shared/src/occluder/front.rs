@@ -1,0 +1,189 @@
+//! The occluders between a group of points and a polygon.
+
+use std::ops::Range;
+
+use glam::DVec3;
+use smallvec::SmallVec;
+
+use super::{Body, Bounds, Bundle, Occluder, OccluderPolygon, Reach, Shafts};
+use crate::form_factor::PreparedPolygon;
+use crate::geometry::lanes::{LANES, Mask};
+use crate::geometry::{PlaneId, clip};
+use crate::visibility::ReceiverLanes;
+
+/// Occluders that can block something of a polygon, as far as they stand in front of its plane.
+#[derive(Debug, Default)]
+pub struct Front {
+    parts: Vec<Part>,
+    corners: Vec<DVec3>,
+    found: Vec<u32>,
+    bodies: Vec<u32>,
+    /// Plane of the polygon.
+    plane: PlaneId,
+}
+
+/// An occluder in front of the polygon's plane.
+#[derive(Debug, Clone)]
+enum Part {
+    /// A polygon, or as much of it as stands in front.
+    Polygon { occluder: u32, corners: Range<usize> },
+    /// A convex body, all of it in front.
+    Body(u32),
+}
+
+/// An occluder as the blocker of one point's view.
+#[derive(Debug)]
+pub enum Blocker<'a> {
+    /// A polygon with these corners.
+    Polygon(&'a [DVec3]),
+    /// The outline of a body that the point is outside of.
+    Outline(&'a Body),
+}
+
+impl Front {
+    /// Looks for the occluders that can stand between the points in a box and a polygon: all that are not in its plane, in the order
+    /// of the occluders.
+    pub fn collect(&mut self, occluder: &Occluder, group: &Bounds, polygon: &PreparedPolygon) {
+        let target = Bounds::around(polygon.corners().iter().copied());
+        let mut found = std::mem::take(&mut self.found);
+        occluder.candidates(&Bundle::new(group, &target), &mut found);
+        self.take(occluder, &found, polygon);
+        self.found = found;
+    }
+
+    /// Takes these occluders, in ascending order.
+    pub fn take(&mut self, occluder: &Occluder, found: &[u32], polygon: &PreparedPolygon) {
+        self.parts.clear();
+        self.corners.clear();
+        self.bodies.clear();
+        self.plane = polygon.plane();
+        let over_plane = |corner: &DVec3| polygon.normal().dot(*corner - polygon.corners()[0]);
+        for index in found {
+            let face = &occluder.polygons[*index as usize];
+            if let Some(number) = face.body {
+                let body = &occluder.bodies[number as usize];
+                let heights = body.corners.iter().map(over_plane);
+                let (low, high) = heights.fold((f64::MAX, f64::MIN), |(l, h), x| (l.min(x), h.max(x)));
+                if high <= body.rounding {
+                    continue;
+                }
+                if low >= -body.rounding {
+                    if !self.bodies.contains(&number) {
+                        self.bodies.push(number);
+                        self.parts.push(Part::Body(number));
+                    }
+                    continue;
+                }
+            }
+            if face.plane != polygon.plane() {
+                self.add_polygon(*index, face, over_plane);
+            }
+        }
+    }
+
+    fn add_polygon(&mut self, index: u32, face: &OccluderPolygon, over_plane: impl Fn(&DVec3) -> f64) {
+        let heights: SmallVec<[f64; 8]> = face.corners.iter().map(over_plane).collect();
+        let start = self.corners.len();
+        if heights.iter().all(|height| *height >= 0.0) {
+            self.corners.extend_from_slice(&face.corners);
+        } else {
+            self.corners.extend(clip(&face.corners, &heights));
+        }
+        if self.corners.len() > start {
+            self.parts.push(Part::Polygon { occluder: index, corners: start..self.corners.len() });
+        }
+    }
+
+    /// The parts that can lie between any two points of the bundle's boxes, and rise over the horizon of points with this
+    /// normal, none of which is lower along it than `lowest`.
+    pub fn narrow(
+        &self,
+        occluder: &Occluder,
+        bundle: &Bundle,
+        horizon: Option<(DVec3, f64)>,
+        parts: &mut Vec<u32>,
+    ) {
+        parts.clear();
+        parts.extend((0..self.parts.len() as u32).filter(|part| {
+            let corners = match &self.parts[*part as usize] {
+                Part::Polygon { corners, .. } => &self.corners[corners.clone()],
+                Part::Body(body) => &occluder.bodies[*body as usize].corners,
+            };
+            let is_over = |(normal, lowest): (DVec3, f64)| corners.iter().any(|c| normal.dot(*c) > lowest);
+            horizon.is_none_or(is_over) && bundle.meets(corners)
+        }));
+    }
+
+    /// Number of parts.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.parts.len()
+    }
+
+    /// True when nothing was found.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.parts.is_empty()
+    }
+
+    /// The faces of a body that are not in the polygon's plane.
+    fn faces<'a>(&self, occluder: &'a Occluder, body: &'a Body) -> impl Iterator<Item = &'a u32> {
+        let plane = self.plane;
+        body.faces.iter().filter(move |face| occluder.polygons[**face as usize].plane != plane)
+    }
+
+    /// What a part does to the shafts of some receivers to the polygon. Occluders in a receiver's own plane do not count.
+    #[must_use]
+    pub fn reach(&self, occluder: &Occluder, part: u32, shafts: &Shafts, lanes: &ReceiverLanes) -> Reach {
+        let of_polygon = |index: u32, corners: &[DVec3]| {
+            let polygon = &occluder.polygons[index as usize];
+            let reach = shafts.reach(polygon, corners);
+            let plane = |i: usize| Mask::from(lanes.planes[i] != polygon.plane) << i;
+            let others = (0..LANES).map(plane).sum::<Mask>();
+            Reach { partly: reach.partly & others, wholly: reach.wholly & others }
+        };
+        match &self.parts[part as usize] {
+            Part::Polygon { occluder: index, corners } => of_polygon(*index, &self.corners[corners.clone()]),
+            Part::Body(number) => {
+                let body = &occluder.bodies[*number as usize];
+                let (mut reach, outside) = shafts.reach_body(body);
+                if outside != Mask::MAX {
+                    // Points on the body: its outline is not what they see of it.
+                    for face in self.faces(occluder, body) {
+                        let of_face = of_polygon(*face, &occluder.polygons[*face as usize].corners);
+                        reach.partly |= of_face.partly & !outside;
+                        reach.wholly |= of_face.wholly & !outside;
+                    }
+                    reach.partly &= !reach.wholly;
+                }
+                reach
+            }
+        }
+    }
+
+    /// Calls `block` with all that a part puts before a point that lies in a plane.
+    pub fn for_each_blocker<'a>(
+        &'a self,
+        occluder: &'a Occluder,
+        part: u32,
+        (point, plane): (DVec3, PlaneId),
+        mut block: impl FnMut(Blocker<'a>),
+    ) {
+        match &self.parts[part as usize] {
+            Part::Polygon { corners, .. } => block(Blocker::Polygon(&self.corners[corners.clone()])),
+            Part::Body(number) => {
+                let body = &occluder.bodies[*number as usize];
+                if body.is_outside(point) {
+                    block(Blocker::Outline(body));
+                } else {
+                    for face in self.faces(occluder, body) {
+                        let face = &occluder.polygons[*face as usize];
+                        if face.plane != plane {
+                            block(Blocker::Polygon(&face.corners));
+                        }
+                    }
+                }
+            }
+        }
+    }
+}

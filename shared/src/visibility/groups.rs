@@ -1,0 +1,144 @@
+//! Receivers in groups of neighbours, and groups of groups: what is decided for a group need not be asked of its receivers.
+
+use glam::DVec3;
+
+use crate::geometry::PlaneId;
+use crate::geometry::lanes::{LANES, Mask, Vectors};
+use crate::occluder::Bounds;
+use crate::replica::Receiver;
+
+/// Groups that make a group of the next level.
+const BRANCHING: usize = 16;
+
+/// Receivers in a tree of groups. Neighbours in the list should be neighbours in space, but need not.
+#[derive(Debug)]
+pub struct ReceiverGroups {
+    receivers: Vec<Receiver>,
+    lanes: Vec<ReceiverLanes>,
+    /// Level 0 has a node for each [`LANES`] receivers; the last level has one.
+    levels: Vec<Vec<Node>>,
+}
+
+/// The receivers of a group side by side.
+#[derive(Debug, Clone)]
+pub struct ReceiverLanes {
+    /// Their positions; the last is repeated where the group is not full.
+    pub positions: Vectors,
+    /// Their normals.
+    pub normals: Vectors,
+    /// Their planes.
+    pub planes: [PlaneId; LANES],
+    /// Those that are receivers and not repetition.
+    pub present: Mask,
+}
+
+/// What is known of a group.
+#[derive(Debug)]
+pub struct Node {
+    /// Box around the positions.
+    pub bounds: Bounds,
+    /// Planes that receivers lie in, ascending.
+    pub planes: Vec<PlaneId>,
+    /// Normal of all receivers, where it is one.
+    pub normal: Option<DVec3>,
+    /// Number of receivers.
+    pub count: u32,
+}
+
+impl ReceiverGroups {
+    /// Groups receivers in the order that they come in.
+    #[must_use]
+    pub fn new(receivers: Vec<Receiver>) -> Self {
+        let lanes: Vec<ReceiverLanes> = receivers.chunks(LANES).map(ReceiverLanes::new).collect();
+        let mut levels = vec![receivers.chunks(LANES).map(Node::around_receivers).collect::<Vec<_>>()];
+        while let Some(last) = levels.last().filter(|level| level.len() > 1) {
+            let next = last.chunks(BRANCHING).map(Node::around_nodes).collect();
+            levels.push(next);
+        }
+        Self { receivers, lanes, levels }
+    }
+
+    /// The receivers, in order.
+    #[must_use]
+    pub fn receivers(&self) -> &[Receiver] {
+        &self.receivers
+    }
+
+    /// The topmost level.
+    pub(super) fn top(&self) -> usize {
+        self.levels.len() - 1
+    }
+
+    /// A group.
+    pub(super) fn node(&self, level: usize, index: usize) -> Option<&Node> {
+        self.levels[level].get(index)
+    }
+
+    /// Numbers of the groups of the level below that make a group.
+    pub(super) fn children(&self, level: usize, index: usize) -> std::ops::Range<usize> {
+        let start = index * BRANCHING;
+        start..(start + BRANCHING).min(self.levels[level - 1].len())
+    }
+
+    /// The receivers of a group of level 0.
+    pub(super) fn lanes(&self, index: usize) -> &ReceiverLanes {
+        &self.lanes[index]
+    }
+}
+
+impl ReceiverLanes {
+    fn new(receivers: &[Receiver]) -> Self {
+        let mut lanes = Self {
+            positions: Vectors::ZERO,
+            normals: Vectors::ZERO,
+            planes: [PlaneId(0); LANES],
+            present: 0,
+        };
+        for i in 0..LANES {
+            let receiver = &receivers[i.min(receivers.len() - 1)];
+            lanes.positions.set(i, receiver.position);
+            lanes.normals.set(i, receiver.normal);
+            lanes.planes[i] = receiver.plane;
+            lanes.present |= Mask::from(i < receivers.len()) << i;
+        }
+        lanes
+    }
+}
+
+impl ReceiverLanes {
+    /// Points alone, repeated as often as they fit.
+    pub(super) fn at(points: &[DVec3]) -> Self {
+        let receiver = |point: &DVec3| Receiver { position: *point, normal: DVec3::ZERO, plane: PlaneId(0) };
+        let receivers: Vec<Receiver> = points.iter().cycle().take(LANES).map(receiver).collect();
+        Self::new(&receivers)
+    }
+}
+
+impl Node {
+    fn around_receivers(receivers: &[Receiver]) -> Self {
+        let first = receivers[0].normal;
+        Self {
+            bounds: Bounds::around(receivers.iter().map(|receiver| receiver.position)),
+            planes: sorted(receivers.iter().map(|receiver| receiver.plane)),
+            normal: receivers.iter().all(|receiver| receiver.normal == first).then_some(first),
+            count: receivers.len() as u32,
+        }
+    }
+
+    fn around_nodes(nodes: &[Self]) -> Self {
+        let normal = nodes[0].normal;
+        Self {
+            bounds: Bounds::around(nodes.iter().flat_map(|node| node.bounds.corners())),
+            planes: sorted(nodes.iter().flat_map(|node| node.planes.iter().copied())),
+            normal: normal.filter(|_| nodes.iter().all(|node| node.normal == normal)),
+            count: nodes.iter().map(|node| node.count).sum(),
+        }
+    }
+}
+
+fn sorted(planes: impl Iterator<Item = PlaneId>) -> Vec<PlaneId> {
+    let mut planes: Vec<PlaneId> = planes.collect();
+    planes.sort_unstable();
+    planes.dedup();
+    planes
+}
