@@ -8,6 +8,7 @@
 //! | [`visibility`] | how much of a form factor the occluders leave |
 //! | [`replica`] | the read-only data that a worker holds |
 //! | [`row`] | rows of form factors: how they are asked for and how they travel |
+//! | [`simd`] | wide vectors, chosen at run time |
 //! | [`protocol`] | the generated messages of `radiosity.worker.v1` |
 
 pub mod form_factor;
@@ -16,4 +17,5 @@ pub mod occluder;
 pub mod protocol;
 pub mod replica;
 pub mod row;
+pub mod simd;
 pub mod visibility;
