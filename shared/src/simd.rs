@@ -1,9 +1,21 @@
-//! The widest vector instructions of the machine.
+//! Wide vectors, chosen at run time.
 
-/// Runs `operation` compiled for the widest vector instructions that this machine has. What is inlined into it may use
-/// them. Only the width differs: every number is computed by the same exactly rounded operations in the same order, so that the
-/// bits are the same on every machine of a cluster.
-#[inline(always)]
-pub fn widest<R>(operation: impl FnOnce() -> R) -> R {
-    pulp::Arch::new().dispatch(operation)
+/// Runs `work` compiled for the widest vectors that the processor has: AVX-512, AVX2 or NEON, else as the crate is compiled.
+///
+/// `work` should be an `#[inline(always)]` closure, and so should be every function that it calls with loops to be made wide:
+/// what is not inlined keeps the vectors of the compilation. Wider vectors change no bit of a result: the compiler neither
+/// fuses a product with a sum nor reorders sums of floating-point numbers, and a loop over lanes without sums across them is
+/// the same arithmetic for each lane at every width. Square root and division are rounded exactly on every processor.
+///
+/// ```
+/// let mut squares = [1.5; 32];
+/// shared::simd::widest(
+///     #[inline(always)]
+///     || squares.iter_mut().for_each(|number| *number *= *number),
+/// );
+/// assert_eq!(squares, [2.25; 32]);
+/// ```
+#[inline]
+pub fn widest<R>(work: impl FnOnce() -> R) -> R {
+    pulp::Arch::new().dispatch(work)
 }

@@ -9,12 +9,15 @@
 //! |---|---|
 //! | `contour` | a point to a polygon, exactly: Lambert's contour sum |
 //! | `prepared` | many points to one polygon, fast |
+//! | `lanes` | the same in wide vectors, many points at once |
 //! | `polygon_to_polygon` | a polygon to a polygon |
 
 mod contour;
+mod lanes;
 mod polygon_to_polygon;
 mod prepared;
 
 pub use contour::{contour, point_to_polygon, point_to_polygon_limit};
+pub use lanes::{LANES, Lanes, ReceiverLanes, ViewLanes};
 pub use polygon_to_polygon::{exchange_area, polygon_to_polygon};
 pub use prepared::{PreparedPolygon, View};

@@ -4,6 +4,7 @@ use glam::DVec3;
 use smallvec::SmallVec;
 
 use super::contour;
+use super::lanes::{Edges, edges};
 use crate::geometry::{ConvexPolygon, Corners, PlaneId, area_vector, clip_by_plane};
 
 /// Below this ratio of the polygon's radius to its distance the centred form takes over from the contour sum: its series
@@ -13,7 +14,7 @@ const CENTRED_FORM_RATIO: f64 = 0.15;
 
 /// Relative error of the point rule in the mean over orientations, in squared ratios of reach to distance: of a square it is
 /// 2 sin^2 - 2/3 of the angle at which it is seen, and a similar term of the receiver's angle.
-const MEAN_POINT_RULE_ERROR: f64 = 0.6;
+pub(super) const MEAN_POINT_RULE_ERROR: f64 = 0.6;
 /// The series of asin(s)/s - 1 in powers of s^2: (2k)! / (4^k (k!)^2 (2k + 1)). Four terms would leave errors of 2e-5 near the
 /// horizon, where the sum cancels.
 const ARC_SINE: [f64; 7] = [
@@ -28,23 +29,25 @@ const ARC_SINE: [f64; 7] = [
 
 /// A point lower than this part of its distance over a polygon's plane sees the polygon edge-on: which side it is on would be
 /// rounding, and so would be what stands between.
-const EDGE_ON: f64 = 1e-12;
+pub(super) const EDGE_ON: f64 = 1e-12;
 
 /// A polygon with all that its form factors need and that does not depend on the receiver.
 #[derive(Debug, Clone)]
 pub struct PreparedPolygon {
     plane: PlaneId,
     corners: Corners,
-    normal: DVec3,
-    centre: DVec3,
+    pub(super) normal: DVec3,
+    pub(super) centre: DVec3,
     /// Centre of gravity of the area.
-    centroid: DVec3,
+    pub(super) centroid: DVec3,
     /// Largest squared distance of a corner from it.
-    squared_reach: f64,
+    pub(super) squared_reach: f64,
     /// Corners and edges from the centre: corner, next corner minus corner, squared length of the corner.
     spokes: SmallVec<[(DVec3, DVec3, f64); 8]>,
-    doubled_area: DVec3,
-    squared_radius: f64,
+    pub(super) doubled_area: DVec3,
+    pub(super) squared_radius: f64,
+    /// The edges as the lanes take them.
+    pub(super) edges: Edges,
 }
 
 /// What a point sees of a polygon when nothing is between.
@@ -78,6 +81,7 @@ impl PreparedPolygon {
             centre,
             doubled_area: polygon.area_vector() * 2.0,
             squared_radius: spokes.iter().map(|spoke| spoke.2).fold(0.0, f64::max),
+            edges: edges(&polygon.corners, centre),
             spokes,
         }
     }
