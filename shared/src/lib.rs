@@ -7,7 +7,6 @@
 //! | [`occluder`] | the surfaces that block light, behind a BVH |
 //! | [`visibility`] | how much of a form factor the occluders leave |
 //! | [`replica`] | the read-only data that a worker holds |
-//! | [`simd`] | the widest vector instructions of the machine |
 //! | [`row`] | rows of form factors: how they are asked for and how they travel |
 //! | [`simd`] | wide vectors, chosen at run time |
 //! | [`protocol`] | the generated messages of `radiosity.worker.v1` |

@@ -178,7 +178,7 @@ impl Front {
                 } else {
                     for face in self.faces(occluder, body) {
                         let face = &occluder.polygons[*face as usize];
-                        if face.plane != plane {
+                        if face.plane != plane && !face.is_edge_on(point) {
                             block(Blocker::Polygon(&face.corners));
                         }
                     }

@@ -49,6 +49,17 @@ pub struct OccluderPolygon {
     body: Option<u32>,
 }
 
+/// Distances below this part of a polygon's own distance count as nothing: a plane that close to the point is seen edge-on.
+const EDGE_ON: f64 = 1e-10;
+
+impl OccluderPolygon {
+    /// True where a point is in the polygon's plane, and the polygon blocks nothing of its view.
+    fn is_edge_on(&self, point: DVec3) -> bool {
+        let to_first = self.corners[0] - point;
+        self.normal.dot(to_first).abs() <= EDGE_ON * to_first.length()
+    }
+}
+
 struct PaddedBox(Aabb);
 
 impl Boundable for PaddedBox {

@@ -4,11 +4,8 @@ use glam::DVec3;
 use pulp::{Arch, Simd, WithSimd};
 
 use super::wide::{Wide, bits, cross, dot, load, minus, none, splat, store};
-use super::{Body, OccluderPolygon};
+use super::{Body, EDGE_ON, OccluderPolygon};
 use crate::geometry::lanes::{LANES, Mask, Vectors};
-
-/// Distances below this part of a polygon's own distance count as nothing: a plane that close to the point is seen edge-on.
-const EDGE_ON: f64 = 1e-10;
 
 /// Bases with more corners are not looked at here.
 const MAX_CORNERS: usize = 8;

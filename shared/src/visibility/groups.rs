@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use crate::form_factor;
 use crate::geometry::PlaneId;
 use crate::geometry::lanes::{LANES, Mask, Vectors};
 use crate::occluder::Bounds;
@@ -26,6 +27,8 @@ pub struct ReceiverLanes {
     pub positions: Vectors,
     /// Their normals.
     pub normals: Vectors,
+    /// Both, as form factors want them.
+    pub seeing: form_factor::ReceiverLanes,
     /// Their planes.
     pub planes: [PlaneId; LANES],
     /// Those that are receivers and not repetition.
@@ -91,6 +94,7 @@ impl ReceiverLanes {
         let mut lanes = Self {
             positions: Vectors::ZERO,
             normals: Vectors::ZERO,
+            seeing: form_factor::ReceiverLanes::new(receivers.iter().map(|r| (r.position, r.normal))),
             planes: [PlaneId(0); LANES],
             present: 0,
         };

@@ -18,6 +18,7 @@ use crate::geometry::lanes::{LANES, Mask};
 use crate::occluder::{Blocker, Bounds, Bundle, Front, Occluder, Shafts};
 use crate::protocol::RowStatistics;
 use crate::row::Precision;
+use crate::simd::widest;
 
 pub use cut::{Cone, Cones, Pieces, cut};
 pub use groups::{Node, ReceiverGroups, ReceiverLanes};
@@ -134,19 +135,26 @@ impl<'a> VisibilityKernel<'a> {
         factors: &mut [f64],
         statistics: &mut RowStatistics,
     ) {
-        let mut unoccluded = [0.0; LANES];
+        let tolerance = self.precision.form_factor_error;
+        let mut view = widest(
+            #[inline(always)]
+            || polygon.view_lanes(&lanes.seeing, tolerance),
+        );
         let mut open: Mask = 0;
         for lane in 0..factors.len() {
             if lanes.planes[lane] == polygon.plane() {
                 continue;
             }
-            let (position, normal) = (lanes.positions.get(lane), lanes.normals.get(lane));
-            if let Some(view) = polygon.view(position, normal, self.precision.form_factor_error) {
+            if view.unanswered >> lane & 1 == 1 {
+                let alone = polygon.view(lanes.positions.get(lane), lanes.normals.get(lane), tolerance);
+                (view.factors[lane], view.errors[lane]) =
+                    alone.map_or((0.0, 0.0), |view| (view.factor, view.error));
+            }
+            if view.factors[lane] > 0.0 {
                 open |= 1 << lane;
-                unoccluded[lane] = view.factor;
                 statistics.factors += 1;
-                statistics.factor_sum += view.factor;
-                statistics.factor_error_sum += view.error;
+                statistics.factor_sum += view.factors[lane];
+                statistics.factor_error_sum += view.errors[lane];
             }
         }
         if open == 0 {
@@ -163,7 +171,7 @@ impl<'a> VisibilityKernel<'a> {
                 self.front.for_each_blocker(self.occluder, *part, (position, plane), add);
             }
             if self.partial.is_free() {
-                *factor += unoccluded[lane];
+                *factor += view.factors[lane];
                 continue;
             }
             let receiver = (position, lanes.normals.get(lane), plane);
@@ -173,7 +181,7 @@ impl<'a> VisibilityKernel<'a> {
                 self.precision,
                 receiver,
                 polygon,
-                unoccluded[lane],
+                view.factors[lane],
                 seeds(lane),
                 statistics,
             );
