@@ -6,7 +6,7 @@ use glam::DVec3;
 use smallvec::SmallVec;
 
 use super::angle::AngleOverSine;
-use super::{LANES, Lanes, PreparedPolygon, ReceiverLanes, keep, mask};
+use super::{EDGE_ON, LANES, Lanes, PreparedPolygon, ReceiverLanes, keep, mask};
 
 /// Rounding error of an edge's term of the contour sum, its angle apart, in parts of the edge's length times the size of
 /// receiver and polygon over the product of the distances of its ends: a few roundings for each factor.
@@ -53,8 +53,11 @@ impl Edge {
 
 /// The contour sum of each lane over the whole polygon.
 pub(super) struct Sum {
-    /// Height of the lowest corner over the horizon. The factor holds where it is not under it.
+    /// Height of the lowest corner over the horizon.
     pub lowest: Lanes,
+    /// Depth under the horizon down to which a corner only touches it: on walls that adjoin it is rounding. The factor holds
+    /// down to there, as what is so near to the horizon adds to it with the square of its height.
+    pub touching: Lanes,
     /// Height of the highest corner.
     pub highest: Lanes,
     /// Form factors, times 2 pi; not a number where a receiver lies on a corner.
@@ -87,6 +90,7 @@ impl PreparedPolygon {
         let zero = [0.0; LANES];
         let mut sum = Sum {
             lowest: [f64::INFINITY; LANES],
+            touching: zero,
             highest: [f64::NEG_INFINITY; LANES],
             factors: zero,
             error_bounds: zero,
@@ -101,10 +105,12 @@ impl PreparedPolygon {
                 self.add_edges::<A, GROUP, false>(receivers, group, &mut sum);
             }
         }
-        if sum.widest.iter().fold(false, |any, widest| any | (*widest > 2.0)) {
+        if any_obtuse(&sum.widest) {
             for edge in &self.edges {
                 let w = self.openings(receivers, edge);
-                self.add_half_turns(receivers, edge, &w, &mut sum.factors, &mut sum.error_bounds);
+                if any_obtuse(&w) {
+                    self.add_half_turns(receivers, edge, &w, &mut sum.factors, &mut sum.error_bounds);
+                }
             }
         }
         sum
@@ -156,6 +162,7 @@ impl PreparedPolygon {
             sum.factors[lane] += total(terms);
             let widest = w.iter().fold(sum.widest[lane], |a, b| if *b > a { *b } else { a });
             sum.widest[lane] = widest;
+            sum.touching[lane] = EDGE_ON * sight.span;
             sum.error_bounds[lane] +=
                 longest * total(reciprocals) * sight.span * (ROUNDING + widest * A::ERROR);
         }
@@ -220,6 +227,12 @@ pub(super) fn term<A: AngleOverSine>(part: f64, w: f64) -> f64 {
     let term = part + part * (acute * A::beyond_one(acute));
     let sign = short.to_bits() & (1 << 63);
     f64::from_bits(term.to_bits() ^ sign)
+}
+
+/// Is an angle of more than a right angle among those of these w?
+#[inline(always)]
+pub(super) fn any_obtuse(w: &Lanes) -> bool {
+    w.iter().fold(false, |any, w| any | (*w > 2.0))
 }
 
 /// Distances of the lanes from a corner, and their reciprocals.

@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use glam::DVec3;
 
 use super::angle::AngleOverSine;
-use super::contour::{Edge, ROUNDING, along_normal, distance, term};
+use super::contour::{Edge, ROUNDING, along_normal, any_obtuse, distance, term};
 use super::{LANES, Lanes, PreparedPolygon, ReceiverLanes, keep, mask};
 
 /// The contour sum of each lane over the part above its horizon.
@@ -36,7 +36,7 @@ impl PreparedPolygon {
         let mut crossings = Crossings { down: [zero; 3], up: [zero; 3], count: zero };
         for edge in &self.edges {
             let w = self.add_cut_edge::<A>(receivers, edge, &mut sum, &mut crossings);
-            if w.iter().fold(false, |any, w| any | (*w > 2.0)) {
+            if any_obtuse(&w) {
                 self.add_half_turns(receivers, edge, &w, &mut sum.factors, &mut sum.error_bounds);
             }
         }

@@ -78,7 +78,7 @@ pub struct ViewLanes {
     pub factors: Lanes,
     /// Error that the rule taken for each factor has in the mean; 0 of rules that are exact up to rounding.
     pub errors: Lanes,
-    /// Receivers whose horizon cuts the polygon, a bit each.
+    /// Receivers whose horizon cuts the polygon, a bit each; what touches it within rounding is not cut.
     pub cut: u32,
     /// Receivers without an answer, a bit each; they are left to [`PreparedPolygon::view`]. The horizon of theirs cuts the
     /// polygon, or they are so close to it, or so low over it, that rounding would cost more than the tolerance.
@@ -115,7 +115,7 @@ fn choose(point: &point::Point, sum: &Sum, tolerance: f64) -> ViewLanes {
     let mut cut = [0; LANES];
     for lane in 0..LANES {
         let sees = point.front[lane] & mask(sum.highest[lane] > 0.0);
-        let whole = mask(sum.lowest[lane] >= 0.0);
+        let whole = mask(sum.lowest[lane] >= -sum.touching[lane]);
         // Both are times 2 pi. A sum that is not a number is not answered.
         let exact = mask(sum.error_bounds[lane] <= tolerance * sum.factors[lane]);
         let by_point = sees & mask(sum.lowest[lane] > 0.0) & point.allowed[lane];
