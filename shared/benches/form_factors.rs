@@ -134,17 +134,18 @@ impl Mix {
         }
     }
 
-    /// Shares of factors that are not 0, and that are left to the scalar code.
-    fn shares(&self, blocks: &[ReceiverLanes], views: &mut [ViewLanes]) -> (f64, f64) {
-        let (mut seen, mut unanswered) = (0, 0);
+    /// Shares, in per cent, of factors that are not 0, that the horizon cuts, and that are left to the scalar code.
+    fn shares(&self, blocks: &[ReceiverLanes], views: &mut [ViewLanes]) -> [f64; 3] {
+        let (mut seen, mut cut, mut unanswered) = (0, 0, 0);
         for polygon in &self.polygons {
             polygon.view_row(blocks, self.tolerance, views);
             for view in &*views {
                 seen += view.factors.iter().filter(|factor| **factor > 0.0).count();
+                cut += view.cut.count_ones() as usize;
                 unanswered += view.unanswered.count_ones() as usize;
             }
         }
-        (seen as f64 / self.factors() as f64, unanswered as f64 / self.factors() as f64)
+        [seen, cut, unanswered].map(|count| 100.0 * count as f64 / self.factors() as f64)
     }
 }
 
@@ -181,7 +182,7 @@ fn main() {
     let mut group = criterion.benchmark_group("form factors");
     for mix in &mixes {
         let blocks = mix.blocks();
-        let mut views: Vec<_> = blocks.iter().map(|block| mix.polygons[0].view_lanes(block, 1.0)).collect();
+        let mut views = vec![ViewLanes::default(); blocks.len()];
         let mut factors = vec![0.0; mix.receivers.len()];
         group.throughput(Throughput::Elements(mix.factors()));
         group.bench_function(format!("{}, in lanes", mix.name), |b| {
@@ -202,23 +203,22 @@ fn main() {
     );
     for mix in &mixes {
         let blocks = mix.blocks();
-        let mut views: Vec<_> = blocks.iter().map(|block| mix.polygons[0].view_lanes(block, 1.0)).collect();
+        let mut views = vec![ViewLanes::default(); blocks.len()];
         let rate = mix.factors() as f64 / fewest_seconds(|| mix.in_lanes(&blocks, &mut views));
         let mut factors = vec![0.0; mix.receivers.len()];
         let scalar = mix.factors() as f64 / fewest_seconds(|| mix.one_by_one(&mut factors));
-        let (seen, unanswered) = mix.shares(&blocks, &mut views);
+        let [seen, cut, unanswered] = mix.shares(&blocks, &mut views);
         let of_peak = match mix.name {
             "point rule" => format!(", {:.0} % of the peak", 100.0 * rate * POINT_RULE_OPERATIONS / peak),
             "contour sum" => format!(", {:.0} % of the peak", 100.0 * rate * CONTOUR_OPERATIONS / peak),
             _ => String::new(),
         };
         println!(
-            "{}: {:.1} million factors per second{of_peak}; one by one {:.1}; {:.1} % seen, {:.2} % left to one by one",
+            "{}: {:.1} million factors per second{of_peak}; one by one {:.1}; {seen:.1} % seen, {cut:.1} % cut, \
+             {unanswered:.2} % left to one by one",
             mix.name,
             rate / 1e6,
-            scalar / 1e6,
-            100.0 * seen,
-            100.0 * unanswered
+            scalar / 1e6
         );
     }
 }

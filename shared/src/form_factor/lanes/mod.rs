@@ -59,19 +59,23 @@ impl ReceiverLanes {
         lanes
     }
 
+    /// Position of a lane's receiver.
     #[inline(always)]
-    fn position(&self, lane: usize) -> DVec3 {
+    #[must_use]
+    pub fn position(&self, lane: usize) -> DVec3 {
         DVec3::new(self.position[0][lane], self.position[1][lane], self.position[2][lane])
     }
 
+    /// Unit normal of a lane's receiver; zero where there is none.
     #[inline(always)]
-    fn normal(&self, lane: usize) -> DVec3 {
+    #[must_use]
+    pub fn normal(&self, lane: usize) -> DVec3 {
         DVec3::new(self.normal[0][lane], self.normal[1][lane], self.normal[2][lane])
     }
 }
 
 /// What [`LANES`] receivers see of a polygon when nothing is between.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 #[repr(align(64))]
 pub struct ViewLanes {
     /// The form factors; 0 where a receiver sees nothing, and where it is not answered.
@@ -110,7 +114,7 @@ impl PreparedPolygon {
 /// The rule of each lane.
 #[inline(always)]
 fn choose(point: &point::Point, sum: &Sum, tolerance: f64) -> ViewLanes {
-    let mut view = ViewLanes { factors: [0.0; LANES], errors: [0.0; LANES], cut: 0, unanswered: 0 };
+    let mut view = ViewLanes::default();
     let mut unanswered = [0; LANES];
     let mut cut = [0; LANES];
     for lane in 0..LANES {
