@@ -1,7 +1,5 @@
 //! The angle over its sine, as a polynomial: what the contour sum needs of an edge instead of an arc tangent.
 
-use super::contour::GROUP;
-
 /// A polynomial p with theta / sin theta = 1 + w p(w) and w = 2 (1 - cos theta), for theta from 0 to a right angle, where w is
 /// at most 2.
 ///
@@ -12,8 +10,8 @@ pub(super) trait AngleOverSine {
     /// Largest error of p, its rounding in f64 included.
     const ERROR: f64;
 
-    /// p(w) of several edges.
-    fn beyond_one(w: [f64; GROUP]) -> [f64; GROUP];
+    /// p(w).
+    fn beyond_one(w: f64) -> f64;
 }
 
 /// The best polynomial of degree 9.
@@ -26,8 +24,8 @@ impl AngleOverSine for Quick {
     const ERROR: f64 = 3.6e-9;
 
     #[inline(always)]
-    fn beyond_one(w: [f64; GROUP]) -> [f64; GROUP] {
-        of_each(&QUICK, w)
+    fn beyond_one(w: f64) -> f64 {
+        polynomial(&QUICK, w)
     }
 }
 
@@ -35,8 +33,8 @@ impl AngleOverSine for Full {
     const ERROR: f64 = 6e-16;
 
     #[inline(always)]
-    fn beyond_one(w: [f64; GROUP]) -> [f64; GROUP] {
-        of_each(&FULL, w)
+    fn beyond_one(w: f64) -> f64 {
+        polynomial(&FULL, w)
     }
 }
 
@@ -53,12 +51,6 @@ fn polynomial<const N: usize>(coefficients: &[f64; N], w: f64) -> f64 {
         sums[power % 2] = sums[power % 2] * square + coefficients[power];
     }
     sums[0] + sums[1] * w
-}
-
-#[inline(always)]
-fn of_each<const N: usize>(coefficients: &[f64; N], w: [f64; GROUP]) -> [f64; GROUP] {
-    let one = |i: usize| polynomial(coefficients, w[i]);
-    [one(0), one(1), one(2), one(3)]
 }
 
 // Found by Remez' exchange in 50 digits; the constant terms are near 1/6 and 1/30, of the Taylor series.

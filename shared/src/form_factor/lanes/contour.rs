@@ -6,26 +6,26 @@ use glam::DVec3;
 use smallvec::SmallVec;
 
 use super::angle::AngleOverSine;
-use super::{LANES, Lanes, PreparedPolygon, ReceiverLanes, keep, mask};
+use super::{EDGE_ON, LANES, Lanes, PreparedPolygon, ReceiverLanes, keep, mask};
 
 /// Rounding error of an edge's term of the contour sum, its angle apart, in parts of the edge's length times the size of
 /// receiver and polygon over the product of the distances of its ends: a few roundings for each factor.
-const ROUNDING: f64 = 32.0 * f64::EPSILON;
+pub(super) const ROUNDING: f64 = 32.0 * f64::EPSILON;
 
 /// Edges of a polygon of more than four corners that are summed at once.
-pub(super) const GROUP: usize = 4;
+const GROUP: usize = 4;
 
 /// An edge as the contour sum takes it.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::form_factor) struct Edge {
-    start: DVec3,
-    end: DVec3,
+    pub(super) start: DVec3,
+    pub(super) end: DVec3,
     /// `end - start`.
-    along: DVec3,
+    pub(super) along: DVec3,
     /// `along` x start, from the polygon's centre.
     moment: DVec3,
-    length: f64,
-    squared_length: f64,
+    pub(super) length: f64,
+    pub(super) squared_length: f64,
 }
 
 /// The edges of a polygon: three, four, or so many as fill groups of four, with edges without length after the last.
@@ -53,8 +53,13 @@ impl Edge {
 
 /// The contour sum of each lane over the whole polygon.
 pub(super) struct Sum {
-    /// Number of edges that start above the horizon. The factor holds where all do.
-    pub above: Lanes,
+    /// Height of the lowest corner over the horizon.
+    pub lowest: Lanes,
+    /// Depth under the horizon down to which a corner only touches it: on walls that adjoin it is rounding. The factor holds
+    /// down to there, as what is so near to the horizon adds to it with the square of its height.
+    pub touching: Lanes,
+    /// Height of the highest corner.
+    pub highest: Lanes,
     /// Form factors, times 2 pi; not a number where a receiver lies on a corner.
     pub factors: Lanes,
     /// Bounds of their absolute errors.
@@ -65,13 +70,13 @@ pub(super) struct Sum {
 
 /// A receiver seen from the polygon's centre.
 #[derive(Clone, Copy)]
-struct Sight {
-    position: DVec3,
-    normal: DVec3,
+pub(super) struct Sight {
+    pub position: DVec3,
+    pub normal: DVec3,
     /// Centre x normal.
     moment: DVec3,
     /// At least the distance of the centre, and the polygon's radius on top.
-    span: f64,
+    pub span: f64,
 }
 
 impl PreparedPolygon {
@@ -83,7 +88,14 @@ impl PreparedPolygon {
     #[inline(always)]
     pub(super) fn contour_lanes<A: AngleOverSine>(&self, receivers: &ReceiverLanes) -> Sum {
         let zero = [0.0; LANES];
-        let mut sum = Sum { above: zero, factors: zero, error_bounds: zero, widest: zero };
+        let mut sum = Sum {
+            lowest: [f64::INFINITY; LANES],
+            touching: zero,
+            highest: [f64::NEG_INFINITY; LANES],
+            factors: zero,
+            error_bounds: zero,
+            widest: zero,
+        };
         if let Ok(edges) = <&[Edge; 3]>::try_from(self.edges.as_slice()) {
             self.add_edges::<A, 3, true>(receivers, edges, &mut sum);
         } else if let Ok(edges) = <&[Edge; GROUP]>::try_from(self.edges.as_slice()) {
@@ -93,9 +105,12 @@ impl PreparedPolygon {
                 self.add_edges::<A, GROUP, false>(receivers, group, &mut sum);
             }
         }
-        if sum.widest.iter().fold(false, |any, widest| any | (*widest > 2.0)) {
+        if any_obtuse(&sum.widest) {
             for edge in &self.edges {
-                self.add_half_turns(receivers, edge, &mut sum);
+                let w = self.openings(receivers, edge);
+                if any_obtuse(&w) {
+                    self.add_half_turns(receivers, edge, &w, &mut sum.factors, &mut sum.error_bounds);
+                }
             }
         }
         sum
@@ -112,62 +127,80 @@ impl PreparedPolygon {
         edges: &[Edge; COUNT],
         sum: &mut Sum,
     ) {
-        let mut ends = Ends { distance: [[0.0; LANES]; GROUP + 1], reciprocal: [[0.0; LANES]; GROUP + 1] };
+        let mut starts = [Ends::NONE; COUNT];
+        let mut last = Ends::NONE;
         for lane in 0..LANES {
             let (position, normal) = (receivers.position(lane), receivers.normal(lane));
-            let above = each::<COUNT>(|i| keep(mask(normal.dot(edges[i].start - position) > 0.0), 1.0));
-            sum.above[lane] += total(above);
+            let heights = each::<COUNT>(|i| normal.dot(edges[i].start - position));
+            let heights = &heights[..COUNT];
+            sum.lowest[lane] = heights.iter().fold(sum.lowest[lane], |a, b| if *b < a { *b } else { a });
+            sum.highest[lane] = heights.iter().fold(sum.highest[lane], |a, b| if *b > a { *b } else { a });
             let distances = each::<COUNT>(|i| (edges[i].start - position).length_squared().sqrt());
             let reciprocals = each::<COUNT>(|i| 1.0 / distances[i]);
-            ends.set(lane, 0, distances[0], reciprocals[0]);
-            ends.set(lane, 1, distances[1], reciprocals[1]);
-            ends.set(lane, 2, distances[2], reciprocals[2]);
+            starts[0].set(lane, distances[0], reciprocals[0]);
+            starts[1].set(lane, distances[1], reciprocals[1]);
+            starts[2].set(lane, distances[2], reciprocals[2]);
             if COUNT > 3 {
-                ends.set(lane, 3, distances[3], reciprocals[3]);
+                starts[3].set(lane, distances[3], reciprocals[3]);
             }
             if !CLOSED {
-                let last = (edges[COUNT - 1].end - position).length_squared().sqrt();
-                ends.set(lane, COUNT, last, 1.0 / last);
+                let distance = (edges[COUNT - 1].end - position).length_squared().sqrt();
+                last.set(lane, distance, 1.0 / distance);
             }
         }
+        let next = |i: usize| if !CLOSED && i + 1 == COUNT { &last } else { &starts[(i + 1) % COUNT] };
         let radius = self.squared_radius.sqrt();
+        let longest = edges.iter().fold(0.0, |longest, edge| edge.length.max(longest));
         for lane in 0..LANES {
             let sight = self.sight(receivers, lane, radius);
-            let next = |i| if CLOSED { (i + 1) % COUNT } else { i + 1 };
-            let distance = |i: usize| ends.distance[i][lane];
-            let reciprocals = each::<COUNT>(|i| ends.reciprocal[i][lane] * ends.reciprocal[next(i)][lane]);
-            let w = each::<COUNT>(|i| opening(&edges[i], distance(i), distance(next(i)), reciprocals[i]));
-            let acute = each::<COUNT>(|i| 2.0 - (2.0 - w[i]).abs());
-            let beyond = A::beyond_one(acute);
-            let parts = each::<COUNT>(|i| along_normal(&sight, &edges[i]) * reciprocals[i]);
-            let terms = each::<COUNT>(|i| {
-                1.0f64.copysign(2.0 - w[i]) * (parts[i] + parts[i] * (acute[i] * beyond[i]))
+            let reciprocals = each::<COUNT>(|i| starts[i].reciprocal[lane] * next(i).reciprocal[lane]);
+            let w = each::<COUNT>(|i| {
+                opening(&edges[i], starts[i].distance[lane], next(i).distance[lane], reciprocals[i])
             });
+            let parts = each::<COUNT>(|i| along_normal(&sight, &edges[i]) * reciprocals[i]);
+            let terms = each::<COUNT>(|i| term::<A>(parts[i], w[i]));
             sum.factors[lane] += total(terms);
             let widest = w.iter().fold(sum.widest[lane], |a, b| if *b > a { *b } else { a });
             sum.widest[lane] = widest;
-            let bound = total(each::<COUNT>(|i| edges[i].length * reciprocals[i]));
-            sum.error_bounds[lane] += bound * sight.span * (ROUNDING + widest * A::ERROR);
+            sum.touching[lane] = EDGE_ON * sight.span;
+            sum.error_bounds[lane] +=
+                longest * total(reciprocals) * sight.span * (ROUNDING + widest * A::ERROR);
         }
+    }
+
+    #[inline(always)]
+    fn openings(&self, receivers: &ReceiverLanes, edge: &Edge) -> Lanes {
+        let mut w = [0.0; LANES];
+        for (lane, w) in w.iter_mut().enumerate() {
+            let sight = self.sight(receivers, lane, 0.0);
+            let (here, next) = (distance(&sight, edge.start), distance(&sight, edge.end));
+            *w = opening(edge, here, next, (1.0 / here) * (1.0 / next));
+        }
+        w
     }
 
     /// Adds pi n . c / |c| where an edge's angle is more than a right angle.
     #[inline(always)]
-    fn add_half_turns(&self, receivers: &ReceiverLanes, edge: &Edge, sum: &mut Sum) {
+    pub(super) fn add_half_turns(
+        &self,
+        receivers: &ReceiverLanes,
+        edge: &Edge,
+        w: &Lanes,
+        factors: &mut Lanes,
+        error_bounds: &mut Lanes,
+    ) {
         let radius = self.squared_radius.sqrt();
         for lane in 0..LANES {
             let sight = self.sight(receivers, lane, radius);
-            let (here, next) = (distance(&sight, edge.start), distance(&sight, edge.end));
-            let w = opening(edge, here, next, (1.0 / here) * (1.0 / next));
-            let turns = mask(w > 2.0);
+            let turns = mask(w[lane] > 2.0);
             let reciprocal = 1.0 / edge.along.cross(edge.start - sight.position).length_squared().sqrt();
-            sum.factors[lane] += keep(turns, PI * along_normal(&sight, edge) * reciprocal);
-            sum.error_bounds[lane] += keep(turns, PI * ROUNDING * edge.length * sight.span * reciprocal);
+            factors[lane] += keep(turns, PI * along_normal(&sight, edge) * reciprocal);
+            error_bounds[lane] += keep(turns, PI * ROUNDING * edge.length * sight.span * reciprocal);
         }
     }
 
     #[inline(always)]
-    fn sight(&self, receivers: &ReceiverLanes, lane: usize, radius: f64) -> Sight {
+    pub(super) fn sight(&self, receivers: &ReceiverLanes, lane: usize, radius: f64) -> Sight {
         let (position, normal) = (receivers.position(lane), receivers.normal(lane));
         let to_centre = self.centre - position;
         let span = to_centre.x.abs() + to_centre.y.abs() + to_centre.z.abs() + radius;
@@ -186,22 +219,41 @@ fn total(terms: [f64; GROUP]) -> f64 {
     (terms[0] + terms[1]) + (terms[2] + terms[3])
 }
 
-/// Distances of corners, and their reciprocals.
+/// n . c / (r r') times theta over its sine, without the half turn.
+#[inline(always)]
+pub(super) fn term<A: AngleOverSine>(part: f64, w: f64) -> f64 {
+    let short = 2.0 - w;
+    let acute = 2.0 - short.abs();
+    let term = part + part * (acute * A::beyond_one(acute));
+    let sign = short.to_bits() & (1 << 63);
+    f64::from_bits(term.to_bits() ^ sign)
+}
+
+/// Is an angle of more than a right angle among those of these w?
+#[inline(always)]
+pub(super) fn any_obtuse(w: &Lanes) -> bool {
+    w.iter().fold(false, |any, w| any | (*w > 2.0))
+}
+
+/// Distances of the lanes from a corner, and their reciprocals.
+#[derive(Clone, Copy)]
 struct Ends {
-    distance: [Lanes; GROUP + 1],
-    reciprocal: [Lanes; GROUP + 1],
+    distance: Lanes,
+    reciprocal: Lanes,
 }
 
 impl Ends {
+    const NONE: Self = Self { distance: [0.0; LANES], reciprocal: [0.0; LANES] };
+
     #[inline(always)]
-    fn set(&mut self, lane: usize, corner: usize, distance: f64, reciprocal: f64) {
-        self.distance[corner][lane] = distance;
-        self.reciprocal[corner][lane] = reciprocal;
+    fn set(&mut self, lane: usize, distance: f64, reciprocal: f64) {
+        self.distance[lane] = distance;
+        self.reciprocal[lane] = reciprocal;
     }
 }
 
 #[inline(always)]
-fn distance(sight: &Sight, corner: DVec3) -> f64 {
+pub(super) fn distance(sight: &Sight, corner: DVec3) -> f64 {
     (corner - sight.position).length_squared().sqrt()
 }
 
@@ -214,6 +266,6 @@ fn opening(edge: &Edge, here: f64, next: f64, reciprocal: f64) -> f64 {
 
 /// n . c of an edge.
 #[inline(always)]
-fn along_normal(sight: &Sight, edge: &Edge) -> f64 {
+pub(super) fn along_normal(sight: &Sight, edge: &Edge) -> f64 {
     edge.along.dot(sight.moment) + sight.normal.dot(edge.moment)
 }

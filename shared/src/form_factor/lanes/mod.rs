@@ -9,7 +9,9 @@
 
 mod angle;
 mod contour;
+mod cut;
 mod point;
+mod row;
 #[cfg(test)]
 mod tests;
 
@@ -57,27 +59,33 @@ impl ReceiverLanes {
         lanes
     }
 
+    /// Position of a lane's receiver.
     #[inline(always)]
-    fn position(&self, lane: usize) -> DVec3 {
+    #[must_use]
+    pub fn position(&self, lane: usize) -> DVec3 {
         DVec3::new(self.position[0][lane], self.position[1][lane], self.position[2][lane])
     }
 
+    /// Unit normal of a lane's receiver; zero where there is none.
     #[inline(always)]
-    fn normal(&self, lane: usize) -> DVec3 {
+    #[must_use]
+    pub fn normal(&self, lane: usize) -> DVec3 {
         DVec3::new(self.normal[0][lane], self.normal[1][lane], self.normal[2][lane])
     }
 }
 
 /// What [`LANES`] receivers see of a polygon when nothing is between.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 #[repr(align(64))]
 pub struct ViewLanes {
     /// The form factors; 0 where a receiver sees nothing, and where it is not answered.
     pub factors: Lanes,
     /// Error that the rule taken for each factor has in the mean; 0 of rules that are exact up to rounding.
     pub errors: Lanes,
-    /// Receivers that are left to [`PreparedPolygon::view`], a bit each: their horizon cuts the polygon, or they are so close
-    /// to it, or so low over it, that rounding would cost more than the tolerance.
+    /// Receivers whose horizon cuts the polygon, a bit each; what touches it within rounding is not cut.
+    pub cut: u32,
+    /// Receivers without an answer, a bit each; they are left to [`PreparedPolygon::view`]. The horizon of theirs cuts the
+    /// polygon, or they are so close to it, or so low over it, that rounding would cost more than the tolerance.
     pub unanswered: u32,
 }
 
@@ -91,7 +99,7 @@ impl PreparedPolygon {
     pub fn view_lanes(&self, receivers: &ReceiverLanes, tolerance: f64) -> ViewLanes {
         let point = self.point_lanes(receivers, tolerance);
         if point.settled.iter().fold(!0, |all, settled| all & settled) != 0 {
-            return ViewLanes { factors: point.factors, errors: point.errors, unanswered: 0 };
+            return ViewLanes { factors: point.factors, errors: point.errors, cut: 0, unanswered: 0 };
         }
         let tolerance = tolerance.max(EXACT);
         let sum = if tolerance < FULL_DIGITS {
@@ -99,32 +107,32 @@ impl PreparedPolygon {
         } else {
             self.contour_lanes::<angle::Quick>(receivers)
         };
-        self.choose(&point, &sum, tolerance)
+        choose(&point, &sum, tolerance)
     }
+}
 
-    /// The rule of each lane.
-    #[inline(always)]
-    fn choose(&self, point: &point::Point, sum: &Sum, tolerance: f64) -> ViewLanes {
-        let all = self.edges.len() as f64;
-        let mut view = ViewLanes { factors: [0.0; LANES], errors: [0.0; LANES], unanswered: 0 };
-        let mut unanswered = [0; LANES];
-        for (lane, unanswered) in unanswered.iter_mut().enumerate() {
-            let sees = point.front[lane] & mask(sum.above[lane] > 0.0);
-            let whole = mask(sum.above[lane] == all);
-            // Both are times 2 pi. A sum that is not a number is not answered.
-            let exact = mask(sum.error_bounds[lane] <= tolerance * sum.factors[lane]);
-            let by_point = sees & whole & point.allowed[lane];
-            let by_contour = sees & whole & exact & !point.allowed[lane];
-            let factor = keep(by_contour, (sum.factors[lane] / TAU).min(1.0)).to_bits();
-            view.factors[lane] = f64::from_bits(factor | keep(by_point, point.factors[lane]).to_bits());
-            view.errors[lane] = keep(by_point, point.errors[lane]);
-            *unanswered = sees & !(by_point | by_contour);
-        }
-        for (lane, unanswered) in unanswered.iter().enumerate() {
-            view.unanswered |= u32::from(*unanswered != 0) << lane;
-        }
-        view
+/// The rule of each lane.
+#[inline(always)]
+fn choose(point: &point::Point, sum: &Sum, tolerance: f64) -> ViewLanes {
+    let mut view = ViewLanes::default();
+    let mut unanswered = [0; LANES];
+    let mut cut = [0; LANES];
+    for lane in 0..LANES {
+        let sees = point.front[lane] & mask(sum.highest[lane] > 0.0);
+        let whole = mask(sum.lowest[lane] >= -sum.touching[lane]);
+        // Both are times 2 pi. A sum that is not a number is not answered.
+        let exact = mask(sum.error_bounds[lane] <= tolerance * sum.factors[lane]);
+        let by_point = sees & mask(sum.lowest[lane] > 0.0) & point.allowed[lane];
+        let by_contour = sees & whole & exact & !by_point;
+        let factor = keep(by_contour, (sum.factors[lane] / TAU).min(1.0)).to_bits();
+        view.factors[lane] = f64::from_bits(factor | keep(by_point, point.factors[lane]).to_bits());
+        view.errors[lane] = keep(by_point, point.errors[lane]);
+        unanswered[lane] = sees & !(by_point | by_contour);
+        cut[lane] = sees & !whole;
     }
+    view.unanswered = bits(&unanswered);
+    view.cut = bits(&cut);
+    view
 }
 
 /// Truth for each lane, as all bits or none: what branches on a condition is not made wide.
@@ -133,6 +141,16 @@ type Mask = [u64; LANES];
 #[inline(always)]
 fn mask(holds: bool) -> u64 {
     0u64.wrapping_sub(u64::from(holds))
+}
+
+/// A bit for each lane, the first the lowest.
+#[inline(always)]
+fn bits(mask: &Mask) -> u32 {
+    // Mostly there are none.
+    if mask.iter().fold(0, |any, mask| any | mask) == 0 {
+        return 0;
+    }
+    mask.iter().enumerate().fold(0, |bits, (lane, mask)| bits | (u32::from(*mask != 0) << lane))
 }
 
 /// The number where the mask holds, else 0.
