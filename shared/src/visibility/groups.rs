@@ -25,9 +25,7 @@ pub struct ReceiverGroups {
 pub struct ReceiverLanes {
     /// Their positions; the last is repeated where the group is not full.
     pub positions: Vectors,
-    /// Their normals.
-    pub normals: Vectors,
-    /// Both, as form factors want them.
+    /// Positions and normals, as form factors want them.
     pub seeing: form_factor::ReceiverLanes,
     /// Their planes.
     pub planes: [PlaneId; LANES],
@@ -93,7 +91,6 @@ impl ReceiverLanes {
     fn new(receivers: &[Receiver]) -> Self {
         let mut lanes = Self {
             positions: Vectors::ZERO,
-            normals: Vectors::ZERO,
             seeing: form_factor::ReceiverLanes::new(receivers.iter().map(|r| (r.position, r.normal))),
             planes: [PlaneId(0); LANES],
             present: 0,
@@ -101,7 +98,6 @@ impl ReceiverLanes {
         for i in 0..LANES {
             let receiver = &receivers[i.min(receivers.len() - 1)];
             lanes.positions.set(i, receiver.position);
-            lanes.normals.set(i, receiver.normal);
             lanes.planes[i] = receiver.plane;
             lanes.present |= Mask::from(i < receivers.len()) << i;
         }

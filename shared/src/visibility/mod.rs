@@ -146,7 +146,7 @@ impl<'a> VisibilityKernel<'a> {
                 continue;
             }
             if view.unanswered >> lane & 1 == 1 {
-                let alone = polygon.view(lanes.positions.get(lane), lanes.normals.get(lane), tolerance);
+                let alone = polygon.view(lanes.positions.get(lane), lanes.seeing.normal(lane), tolerance);
                 (view.factors[lane], view.errors[lane]) =
                     alone.map_or((0.0, 0.0), |view| (view.factor, view.error));
             }
@@ -174,7 +174,7 @@ impl<'a> VisibilityKernel<'a> {
                 *factor += view.factors[lane];
                 continue;
             }
-            let receiver = (position, lanes.normals.get(lane), plane);
+            let receiver = (position, lanes.seeing.normal(lane), plane);
             statistics.occluded_pairs += 1;
             *factor += self.partial.factor(
                 self.occluder,
