@@ -10,7 +10,7 @@ use super::{Bake, BakeError, BakeSettings, ErrorBudget, Phase, shooting_mesh};
 use crate::solver::fit::best_fit;
 
 /// Check points at which all leaves of the mesh are gathered, to see what the shares get wrong.
-const GATHERED: usize = 96;
+const GATHERED: usize = 256;
 
 /// Key of the first leaf as a shooter: above all shares and light sources.
 const FIRST_LEAF_KEY: u64 = 1 << 40;
@@ -36,6 +36,10 @@ const LEAST_REST: f64 = 0.4;
 
 /// Factor of the limit of refinement where the error was found too large and no patch was divided.
 const UNSEEN_STEP: f64 = 0.7;
+
+/// Part of the interpolation error that is aimed at, at least, before it is measured again: the finer mesh tells better what the
+/// others leave to it, and vertices too many cannot be taken back.
+const LONGEST_STEP: f64 = 0.6;
 
 /// Refining, settling and measuring are repeated this often at most.
 const MAX_ROUNDS: u32 = 12;
@@ -63,7 +67,8 @@ impl Bake<'_, '_> {
             }
             // Where the prediction did not see what was found, only a lower limit goes on.
             let is_unchanged = self.mesh.vertices.len() == vertices;
-            limit = if is_unchanged { limit * UNSEEN_STEP } else { MARGIN * rest };
+            let step = LONGEST_STEP * self.error.receivers;
+            limit = if is_unchanged { limit * UNSEEN_STEP } else { (MARGIN * rest).max(step) };
         }
         Ok(())
     }

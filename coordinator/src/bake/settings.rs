@@ -57,7 +57,7 @@ impl BakeSettings {
         let rays = 1024.0 * (0.01 / error).powf(4.0 / 3.0);
         Self {
             error: Some(error),
-            shooter_edge: (12.0 * error).clamp(FINEST_SHOOTERS, COARSEST_SHOOTERS),
+            shooter_edge: (11.0 * error).clamp(FINEST_SHOOTERS, COARSEST_SHOOTERS),
             mesh_error: 0.8 * error,
             threshold: 0.01 * error,
             ..Self::default()
