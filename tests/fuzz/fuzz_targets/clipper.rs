@@ -6,7 +6,7 @@ use arbitrary::Arbitrary;
 use glam::DVec3;
 use libfuzzer_sys::fuzz_target;
 use shared::geometry::{Corners, area_vector, clip, clip_by_plane};
-use shared::visibility::cut;
+use shared::visibility::{Cones, Pieces, cut};
 
 /// A convex polygon: an ellipse through some points around a centre.
 #[derive(Arbitrary, Debug)]
@@ -91,13 +91,17 @@ fuzz_target!(|input: Input| {
     assert!(part.is_empty() || part.len() >= 3);
     assert!(part.iter().all(|corner| corner.is_finite()));
 
-    let mut pieces = vec![polygon];
-    let mut scratch = vec![];
+    let (mut pieces, mut scratch, mut cones) = (Pieces::default(), Pieces::default(), Cones::default());
+    pieces.push(&polygon);
     let mut left = whole;
     for blocker in input.blockers.iter().take(6).filter_map(Shape::corners) {
         let hidden: f64 = pieces.iter().map(|piece| area(&hidden_part(piece, &blocker))).sum();
-        cut(&mut pieces, &blocker, &mut scratch);
-        let now: f64 = pieces.iter().map(|piece| area(piece)).sum();
+        cones.clear();
+        cones.push_polygon(&blocker);
+        for cone in cones.iter() {
+            cut(&mut pieces, cone, &mut scratch);
+        }
+        let now: f64 = pieces.iter().map(area).sum();
         assert!(now <= left + slack, "{now} left of {left}");
         assert!((now + hidden - left).abs() <= slack, "{now} left and {hidden} hidden of {left}");
         left = now;
@@ -105,7 +109,7 @@ fuzz_target!(|input: Input| {
 });
 
 /// What of a piece lies in the cone through a blocker, by clipping with the cone's sides one by one.
-fn hidden_part(piece: &Corners, blocker: &Corners) -> Corners {
+fn hidden_part(piece: &[DVec3], blocker: &Corners) -> Corners {
     let next = blocker.iter().cycle().skip(1);
-    blocker.iter().zip(next).fold(piece.clone(), |inside, (a, b)| clip_by_plane(&inside, b.cross(*a)))
+    blocker.iter().zip(next).fold(Corners::from(piece), |inside, (a, b)| clip_by_plane(&inside, b.cross(*a)))
 }
