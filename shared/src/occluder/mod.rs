@@ -1,8 +1,13 @@
 //! The surfaces that block light, behind a BVH.
 
 mod bundle;
+mod lanes;
+mod packet;
 mod segment;
 mod shaft;
+#[cfg(test)]
+mod tests;
+mod tree;
 
 use glam::{DVec3, Vec3A};
 use obvhs::aabb::Aabb;
@@ -11,6 +16,8 @@ use obvhs::bvh2::builder::build_bvh2;
 use obvhs::{Boundable, BvhBuildParams};
 
 use crate::geometry::{ConvexPolygon, PlaneId, area_vector};
+
+use self::tree::Tree;
 
 pub use bundle::{Bounds, Bundle};
 pub use shaft::{Blockage, Shaft};
@@ -28,6 +35,8 @@ pub struct Occluder {
     /// In the order of the BVH's leaves.
     polygons: Vec<OccluderPolygon>,
     bvh: Bvh2,
+    /// The same for segments.
+    tree: Tree,
     /// Rays start this much after and end this much before their ends: coordinates are not known better.
     clearance: f64,
 }
@@ -36,6 +45,12 @@ struct OccluderPolygon {
     plane: PlaneId,
     normal: DVec3,
     corners: Vec<DVec3>,
+}
+
+impl OccluderPolygon {
+    fn triangles(&self) -> impl Iterator<Item = ([DVec3; 3], PlaneId)> {
+        self.corners[1..].windows(2).map(|pair| ([self.corners[0], pair[0], pair[1]], self.plane))
+    }
 }
 
 struct PaddedBox(Aabb);
@@ -62,7 +77,7 @@ impl Occluder {
             })
             .collect();
         let bvh = build_bvh2(&boxes, BvhBuildParams::medium_build(), &mut Default::default());
-        let polygons = bvh
+        let polygons: Vec<OccluderPolygon> = bvh
             .primitive_indices
             .iter()
             .map(|index| {
@@ -74,7 +89,8 @@ impl Occluder {
                 }
             })
             .collect();
-        Self { polygons, bvh, clearance: largest * CLEARANCE }
+        let tree = Tree::new(&bvh, largest as f32, |index| polygons[index].triangles());
+        Self { polygons, bvh, tree, clearance: largest * CLEARANCE }
     }
 
     /// Number of polygons.
