@@ -24,6 +24,9 @@ pub(super) trait Wide: Copy {
     fn max(self, a: Self::Register, b: Self::Register) -> Self::Register;
     fn abs(self, a: Self::Register) -> Self::Register;
 
+    /// a - b c, rounded once or twice.
+    fn minus_product(self, a: Self::Register, b: Self::Register, c: Self::Register) -> Self::Register;
+
     /// The lanes in which the first is at most the second: the first lane is the lowest bit.
     fn at_most(self, a: Self::Register, b: Self::Register) -> u8;
 }
@@ -49,6 +52,12 @@ impl<W: Wide> Eight<W> {
     #[inline(always)]
     pub(super) fn abs(self) -> Self {
         Self { register: self.wide.abs(self.register), ..self }
+    }
+
+    /// This less a product: rounded once where the processor can, else twice.
+    #[inline(always)]
+    pub(super) fn minus_product(self, a: Self, b: Self) -> Self {
+        Self { register: self.wide.minus_product(self.register, a.register, b.register), ..self }
     }
 
     /// The lesser in each lane.
@@ -144,6 +153,11 @@ impl Wide for Portable {
     }
 
     #[inline(always)]
+    fn minus_product(self, a: Lanes, b: Lanes, c: Lanes) -> Lanes {
+        self.sub(a, self.mul(b, c))
+    }
+
+    #[inline(always)]
     fn at_most(self, a: Lanes, b: Lanes) -> u8 {
         (0..LANES).fold(0, |mask, lane| mask | u8::from(a.0[lane] <= b.0[lane]) << lane)
     }
@@ -195,6 +209,11 @@ impl Wide for Avx2 {
     #[inline(always)]
     fn abs(self, a: Self::Register) -> Self::Register {
         self.avx._mm256_andnot_ps(self.splat(-0.0), a)
+    }
+
+    #[inline(always)]
+    fn minus_product(self, a: Self::Register, b: Self::Register, c: Self::Register) -> Self::Register {
+        self.fma._mm256_fnmadd_ps(b, c, a)
     }
 
     #[inline(always)]

@@ -11,10 +11,13 @@ use crate::geometry::PlaneId;
 /// Bound of the rounding of f32 in a corner seen along a segment, relative to the largest coordinate of scene and segment.
 ///
 /// With u = 2^-24 and coordinates up to M: corner and origin are rounded to f32 and subtracted (4 u M), the shear has a relative
-/// error of 3 u and a height of up to 2 M (12 u M in the product), and the difference of both is rounded (4 u M): 20 u M.
-/// A side's determinant cx by - cy bx then is off by 20 u M (|bx| + |by| + |cx| + |cy|) from that, and its own rounding is
+/// error of 4 u and a height of up to 2 M (14 u M in the product), and the difference of both is rounded (4 u M): 22 u M.
+/// A side's determinant cx by - cy bx then is off by 22 u M (|bx| + |by| + |cx| + |cy|) from that, and its own rounding is
 /// below 8 u M (|cx| + |cy|), as |bx| and |by| are at most 4 M. 40 covers both, and the rounding of the bound.
 const ROUNDING: f32 = 40.0 / 16_777_216.0;
+
+/// Least magnitude of a part of the span: its inverse is finite.
+const LEAST_SPAN: f32 = 1e-30;
 
 /// The axes in turn, by the last.
 const AXES: [[usize; 3]; 3] = [[1, 2, 0], [2, 0, 1], [0, 1, 2]];
@@ -27,6 +30,34 @@ pub(super) struct Packet {
     planes: [PlaneId; LANES],
     /// The next packet belongs to the same part of the tree.
     pub(super) goes_on: bool,
+}
+
+/// A segment in f32.
+pub(super) struct Rounded {
+    pub(super) origin: [f32; 3],
+    pub(super) span: [f32; 3],
+    /// Inverse of the span, finite.
+    pub(super) inverse: [f32; 3],
+    /// At least the largest coordinate of occluders and segment.
+    pub(super) reach: f32,
+}
+
+impl Rounded {
+    /// `largest`: largest coordinate of the occluders.
+    #[inline(always)]
+    pub(super) fn new(origin: DVec3, span: DVec3, largest: f32) -> Self {
+        let origin = [origin.x as f32, origin.y as f32, origin.z as f32];
+        let span = [span.x as f32, span.y as f32, span.z as f32];
+        let (mut inverse, mut reach) = (span, largest);
+        for axis in 0..3 {
+            let length = span[axis].abs();
+            inverse[axis] =
+                (1.0 / if length > LEAST_SPAN { length } else { LEAST_SPAN }).copysign(span[axis]);
+            let farthest = origin[axis].abs() + length;
+            reach = if farthest > reach { farthest } else { reach };
+        }
+        Self { origin, span, inverse, reach }
+    }
 }
 
 /// A segment, ready to be held against packets.
@@ -48,31 +79,31 @@ pub(super) struct Sight {
 }
 
 impl Sight {
-    /// `largest`: largest coordinate of the occluders. `clearance`: length at either end that does not count.
+    /// `clearance`: length at either end that does not count.
     #[inline(always)]
     pub(super) fn new(
         origin: DVec3,
         span: DVec3,
+        rounded: &Rounded,
         clearance: f64,
         planes: [PlaneId; 2],
-        largest: f32,
     ) -> Self {
         // Arrays and conditional moves: which axis it is cannot be predicted.
-        let (origins, spans, lengths) = (origin.to_array(), span.to_array(), span.abs().to_array());
+        let lengths = rounded.span.map(f32::abs);
         let last = usize::from(lengths[1] > lengths[0]);
         let last = if lengths[2] > lengths[last] { 2 } else { last };
         let axes = AXES[last];
-        let depth = spans[last] as f32;
+        let inverse = rounded.inverse[last];
         Self {
             origin,
             span,
             clearance,
             planes,
             axes,
-            rounded_origin: [origins[axes[0]] as f32, origins[axes[1]] as f32, origins[axes[2]] as f32],
-            shear: [spans[axes[0]] as f32 / depth, spans[axes[1]] as f32 / depth],
-            depth,
-            rounding: ROUNDING * largest.max(origin.abs().max_element() as f32),
+            rounded_origin: [rounded.origin[axes[0]], rounded.origin[axes[1]], rounded.origin[last]],
+            shear: [rounded.span[axes[0]] * inverse, rounded.span[axes[1]] * inverse],
+            depth: rounded.span[last],
+            rounding: ROUNDING * rounded.reach,
         }
     }
 
@@ -118,7 +149,7 @@ impl Packet {
         let depth = splat(sight.depth);
         let determinant = u + v + w;
         let near = u * a.height + v * b.height + w * c.height;
-        let far = near - determinant * depth;
+        let far = near.minus_product(determinant, depth);
         let reach = a.height.abs() + b.height.abs() + c.height.abs() + depth.abs() * splat(3.0);
         let end_bound = bound * reach + rounding * determinant.abs() * splat(2.0);
         let (least, greatest) = (near.min(far), near.max(far));
@@ -156,15 +187,15 @@ impl<W: Wide> Seen<W> {
         let splat = |value: f32| Eight::splat(wide, value);
         let [x, y, z] = sight.axes;
         let height = load(z) - splat(sight.rounded_origin[2]);
-        let x = load(x) - splat(sight.rounded_origin[0]) - height * splat(sight.shear[0]);
-        let y = load(y) - splat(sight.rounded_origin[1]) - height * splat(sight.shear[1]);
+        let x = (load(x) - splat(sight.rounded_origin[0])).minus_product(height, splat(sight.shear[0]));
+        let y = (load(y) - splat(sight.rounded_origin[1])).minus_product(height, splat(sight.shear[1]));
         Self { x, y, height }
     }
 
     /// Twice the area between the segment and the edge to another corner, with its sign.
     #[inline(always)]
     fn side(&self, other: &Self) -> Eight<W> {
-        self.x * other.y - self.y * other.x
+        (self.x * other.y).minus_product(self.y, other.x)
     }
 
     #[inline(always)]

@@ -4,7 +4,7 @@ use glam::DVec3;
 use proptest::prelude::*;
 
 use super::lanes::Portable;
-use super::packet::{Sight, crosses};
+use super::packet::{Rounded, Sight, crosses};
 use super::{Occluder, PlaneId};
 use crate::geometry::ConvexPolygon;
 
@@ -15,7 +15,8 @@ const ELSEWHERE: [PlaneId; 2] = [PlaneId(u32::MAX); 2];
 fn blocks(occluder: &Occluder, from: DVec3, to: DVec3, planes: [PlaneId; 2]) -> bool {
     let blocked = occluder.blocks(from, to, planes);
     let portable = occluder.tree.blocks(Portable, from, to - from, occluder.clearance, planes);
-    let sight = Sight::new(from, to - from, occluder.clearance, planes, occluder.tree.largest());
+    let rounded = Rounded::new(from, to - from, occluder.tree.largest());
+    let sight = Sight::new(from, to - from, &rounded, occluder.clearance, planes);
     let one_by_one = occluder
         .polygons
         .iter()

@@ -3,12 +3,12 @@
 //! The binary tree that the builder makes, with its nodes taken together: a segment is held against eight boxes in the time of
 //! one.
 
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 use obvhs::bvh2::Bvh2;
 use smallvec::SmallVec;
 
 use super::lanes::{Eight, LANES, Lanes, Wide};
-use super::packet::{Packet, Sight};
+use super::packet::{Packet, Rounded, Sight};
 use crate::geometry::PlaneId;
 
 /// A part of the tree with at most this many triangles becomes one packet.
@@ -17,9 +17,6 @@ const LEAF: usize = LANES;
 /// Part of the largest coordinate by which boxes are widened while a segment meets them: the segment's origin and the products
 /// with the inverse of its direction are rounded to f32, which together moves a crossing by up to 12 x 2^-24 of that coordinate.
 const SLACK: f32 = 16.0 / 16_777_216.0;
-
-/// Least magnitude of a part of the direction: its inverse is finite.
-const LEAST_DIRECTION: f32 = 1e-30;
 
 /// Triangles and the tree over them.
 pub(super) struct Tree {
@@ -126,8 +123,9 @@ impl Tree {
         clearance: f64,
         planes: [PlaneId; 2],
     ) -> bool {
-        let slab = Slab::new(from, span, self.largest);
-        let sight = Sight::new(from, span, clearance, planes, self.largest);
+        let rounded = Rounded::new(from, span, self.largest);
+        let slab = Slab::new(&rounded);
+        let sight = Sight::new(from, span, &rounded, clearance, planes);
         // Nodes with the children that are still to be looked at.
         let mut waiting = SmallVec::<[(u32, u8); 32]>::new();
         let mut current = 0_u32;
@@ -173,22 +171,24 @@ impl Tree {
 /// A segment, ready to meet boxes: each is the part of space between three pairs of planes.
 struct Slab {
     /// For each axis which of a box's sides is met first.
-    first: [bool; 3],
-    inverse: Vec3,
+    first: [usize; 3],
+    inverse: [f32; 3],
     /// The origin, moved so that boxes come nearer and end farther than they do.
-    origins: [Vec3; 2],
+    origins: [[f32; 3]; 2],
 }
 
 impl Slab {
     #[inline(always)]
-    fn new(from: DVec3, span: DVec3, largest: f32) -> Self {
-        let (origin, end) = (from.as_vec3(), (from + span).as_vec3());
-        let slack = SLACK * origin.abs().max(end.abs()).max_element().max(largest);
-        let direction = span.as_vec3();
-        let signs = direction.signum();
-        let inverse = signs / direction.abs().max(Vec3::splat(LEAST_DIRECTION));
-        let first = [signs.x < 0.0, signs.y < 0.0, signs.z < 0.0];
-        let origins = [origin + signs * slack, origin - signs * slack];
+    fn new(segment: &Rounded) -> Self {
+        let slack = SLACK * segment.reach;
+        let Rounded { origin, inverse, .. } = *segment;
+        let (mut first, mut origins) = ([0; 3], [origin; 2]);
+        for axis in 0..3 {
+            first[axis] = usize::from(inverse[axis].is_sign_negative());
+            let slack = slack.copysign(inverse[axis]);
+            origins[0][axis] = origin[axis] + slack;
+            origins[1][axis] = origin[axis] - slack;
+        }
         Self { first, inverse, origins }
     }
 
@@ -199,7 +199,7 @@ impl Slab {
         let (mut near, mut far) = (splat(0.0), splat(1.0));
         for axis in 0..3 {
             let inverse = splat(self.inverse[axis]);
-            let side = usize::from(self.first[axis]);
+            let side = self.first[axis];
             let first = Eight::load(wide, &node.bounds[side][axis]);
             let last = Eight::load(wide, &node.bounds[1 - side][axis]);
             near = near.max((first - splat(self.origins[0][axis])) * inverse);
