@@ -22,7 +22,12 @@ def build(package, name, arguments=()):
 def run(command, cwd=None, show_errors=False):
     """Standard output of a command that has to succeed."""
     errors = None if show_errors else subprocess.PIPE
-    done = subprocess.run(command, cwd=cwd, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=errors, text=True)
+    try:
+        done = subprocess.run(
+            command, cwd=cwd, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=errors, text=True
+        )
+    except OSError as error:
+        sys.exit(f"{command[0]} cannot be started: {error}")
     if done.returncode != 0:
         sys.exit(f"{' '.join(map(str, command))} failed ({done.returncode}):\n{done.stderr or ''}")
     return done.stdout

@@ -4,6 +4,7 @@ A peer says first whether it can work here: {"ready": version} or {"missing": re
 "edge", "samples", "lit"} is a bake of that scene on a mesh with edges of at most `edge`, written to `lit`, and is answered
 with {"seconds", "cpu_seconds", "vertices"} or {"missing": reason}. The process stays, so that what it compiled stays too."""
 
+import contextlib
 import json
 import os
 import subprocess
@@ -70,9 +71,15 @@ class Peer:
 
     def bake(self, **request):
         """Asks for a bake and waits for it."""
-        print(json.dumps(request), file=self.process.stdin, flush=True)
+        # A process that ended is found by what it answers: nothing.
+        with contextlib.suppress(BrokenPipeError):
+            print(json.dumps(request), file=self.process.stdin, flush=True)
         return self.answer()
 
+    def has_ended(self):
+        return self.process.poll() is not None
+
     def close(self):
-        self.process.stdin.close()
+        with contextlib.suppress(BrokenPipeError):
+            self.process.stdin.close()
         self.process.wait()
