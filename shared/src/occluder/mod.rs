@@ -48,8 +48,14 @@ struct OccluderPolygon {
 }
 
 impl OccluderPolygon {
-    fn triangles(&self) -> impl Iterator<Item = ([DVec3; 3], PlaneId)> {
-        self.corners[1..].windows(2).map(|pair| ([self.corners[0], pair[0], pair[1]], self.plane))
+    /// Triangles of the fan around the first corner.
+    fn triangle_count(&self) -> u32 {
+        self.corners.len() as u32 - 2
+    }
+
+    fn triangle(&self, place: u32) -> [DVec3; 3] {
+        let place = place as usize;
+        [self.corners[0], self.corners[place + 1], self.corners[place + 2]]
     }
 }
 
@@ -89,7 +95,7 @@ impl Occluder {
                 }
             })
             .collect();
-        let tree = Tree::new(&bvh, largest as f32, |index| polygons[index].triangles());
+        let tree = Tree::new(&bvh, largest as f32, &polygons);
         Self { polygons, bvh, tree, clearance: largest * CLEARANCE }
     }
 

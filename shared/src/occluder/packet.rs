@@ -3,8 +3,11 @@
 //! A first look in f32 tells hits and misses wherever rounding cannot have changed the answer, and leaves the rest to the test
 //! in f64: the answer is that of the f64 test for every segment, on every processor.
 
+use std::array::from_fn;
+
 use glam::DVec3;
 
+use super::OccluderPolygon;
 use super::lanes::{Eight, LANES, Lanes, Wide};
 use crate::geometry::PlaneId;
 
@@ -26,7 +29,8 @@ const AXES: [[usize; 3]; 3] = [[1, 2, 0], [2, 0, 1], [0, 1, 2]];
 pub(super) struct Packet {
     /// Coordinates of all lanes, by corner and axis.
     corners: [[Lanes; 3]; 3],
-    exact: [[DVec3; 3]; LANES],
+    /// Polygon of each lane, and the place of the triangle in its fan.
+    places: [(u32, u32); LANES],
     planes: [PlaneId; LANES],
     /// The next packet belongs to the same part of the tree.
     pub(super) goes_on: bool,
@@ -61,7 +65,9 @@ impl Rounded {
 }
 
 /// A segment, ready to be held against packets.
-pub(super) struct Sight {
+pub(super) struct Sight<'a> {
+    /// What packets refer to.
+    polygons: &'a [OccluderPolygon],
     origin: DVec3,
     span: DVec3,
     /// Length of the segment, at either end, that does not count.
@@ -78,7 +84,7 @@ pub(super) struct Sight {
     rounding: f32,
 }
 
-impl Sight {
+impl<'a> Sight<'a> {
     /// `clearance`: length at either end that does not count.
     #[inline(always)]
     pub(super) fn new(
@@ -87,6 +93,7 @@ impl Sight {
         rounded: &Rounded,
         clearance: f64,
         planes: [PlaneId; 2],
+        polygons: &'a [OccluderPolygon],
     ) -> Self {
         // Arrays and conditional moves: which axis it is cannot be predicted.
         let lengths = rounded.span.map(f32::abs);
@@ -95,6 +102,7 @@ impl Sight {
         let axes = AXES[last];
         let inverse = rounded.inverse[last];
         Self {
+            polygons,
             origin,
             span,
             clearance,
@@ -114,23 +122,26 @@ impl Sight {
 }
 
 impl Packet {
-    /// Eight triangles or fewer, and at least one.
-    pub(super) fn new(triangles: &[([DVec3; 3], PlaneId)], goes_on: bool) -> Self {
-        let triangle = |lane: usize| triangles[lane.min(triangles.len() - 1)];
-        let coordinate = |corner: usize, axis: usize| {
-            Lanes(std::array::from_fn(|lane| triangle(lane).0[corner][axis] as f32))
+    /// Eight triangles or fewer, and at least one: numbers of polygons, and places in their fans.
+    pub(super) fn new(polygons: &[OccluderPolygon], triangles: &[(u32, u32)], goes_on: bool) -> Self {
+        let place = |lane: usize| triangles[lane.min(triangles.len() - 1)];
+        let corners = |lane: usize| {
+            let (polygon, place) = place(lane);
+            polygons[polygon as usize].triangle(place)
         };
+        let coordinate =
+            |corner: usize, axis: usize| Lanes(from_fn(|lane| corners(lane)[corner][axis] as f32));
         Self {
-            corners: std::array::from_fn(|corner| std::array::from_fn(|axis| coordinate(corner, axis))),
-            exact: std::array::from_fn(|lane| triangle(lane).0),
-            planes: std::array::from_fn(|lane| triangle(lane).1),
+            corners: from_fn(|corner| from_fn(|axis| coordinate(corner, axis))),
+            places: from_fn(place),
+            planes: from_fn(|lane| polygons[place(lane).0 as usize].plane),
             goes_on,
         }
     }
 
     /// Does a triangle outside of the segment's planes cross it?
     #[inline(always)]
-    pub(super) fn blocks<W: Wide>(&self, wide: W, sight: &Sight) -> bool {
+    pub(super) fn blocks<W: Wide>(&self, wide: W, sight: &Sight<'_>) -> bool {
         let splat = |value: f32| Eight::splat(wide, value);
         let [a, b, c] = &self.corners;
         let (a, b, c) = (Seen::new(wide, a, sight), Seen::new(wide, b, sight), Seen::new(wide, c, sight));
@@ -165,7 +176,7 @@ impl Packet {
             if sight.leaves_out(self.planes[lane]) {
                 continue;
             }
-            if certain >> lane & 1 == 1 || crosses(&self.exact[lane], sight) {
+            if certain >> lane & 1 == 1 || crosses(self.places[lane], sight) {
                 return true;
             }
         }
@@ -182,7 +193,7 @@ struct Seen<W: Wide> {
 
 impl<W: Wide> Seen<W> {
     #[inline(always)]
-    fn new(wide: W, corner: &[Lanes; 3], sight: &Sight) -> Self {
+    fn new(wide: W, corner: &[Lanes; 3], sight: &Sight<'_>) -> Self {
         let load = |axis: usize| Eight::load(wide, &corner[axis]);
         let splat = |value: f32| Eight::splat(wide, value);
         let [x, y, z] = sight.axes;
@@ -209,10 +220,10 @@ impl<W: Wide> Seen<W> {
 /// compute from the same numbers with opposite sign, so that at least one of them is hit; zero counts as a hit for both.
 #[cold]
 #[inline(never)]
-pub(super) fn crosses(corners: &[DVec3; 3], sight: &Sight) -> bool {
+pub(super) fn crosses((polygon, place): (u32, u32), sight: &Sight<'_>) -> bool {
     let [x, y, z] = sight.axes;
     let shear = [sight.span[x] / sight.span[z], sight.span[y] / sight.span[z]];
-    let [a, b, c] = corners.map(|corner| {
+    let [a, b, c] = sight.polygons[polygon as usize].triangle(place).map(|corner| {
         let relative = corner - sight.origin;
         let along = relative[z];
         DVec3::new(relative[x] - shear[0] * along, relative[y] - shear[1] * along, along / sight.span[z])

@@ -26,9 +26,9 @@ impl Occluder {
         if let Some(avx2) = Avx2::try_new() {
             return avx2.vectorize(
                 #[inline(always)]
-                || self.tree.blocks(avx2, from, span, clearance, planes),
+                || self.tree.blocks(avx2, &self.polygons, [from, span], clearance, planes),
             );
         }
-        self.tree.blocks(Portable, from, span, clearance, planes)
+        self.tree.blocks(Portable, &self.polygons, [from, span], clearance, planes)
     }
 }

@@ -14,14 +14,14 @@ const ELSEWHERE: [PlaneId; 2] = [PlaneId(u32::MAX); 2];
 /// One answer, whatever computes it.
 fn blocks(occluder: &Occluder, from: DVec3, to: DVec3, planes: [PlaneId; 2]) -> bool {
     let blocked = occluder.blocks(from, to, planes);
-    let portable = occluder.tree.blocks(Portable, from, to - from, occluder.clearance, planes);
+    let portable =
+        occluder.tree.blocks(Portable, &occluder.polygons, [from, to - from], occluder.clearance, planes);
     let rounded = Rounded::new(from, to - from, occluder.tree.largest());
-    let sight = Sight::new(from, to - from, &rounded, occluder.clearance, planes);
-    let one_by_one = occluder
-        .polygons
-        .iter()
-        .filter(|polygon| !planes.contains(&polygon.plane))
-        .any(|polygon| polygon.triangles().any(|(corners, _)| crosses(&corners, &sight)));
+    let sight = Sight::new(from, to - from, &rounded, occluder.clearance, planes, &occluder.polygons);
+    let one_by_one =
+        occluder.polygons.iter().zip(0..).filter(|(polygon, _)| !planes.contains(&polygon.plane)).any(
+            |(polygon, index)| (0..polygon.triangle_count()).any(|place| crosses((index, place), &sight)),
+        );
     assert_eq!(blocked, one_by_one, "{from} to {to}");
     assert_eq!(portable, one_by_one, "{from} to {to}, lane by lane");
     blocked

@@ -7,6 +7,7 @@ use glam::DVec3;
 use obvhs::bvh2::Bvh2;
 use smallvec::SmallVec;
 
+use super::OccluderPolygon;
 use super::lanes::{Eight, LANES, Lanes, Wide};
 use super::packet::{Packet, Rounded, Sight};
 use crate::geometry::PlaneId;
@@ -45,17 +46,13 @@ impl Node {
 }
 
 impl Tree {
-    /// Takes over a binary tree whose leaves name polygons by their place; `triangles` gives those of a polygon.
-    pub(super) fn new<I: Iterator<Item = ([DVec3; 3], PlaneId)>>(
-        bvh: &Bvh2,
-        largest: f32,
-        triangles: impl Fn(usize) -> I,
-    ) -> Self {
+    /// Takes over a binary tree whose leaves name polygons by their place.
+    pub(super) fn new(bvh: &Bvh2, largest: f32, polygons: &[OccluderPolygon]) -> Self {
         let mut tree = Self { nodes: vec![], packets: vec![], largest };
         if bvh.nodes.is_empty() {
             return tree;
         }
-        let counts = triangle_counts(bvh, |polygon| triangles(polygon).count());
+        let counts = triangle_counts(bvh, polygons);
         // Nodes of the binary tree whose wide node is still to be filled, with its place.
         let mut waiting = vec![(0_u32, 0_usize)];
         tree.nodes.push(Node::EMPTY);
@@ -65,7 +62,7 @@ impl Tree {
                 let node = &bvh.nodes[child as usize];
                 let is_packet = counts[child as usize] as usize <= LEAF || node.is_leaf();
                 let number = if is_packet {
-                    tree.push_packets(bvh, child, &triangles)
+                    tree.push_packets(bvh, child, polygons)
                 } else {
                     tree.nodes.push(Node::EMPTY);
                     waiting.push((child, tree.nodes.len() - 1));
@@ -86,24 +83,22 @@ impl Tree {
 }
 
 impl Tree {
-    /// Writes the triangles of a part of the binary tree; the child's number.
-    fn push_packets<I: Iterator<Item = ([DVec3; 3], PlaneId)>>(
-        &mut self,
-        bvh: &Bvh2,
-        root: u32,
-        triangles: &impl Fn(usize) -> I,
-    ) -> u32 {
+    /// Writes the triangles of a part of the binary tree; the number of the first packet.
+    fn push_packets(&mut self, bvh: &Bvh2, root: u32, polygons: &[OccluderPolygon]) -> u32 {
         let first = self.packets.len() as u32;
         let mut all = SmallVec::<[_; LEAF]>::new();
         for node in below(bvh, root).into_iter().map(|index| &bvh.nodes[index as usize]) {
             if node.is_leaf() {
-                let polygons = node.first_index..node.first_index + node.prim_count;
-                all.extend(polygons.flat_map(|polygon| triangles(polygon as usize)));
+                let of_polygon = |polygon: u32| {
+                    (0..polygons[polygon as usize].triangle_count()).map(move |place| (polygon, place))
+                };
+                all.extend((node.first_index..node.first_index + node.prim_count).flat_map(of_polygon));
             }
         }
         let chunks = all.chunks(LANES);
         let last = chunks.len() - 1;
-        self.packets.extend(chunks.enumerate().map(|(index, chunk)| Packet::new(chunk, index < last)));
+        self.packets
+            .extend(chunks.enumerate().map(|(index, chunk)| Packet::new(polygons, chunk, index < last)));
         first
     }
 
@@ -113,19 +108,20 @@ impl Tree {
         self.largest
     }
 
-    /// Does a triangle outside of these planes cross the segment? `clearance`: length at either end that does not count.
+    /// Does a triangle of the polygons, which are those of [`Self::new`], outside of these planes cross the segment, given
+    /// by where it starts and its span? `clearance`: length at either end that does not count.
     #[inline(always)]
     pub(super) fn blocks<W: Wide>(
         &self,
         wide: W,
-        from: DVec3,
-        span: DVec3,
+        polygons: &[OccluderPolygon],
+        [from, span]: [DVec3; 2],
         clearance: f64,
         planes: [PlaneId; 2],
     ) -> bool {
         let rounded = Rounded::new(from, span, self.largest);
         let slab = Slab::new(&rounded);
-        let sight = Sight::new(from, span, &rounded, clearance, planes);
+        let sight = Sight::new(from, span, &rounded, clearance, planes, polygons);
         // Nodes with the children that are still to be looked at.
         let mut waiting = SmallVec::<[(u32, u8); 32]>::new();
         let mut current = 0_u32;
@@ -155,7 +151,7 @@ impl Tree {
 
     /// Is the segment blocked by the packets that a child stands for?
     #[inline(always)]
-    fn is_blocked_by<W: Wide>(&self, wide: W, child: u32, sight: &Sight) -> bool {
+    fn is_blocked_by<W: Wide>(&self, wide: W, child: u32, sight: &Sight<'_>) -> bool {
         for packet in &self.packets[child as usize..] {
             if packet.blocks(wide, sight) {
                 return true;
@@ -223,13 +219,13 @@ fn below(bvh: &Bvh2, root: u32) -> Vec<u32> {
 }
 
 /// Number of triangles under each node of a binary tree.
-fn triangle_counts(bvh: &Bvh2, of_polygon: impl Fn(usize) -> usize) -> Vec<u32> {
+fn triangle_counts(bvh: &Bvh2, polygons: &[OccluderPolygon]) -> Vec<u32> {
     let mut counts = vec![0; bvh.nodes.len()];
     for index in below(bvh, 0).into_iter().rev() {
         let node = &bvh.nodes[index as usize];
         let (first, count) = (node.first_index as usize, node.prim_count as usize);
         counts[index as usize] = if node.is_leaf() {
-            (first..first + count).map(&of_polygon).sum::<usize>() as u32
+            polygons[first..first + count].iter().map(OccluderPolygon::triangle_count).sum()
         } else {
             counts[first] + counts[first + 1]
         };
