@@ -43,6 +43,18 @@ study name="cornell" *arguments:
     cargo run --release -p coordinator -- study tests/scenes/{{ name }}.glb \
         --reference tests/references/{{ name }}.reference.csv -o target/study/{{ name }} {{ arguments }}
 
+# How long the kernels take, crate by crate; `just bench rays` those whose name has it.
+bench *filter:
+    cargo bench --workspace -- {{ filter }}
+
+# This program beside Mitsuba and Cycles, at the same errors: target/bench/peers.json (needs Python; wants a quiet machine).
+bench-peers *arguments:
+    tests/bench/compare {{ arguments }}
+
+# Rays beside Embree's: target/bench/rays.json (needs Python with embreex).
+bench-rays *arguments:
+    tests/bench/rays {{ arguments }}
+
 # A picture of a baked scene: target/NAME.png (needs Node and chromium).
 picture name="cornell" *arguments: node
     node tests/node/picture.mjs target/{{ name }}-lit.glb target/{{ name }}.png {{ arguments }}

@@ -15,6 +15,7 @@ use obvhs::{Boundable, BvhBuildParams};
 use smallvec::SmallVec;
 
 use crate::geometry::{ConvexPolygon, PlaneId, area_vector};
+use segment::Tree;
 
 pub use bodies::{Body, Edge, convex_bodies};
 pub use bundle::{Bounds, Bundle};
@@ -35,6 +36,8 @@ pub struct Occluder {
     polygons: Vec<OccluderPolygon>,
     bvh: Bvh2,
     bodies: Vec<Body>,
+    /// The same for segments.
+    tree: Tree,
     /// Rays start this much after and end this much before their ends: coordinates are not known better.
     clearance: f64,
 }
@@ -57,6 +60,16 @@ impl OccluderPolygon {
     fn is_edge_on(&self, point: DVec3) -> bool {
         let to_first = self.corners[0] - point;
         self.normal.dot(to_first).abs() <= EDGE_ON * to_first.length()
+    }
+
+    /// Triangles of the fan around the first corner.
+    fn triangle_count(&self) -> u32 {
+        self.corners.len() as u32 - 2
+    }
+
+    fn triangle(&self, place: u32) -> [DVec3; 3] {
+        let place = place as usize;
+        [self.corners[0], self.corners[place + 1], self.corners[place + 2]]
     }
 }
 
@@ -111,7 +124,8 @@ impl Occluder {
             }
             bodies.push(Body::new(&polygons, faces, rounding));
         }
-        Self { polygons, bvh, bodies, clearance: largest * CLEARANCE }
+        let tree = Tree::new(&bvh, largest as f32, &polygons);
+        Self { polygons, bvh, bodies, tree, clearance: largest * CLEARANCE }
     }
 
     /// Number of polygons.

@@ -88,7 +88,9 @@ impl ReceiverGroups {
 }
 
 impl ReceiverLanes {
-    fn new(receivers: &[Receiver]) -> Self {
+    /// Takes up to [`LANES`] receivers, and at least one.
+    #[must_use]
+    pub fn new(receivers: &[Receiver]) -> Self {
         let mut lanes = Self {
             positions: Vectors::ZERO,
             seeing: form_factor::ReceiverLanes::new(receivers.iter().map(|r| (r.position, r.normal))),

@@ -1,0 +1,41 @@
+//! Does anything block a segment? Watertight: no ray passes between two polygons that share an edge or a corner.
+
+mod lanes;
+mod packet;
+#[cfg(test)]
+mod tests;
+mod tree;
+
+use glam::DVec3;
+
+use super::{Occluder, OccluderPolygon};
+use crate::geometry::PlaneId;
+#[cfg(target_arch = "x86_64")]
+use lanes::Avx2;
+use lanes::Portable;
+pub use tree::Tree;
+
+impl Occluder {
+    /// True when a polygon crosses the open segment between two points. Polygons in the planes of either end do not count:
+    /// they cannot block light that leaves or reaches their own plane from the front, and rounding must not let them.
+    /// Segments shorter than the clearance at both ends are never blocked.
+    #[must_use]
+    pub fn blocks(&self, from: DVec3, to: DVec3, planes: [PlaneId; 2]) -> bool {
+        if self.polygons.is_empty() {
+            return false;
+        }
+        let span = to - from;
+        let clearance = self.clearance;
+        if span.length_squared() <= 4.0 * clearance * clearance {
+            return false;
+        }
+        #[cfg(target_arch = "x86_64")]
+        if let Some(avx2) = Avx2::try_new() {
+            return avx2.vectorize(
+                #[inline(always)]
+                || self.tree.blocks(avx2, &self.polygons, [from, span], clearance, planes),
+            );
+        }
+        self.tree.blocks(Portable, &self.polygons, [from, span], clearance, planes)
+    }
+}
