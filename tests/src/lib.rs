@@ -5,12 +5,14 @@
 //! | [`cases`] | the cases of `references/form_factors.json` |
 //! | [`builder`] | small scenes, as the bytes of a GLB |
 //! | [`shapes`] | polygons to build them from |
+//! | [`building`] | buildings of any number of rooms |
 //! | [`baking`] | such a scene baked, and figures of the result |
 //! | [`measured`] | the three scenes baked and scored |
 //! | [`programs`] | the binaries of the workspace as processes |
 
 pub mod baking;
 pub mod builder;
+pub mod building;
 pub mod cases;
 pub mod measured;
 pub mod programs;
