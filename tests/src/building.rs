@@ -56,9 +56,9 @@ pub fn building(rooms: usize) -> Building {
             z: zs[row].0..zs[row].1,
             east: column + 1 < columns && room + 1 < rooms,
             // One column has all doors, so that light and people get everywhere; of the others every second one.
-            south: room + columns < rooms && (column == 0 || (room + row) % 2 == 0),
+            south: room + columns < rooms && (column == 0 || (room + row).is_multiple_of(2)),
             west: column > 0,
-            north: row > 0 && (column == 0 || (room - columns + row - 1) % 2 == 0),
+            north: row > 0 && (column == 0 || (room - columns + row - 1).is_multiple_of(2)),
         };
         scene = furnished(scene, room, &floor);
     }
