@@ -38,6 +38,25 @@ pub struct Building {
     pub scene: SceneBuilder,
     /// Its largest extent in metres, to which the bake's `shooter_edge` is relative.
     pub extent: f64,
+    /// Where its columns and rows of rooms begin and end.
+    grid: [Vec<(f64, f64)>; 2],
+}
+
+impl Building {
+    /// Number of the room that a point is in, of all places of the grid.
+    #[must_use]
+    pub fn room_at(&self, point: DVec3) -> usize {
+        let place = |starts: &[(f64, f64)], at: f64| {
+            starts[1..].partition_point(|(start, _)| start - WALL / 2.0 < at)
+        };
+        place(&self.grid[0], point.x) + place(&self.grid[1], point.z) * self.grid[0].len()
+    }
+
+    /// Number of places of the grid.
+    #[must_use]
+    pub fn rooms(&self) -> usize {
+        self.grid[0].len() * self.grid[1].len()
+    }
 }
 
 /// A building of so many rooms: the same for the same number.
@@ -63,7 +82,7 @@ pub fn building(rooms: usize) -> Building {
         scene = furnished(scene, room, &floor);
     }
     let end = |places: &[(f64, f64)]| places.last().map_or(0.0, |place| place.1);
-    Building { scene, extent: end(&xs).max(end(&zs)).max(HEIGHT) }
+    Building { scene, extent: end(&xs).max(end(&zs)).max(HEIGHT), grid: [xs, zs] }
 }
 
 /// Where rooms begin and end along one axis.

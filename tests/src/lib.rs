@@ -8,6 +8,7 @@
 //! | [`building`] | buildings of any number of rooms |
 //! | [`baking`] | such a scene baked, and figures of the result |
 //! | [`measured`] | the three scenes baked and scored |
+//! | [`rooms_only`] | rows of a building whose rooms do not see each other: what a bake costs beside visibility |
 //! | [`programs`] | the binaries of the workspace as processes |
 
 pub mod baking;
@@ -16,6 +17,7 @@ pub mod building;
 pub mod cases;
 pub mod measured;
 pub mod programs;
+pub mod rooms_only;
 pub mod shapes;
 
 use std::path::PathBuf;

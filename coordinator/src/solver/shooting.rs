@@ -34,6 +34,8 @@ pub struct Shooting<L> {
     /// Shares that have shot: to sweep over these later costs no more than to let them shoot again now.
     has_shot: Vec<bool>,
     blocks: Vec<Block<L>>,
+    /// Blocks in which shares have changed since they were counted.
+    uncounted: Vec<usize>,
     /// See [`interreflection_bound`].
     bound: L,
     window: usize,
@@ -44,7 +46,7 @@ pub struct Shooting<L> {
 /// The shares of a block.
 #[derive(Clone)]
 struct Block<L> {
-    /// False where a share has changed since.
+    /// False where it stands among the uncounted.
     is_counted: bool,
     /// Flux not yet shot.
     unshot: L,
@@ -93,6 +95,7 @@ impl<L: Light> Shooting<L> {
             is_chosen: vec![false; shares.len()],
             has_shot: vec![false; shares.len()],
             blocks: vec![uncounted; shares.len().div_ceil(BLOCK)],
+            uncounted: (0..shares.len().div_ceil(BLOCK)).collect(),
             bound: interreflection_bound(&shares),
             shares,
             window,
@@ -165,10 +168,8 @@ impl<L: Light> Shooting<L> {
 
     /// Counts the blocks in which shares have changed.
     fn count(&mut self) {
-        for index in 0..self.blocks.len() {
-            if !self.blocks[index].is_counted {
-                self.blocks[index] = self.counted(index);
-            }
+        while let Some(block) = self.uncounted.pop() {
+            self.blocks[block] = self.counted(block);
         }
     }
 
@@ -215,7 +216,7 @@ impl<L: Light> Shooting<L> {
         let share = ShareId(index as u32);
         self.chosen.push_back(share);
         self.is_chosen[index] = true;
-        self.blocks[index / BLOCK].is_counted = false;
+        has_changed(&mut self.blocks, &mut self.uncounted, share);
         if cache.row(self.set, share).is_none() {
             wanted.push(share);
         }
@@ -227,16 +228,24 @@ impl<L: Light> Shooting<L> {
         let index = share.index();
         self.is_chosen[index] = false;
         self.has_shot[index] = true;
-        self.blocks[index / BLOCK].is_counted = false;
+        has_changed(&mut self.blocks, &mut self.uncounted, share);
         let current = self.unshot(index);
         self.shot[index] += current;
         add_row(&mut self.irradiance, row, current);
         row.for_each(|receiver, _| {
             for share in self.shares_at.receiver(receiver) {
-                self.blocks[share.index() / BLOCK].is_counted = false;
+                has_changed(&mut self.blocks, &mut self.uncounted, *share);
             }
         });
         self.shots += 1;
         self.count();
+    }
+}
+
+/// Notes that the block of a share must be counted again.
+fn has_changed<L>(blocks: &mut [Block<L>], uncounted: &mut Vec<usize>, share: ShareId) {
+    let block = share.index() / BLOCK;
+    if std::mem::replace(&mut blocks[block].is_counted, false) {
+        uncounted.push(block);
     }
 }
