@@ -3,7 +3,8 @@
 use std::error::Error;
 use std::time::Instant;
 
-use coordinator::bake::{BakeSettings, bake};
+use coordinator::bake::{BakeSettings, Baked, bake};
+use coordinator::export::{ExportSettings, export};
 use tests::baking::imported;
 use tests::building::building;
 use tests::rooms_only::RoomsOnly;
@@ -28,12 +29,18 @@ fn main() -> Result<(), Box<dyn Error>> {
             ..BakeSettings::default()
         };
         let mut service = RoomsOnly::new(&building, scene.frame);
-        let report = bake(&scene, &settings, &mut service, &mut |_| ())?.report;
+        let Baked { lit, report } = bake(&scene, &settings, &mut service, &mut |_| ())?;
+        let baked = clock.elapsed().as_secs_f64();
+        let file = std::env::temp_dir().join(format!("growth-{}.glb", std::process::id()));
+        let export_settings =
+            ExportSettings { exposure: None, unit: "W/m^2".into(), extras: serde_json::Value::Null };
+        export(&scene, &lit, &export_settings, &file)?;
+        std::fs::remove_file(&file)?;
         let seconds = clock.elapsed().as_secs_f64();
         let steps: Vec<String> =
             report.seconds.iter().map(|(step, seconds)| format!("{step} {seconds:.2}")).collect();
         println!(
-            "{rooms:>5} {:>9} {:>7} {:>9} {:>9.1} {:>8.1} {:>8} {:>7}  {seconds:.2}: import {import:.2}, {}",
+            "{rooms:>5} {:>9} {:>7} {:>9} {:>9.1} {:>8.1} {:>8} {:>7}  {seconds:.2}: import {import:.2}, {}, export {:.2}",
             report.vertices,
             report.shooting_vertices,
             report.rows,
@@ -41,7 +48,8 @@ fn main() -> Result<(), Box<dyn Error>> {
             service.bytes as f64 / 1e6,
             report.shots,
             report.sweeps,
-            steps.join(", ")
+            steps.join(", "),
+            seconds - baked
         );
     }
     Ok(())
