@@ -1,10 +1,12 @@
 //! The solution of a room in one channel beside that in three: what a grey scene saves.
 
+use coordinator::solver::cache::RowCache;
 use coordinator::solver::shooting::Shooting;
-use coordinator::solver::sweeps::{Transfer, solve};
+use coordinator::solver::sweeps::solve;
 use coordinator::solver::{Light, ShareEnergy};
 use criterion::{Criterion, criterion_group, criterion_main};
 use glam::DVec3;
+use shared::row::Row;
 use std::hint::black_box;
 
 /// Shares of the room.
@@ -14,9 +16,9 @@ const SHARES: usize = 1500;
 const RECEIVERS: usize = 3000;
 
 /// A closed room whose surfaces see each other evenly, but for a ripple.
-fn rows() -> Vec<Vec<f32>> {
+fn rows() -> Vec<Row> {
     let factor = |x: usize, a: usize| (1.0 + 0.5 * ((7 * x + 3 * a) as f32).sin()) / SHARES as f32;
-    (0..SHARES).map(|x| (0..RECEIVERS).map(|a| factor(x, a)).collect()).collect()
+    (0..SHARES).map(|x| Row::new(&(0..RECEIVERS).map(|a| factor(x, a)).collect::<Vec<_>>())).collect()
 }
 
 fn shares<L: Light>() -> Vec<ShareEnergy<L>> {
@@ -30,27 +32,25 @@ fn shares<L: Light>() -> Vec<ShareEnergy<L>> {
 }
 
 /// Shooting and sweeps, as a bake has them.
-fn solved<L: Light>(rows: &[Vec<f32>], transfer: &Transfer) -> f64 {
+fn solved<L: Light>(rows: &mut Vec<Row>) -> f64 {
     let direct = vec![L::from_rgb(DVec3::ONE, DVec3::ONE); RECEIVERS];
-    let mut shooting = Shooting::<L>::new(shares(), direct.clone(), 32, 1e-3);
-    let mut wanted = shooting.start();
+    let mut cache = RowCache::new(usize::MAX);
+    let set = cache.add_set(SHARES);
+    let mut shooting = Shooting::<L>::new(shares(), direct.clone(), set, 32, 1e-3);
+    let mut wanted = shooting.start(&cache);
     while let Some(share) = wanted.pop() {
-        wanted.extend(shooting.row_arrived(share, rows[share.index()].clone()));
+        wanted.extend(shooting.row_arrived(share, rows[share.index()].clone(), &mut cache));
     }
-    let (shot, _) = shooting.into_parts();
-    let solution = solve(&shares::<L>(), transfer, &direct[..SHARES], shot, 1e-6, 1000);
+    let Ok(solution) = solve(&shares::<L>(), rows, direct, shooting.into_shot(), 1e-6, 1000);
     solution.radiosity.into_iter().map(Light::sum_of_channels).sum()
 }
 
 fn channels(criterion: &mut Criterion) {
-    let rows = rows();
-    let transfer = Transfer { columns: rows.iter().map(|row| row[..SHARES].to_vec()).collect() };
+    let mut rows = rows();
     let mut group = criterion.benchmark_group("solution of 1,500 shares");
     group.sample_size(10);
-    group.bench_function("one channel", |bench| bench.iter(|| solved::<f64>(black_box(&rows), &transfer)));
-    group.bench_function("three channels", |bench| {
-        bench.iter(|| solved::<DVec3>(black_box(&rows), &transfer))
-    });
+    group.bench_function("one channel", |bench| bench.iter(|| solved::<f64>(black_box(&mut rows))));
+    group.bench_function("three channels", |bench| bench.iter(|| solved::<DVec3>(black_box(&mut rows))));
     group.finish();
 }
 

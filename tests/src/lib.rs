@@ -5,15 +5,19 @@
 //! | [`cases`] | the cases of `references/form_factors.json` |
 //! | [`builder`] | small scenes, as the bytes of a GLB |
 //! | [`shapes`] | polygons to build them from |
+//! | [`building`] | buildings of any number of rooms |
 //! | [`baking`] | such a scene baked, and figures of the result |
 //! | [`measured`] | the three scenes baked and scored |
+//! | [`rooms_only`] | rows of a building whose rooms do not see each other: what a bake costs beside visibility |
 //! | [`programs`] | the binaries of the workspace as processes |
 
 pub mod baking;
 pub mod builder;
+pub mod building;
 pub mod cases;
 pub mod measured;
 pub mod programs;
+pub mod rooms_only;
 pub mod shapes;
 
 use std::path::PathBuf;

@@ -6,7 +6,7 @@ use std::time::Instant;
 use shared::protocol::worker_message::Body;
 use shared::protocol::{FailureReason, Finished, JobFailed, MAX_MESSAGE_BYTES, RowJob};
 use shared::replica::{Digest, Receivers};
-use shared::row::{RequestError, RowRequest, encode_row};
+use shared::row::{RequestError, Row, RowRequest, encode_row};
 use shared::visibility::ReceiverGroups;
 
 use crate::engine::{Scene, compute_row};
@@ -100,8 +100,8 @@ impl Job {
         let (true, Some(first_key)) = (u64::from(first) + u64::from(count) <= held as u64, first_key) else {
             return Err(JobError::Range { first, count, replica: request.receivers, held });
         };
-        // 33 bits for a receiver that sees the shooter, and some bytes for the fields around each row.
-        let row = u64::from(count) * 33 / 8 + 16;
+        // Four bytes for a receiver that sees the shooter, up to nine for 32 of them, and some for the fields around each row.
+        let row = u64::from(count) * (4 * 32 + 9) / 32 + 32;
         let bytes = row.saturating_mul(request.shooters.len() as u64);
         if bytes > MAX_MESSAGE_BYTES as u64 - 1024 {
             return Err(JobError::TooLarge { bytes });
@@ -120,7 +120,7 @@ impl Job {
             let (row, mut statistics) =
                 compute_row(&self.scene, &groups, self.first_key, shooter, &self.request.precision);
             statistics.busy_nanoseconds = start.elapsed().as_nanos().try_into().unwrap_or(u64::MAX);
-            (encode_row(&row), statistics)
+            (encode_row(&Row::new(&row)), statistics)
         };
         let (rows, statistics) = self.request.shooters.iter().map(row).unzip();
         Finished { job_id: self.id, rows, statistics }
@@ -180,10 +180,9 @@ mod tests {
         let (mut store, request) = prepared();
         let finished = Job::new(&request.to_job(9), &mut store).unwrap().compute();
         assert_eq!((finished.job_id, finished.rows.len()), (9, 1));
-        let mut row = vec![];
-        decode_row(&finished.rows[0], 2, &mut row).unwrap();
+        let row = decode_row(&finished.rows[0], 2).unwrap();
         // A light 2 above the first receiver of the range, and sqrt(5) from the second: cos / r^2.
-        assert_eq!(row, [0.25, (2.0 / 5.0_f64.powf(1.5)) as f32]);
+        assert_eq!(row.to_dense(), [0.25, (2.0 / 5.0_f64.powf(1.5)) as f32]);
     }
 
     #[test]

@@ -9,7 +9,6 @@ use std::collections::{HashMap, HashSet};
 use glam::DVec3;
 use shared::geometry::PlaneId;
 use shared::replica::{Receiver, Receivers};
-use shared::row::Shooter;
 
 use super::{Bake, BakeError, light};
 use crate::scene::{Facet, Scene, Side, SourceTriangle};
@@ -84,17 +83,15 @@ impl Bake<'_, '_> {
     }
 
     fn irradiance_at(&mut self, points: &[BackPoint]) -> Result<Vec<DVec3>, BakeError> {
-        let sources = self.sources.iter().map(|source| source.shooter.clone());
-        let shooters: Vec<Shooter> = sources.chain(self.shooters.iter().cloned()).collect();
         let receivers = points.iter().map(|point| point.receiver).collect();
         let set = self.office.publish_receivers(&Receivers { first_key: FIRST_KEY, receivers });
-        let mut rows = self.office.rows(&shooters, set)?;
+        let direct = light::irradiance(&self.sources, set, self.office, |_, _, _| ())?;
+        let mut gathered = self.channels.gathering(set.count());
+        self.office.each_row(self.rows.shooters(), set, |share, row, _| {
+            gathered.add(row, self.radiosity[share]);
+        })?;
         self.office.release_receivers(set);
-        let from_shares = rows.split_off(self.sources.len());
-        let mut irradiance = vec![DVec3::ZERO; points.len()];
-        light::add(&mut irradiance, &self.sources, &rows);
-        self.channels.gather(&mut irradiance, from_shares.iter().zip(self.radiosity.iter().copied()));
-        Ok(irradiance)
+        Ok(direct.iter().zip(gathered.into_irradiance()).map(|(direct, light)| *direct + light).collect())
     }
 
     /// Area, in the frame, and mean irradiance of each surface.

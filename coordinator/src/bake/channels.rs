@@ -1,4 +1,5 @@
 use glam::DVec3;
+use shared::row::Row;
 
 use crate::scene::Scene;
 use crate::solver::{Light, add_row};
@@ -36,18 +37,37 @@ impl Channels {
         }
     }
 
-    /// Adds what the shooters of these rows give their receivers.
-    pub fn gather<'a>(self, irradiance: &mut [DVec3], rows: impl Iterator<Item = (&'a Vec<f32>, DVec3)>) {
+    /// Nothing yet, for so many receivers.
+    pub fn gathering(self, receivers: usize) -> Gathering {
         match self {
-            Self::One(colour) => {
-                let mut sums = vec![0.0; irradiance.len()];
-                rows.for_each(|(row, light)| add_row(&mut sums, row, f64::from_rgb(light, colour)));
-                irradiance
-                    .iter_mut()
-                    .zip(sums)
-                    .for_each(|(irradiance, sum)| *irradiance += sum.to_rgb(colour));
-            }
-            Self::Three => rows.for_each(|(row, light)| add_row(irradiance, row, light)),
+            Self::One(colour) => Gathering::One(colour, vec![0.0; receivers]),
+            Self::Three => Gathering::Three(vec![DVec3::ZERO; receivers]),
+        }
+    }
+}
+
+/// Irradiance of the receivers of a set, summed up row by row, so that no row need be kept for it.
+pub enum Gathering {
+    /// Of one colour.
+    One(DVec3, Vec<f64>),
+    /// Linear RGB.
+    Three(Vec<DVec3>),
+}
+
+impl Gathering {
+    /// Adds what the shooter of a row gives.
+    pub fn add(&mut self, row: &Row, light: DVec3) {
+        match self {
+            Self::One(colour, sums) => add_row(sums, row, f64::from_rgb(light, *colour)),
+            Self::Three(sums) => add_row(sums, row, light),
+        }
+    }
+
+    /// The irradiances.
+    pub fn into_irradiance(self) -> Vec<DVec3> {
+        match self {
+            Self::One(colour, sums) => sums.into_iter().map(|sum| sum.to_rgb(colour)).collect(),
+            Self::Three(sums) => sums,
         }
     }
 }

@@ -12,7 +12,7 @@ use shared::replica::{Receiver, Receivers};
 use sobol_burley::sample_4d;
 
 use super::BakeSettings;
-use super::channels::Channels;
+use super::channels::Gathering;
 use super::receivers::INWARD;
 use crate::mesh::{Mesh, PatchId, VertexId, interpolation};
 use crate::scene::Scene;
@@ -37,10 +37,6 @@ pub struct Checks {
     points: Vec<CheckPoint>,
     /// Irradiance from the light sources.
     direct: Vec<DVec3>,
-    /// The shares' rows over the points.
-    rows: Vec<Vec<f32>>,
-    /// Variance of each row of a share, then of a light source, summed over the points.
-    variances: Vec<f64>,
     /// Irradiance in all.
     irradiance: Vec<DVec3>,
 }
@@ -131,18 +127,15 @@ impl Checks {
         self.points.len()
     }
 
-    /// Takes what the light sources give the points, the shares' rows over them, and the variance of each row of a share, then of
-    /// a light source, summed over the points.
-    pub fn set_rows(&mut self, direct: Vec<DVec3>, rows: Vec<Vec<f32>>, variances: Vec<f64>) {
+    /// Takes what the light sources give the points.
+    pub fn set_direct(&mut self, direct: Vec<DVec3>) {
         self.direct = direct;
-        self.rows = rows;
-        self.variances = variances;
     }
 
-    /// Gathers the light of the shares.
-    pub fn gather(&mut self, radiosities: impl Iterator<Item = DVec3>, channels: Channels) {
-        self.irradiance = self.direct.clone();
-        channels.gather(&mut self.irradiance, self.rows.iter().zip(radiosities));
+    /// Takes the light of the shares.
+    pub fn set_gathered(&mut self, gathered: Gathering) {
+        let gathered = gathered.into_irradiance();
+        self.irradiance = self.direct.iter().zip(gathered).map(|(direct, light)| *direct + light).collect();
     }
 
     /// Compares the triangles of a mesh with these vertex values against the light gathered: the leaf under each point, and the
@@ -183,11 +176,6 @@ impl Checks {
         let flux: f64 = self.points.iter().zip(&radiosities).map(weighted).sum();
         let level = if flux > 0.0 { lost / flux * reflectance / (1.0 - reflectance) } else { 0.0 };
         errors.iter().zip(radiosities).map(|(error, radiosity)| *error + radiosity * level).collect()
-    }
-
-    /// Variance of the row of each share, then of each light source, summed over the points.
-    pub fn variances(&self) -> &[f64] {
-        &self.variances
     }
 
     /// Relative standard error of the radiosity gathered at the first `count` points, from the rays that sampled visibility. Of

@@ -2,11 +2,12 @@
 
 use glam::DVec3;
 use shared::geometry::ConvexPolygon;
-use shared::row::{Shape, Shooter};
+use shared::row::{Row, Shape, Shooter};
 
-use super::BakeSettings;
+use super::rows::{ReceiverSet, RowOffice};
+use super::{BakeError, BakeSettings};
 use crate::scene::Scene;
-use crate::solver::{ShareEnergy, add_row};
+use crate::solver::add_row;
 
 /// A light source with a row of its own.
 pub struct LightSource {
@@ -39,18 +40,21 @@ pub fn sources(scene: &Scene, settings: &BakeSettings, first_key: u64) -> Vec<Li
         .collect()
 }
 
-/// Flux that shares get from the point lights alone, given the sources' rows.
-pub fn flux_of_point_lights(sources: &[LightSource], rows: &[Vec<f32>], shares: &[ShareEnergy]) -> DVec3 {
-    let flux = |row: &Vec<f32>| -> f64 { shares.iter().map(|s| s.area * f64::from(row[s.receiver])).sum() };
-    let lights =
-        sources.iter().zip(rows).filter(|(source, _)| !matches!(source.shooter.shape, Shape::Polygons(_)));
-    lights.map(|(source, row)| source.strength * flux(row)).sum()
-}
-
-/// Adds what the sources give the receivers of their rows to the last entries of `irradiance`.
-pub fn add(irradiance: &mut [DVec3], sources: &[LightSource], rows: &[Vec<f32>]) {
-    for (source, row) in sources.iter().zip(rows) {
-        let first = irradiance.len() - row.len();
-        add_row(&mut irradiance[first..], row, source.strength);
-    }
+/// What the sources give a set of receivers, in all. `look` sees each source with its row and the row's variance.
+///
+/// # Errors
+/// When a row cannot be had.
+pub fn irradiance(
+    sources: &[LightSource],
+    set: ReceiverSet,
+    office: &mut RowOffice,
+    mut look: impl FnMut(&LightSource, &Row, f64),
+) -> Result<Vec<DVec3>, BakeError> {
+    let shooters: Vec<Shooter> = sources.iter().map(|source| source.shooter.clone()).collect();
+    let mut irradiance = vec![DVec3::ZERO; set.count()];
+    office.each_row(&shooters, set, |index, row, variance| {
+        look(&sources[index], row, variance);
+        add_row(&mut irradiance, row, sources[index].strength);
+    })?;
+    Ok(irradiance)
 }

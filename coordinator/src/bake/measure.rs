@@ -6,7 +6,7 @@ use shared::row::{Shape, Shooter};
 
 use super::checks::Checks;
 use super::refine::NOISE_HIDES;
-use super::{Bake, BakeError, BakeSettings, ErrorBudget, Phase, shooting_mesh};
+use super::{Bake, BakeError, BakeSettings, ErrorBudget, Phase, light, shooting_mesh};
 use crate::solver::fit::best_fit;
 
 /// Check points at which all leaves of the mesh are gathered, to see what the shares get wrong.
@@ -83,7 +83,6 @@ impl Bake<'_, '_> {
         let mut checks =
             Checks::draw(&self.mesh, self.scene, self.settings, prediction.leaves(), self.rounds_measured);
         self.light_checks(&mut checks)?;
-        checks.gather(self.radiosity.iter().copied(), self.channels);
         let noise = self.noise();
         let found = checks.compare(&self.mesh, &fitted);
         let receivers = if checks.count() > 0 {
@@ -109,11 +108,29 @@ impl Bake<'_, '_> {
         Ok(())
     }
 
+    /// Gathers the light of all sources and shares at check points.
+    fn light_checks(&mut self, checks: &mut Checks) -> Result<(), BakeError> {
+        if checks.count() == 0 {
+            return Ok(());
+        }
+        let set = self.office.publish_receivers(&checks.receivers(checks.count()));
+        checks.set_direct(light::irradiance(&self.sources, set, self.office, |_, _, _| ())?);
+        let mut gathered = self.channels.gathering(set.count());
+        self.office.each_row(self.rows.shooters(), set, |share, row, _| {
+            gathered.add(row, self.radiosity[share]);
+        })?;
+        checks.set_gathered(gathered);
+        self.office.release_receivers(set);
+        Ok(())
+    }
+
     /// Relative standard error of irradiance at a point, from the rays that sampled visibility.
     pub(super) fn noise(&self) -> f64 {
-        let sources = self.sources.iter().map(|source| source.strength);
-        let lights = self.radiosity.iter().copied().chain(sources);
-        self.guides.noise(lights.zip(self.guides.variances().iter().copied()), self.guides.count())
+        let Some(guides) = self.guide_set else { return 0.0 };
+        let sources =
+            self.sources.iter().map(|source| source.strength).zip(self.guide_variances.iter().copied());
+        let shares = self.radiosity.iter().copied().zip(self.rows.variances(guides));
+        self.guides.noise(shares.chain(sources), self.guides.count())
     }
 
     /// What the leaves of the refined mesh give the first check points, each with its own mean radiosity; and the noise of it.
@@ -143,12 +160,14 @@ impl Bake<'_, '_> {
             radiosities.push(surface.reflectance * mean);
         }
         let set = self.office.publish_receivers(&checks.receivers(count));
-        let (rows, variances) = self.office.rows_with_variances(&shooters, set)?;
+        let mut gathered = self.channels.gathering(count);
+        let mut lights = Vec::with_capacity(shooters.len());
+        self.office.each_row(&shooters, set, |leaf, row, variance| {
+            gathered.add(row, radiosities[leaf]);
+            lights.push((radiosities[leaf], variance));
+        })?;
         self.office.release_receivers(set);
-        let mut gathered = vec![DVec3::ZERO; count];
-        self.channels.gather(&mut gathered, rows.iter().zip(radiosities.iter().copied()));
-        let noise = checks.noise(radiosities.into_iter().zip(variances), count);
-        Ok((gathered, noise))
+        Ok((gathered.into_irradiance(), checks.noise(lights.into_iter(), count)))
     }
 
     /// Reflected flux over incident flux.
@@ -182,8 +201,7 @@ impl Bake<'_, '_> {
             let factor = (SHOOTERS_PART * asked / error.shooters).clamp(0.25, 0.5);
             let finer = better.with_shooter_edge(self.settings.shooter_edge * factor);
             let vertices = shooting_mesh(self.scene, &finer).vertices.len();
-            let fits = vertices <= finer.row_limit(vertices).min(finer.max_vertices);
-            if !fits {
+            if vertices > finer.max_vertices {
                 return None;
             }
             finer
@@ -206,7 +224,7 @@ impl Bake<'_, '_> {
         let error = &self.error;
         let parts = [
             (error.receivers, self.mesh_obstacle.map_or("interpolation between the vertices".to_owned(), |cure| format!("interpolation between the vertices: {cure}"))),
-            (error.shooters, "the size of the shooting patches: raise --row-memory, or give a finer --shooter-edge with --mesh-error".to_owned()),
+            (error.shooters, "the size of the shooting patches: raise --max-vertices, or give a finer --shooter-edge with --mesh-error".to_owned()),
             (error.visibility, "sampled visibility: raise --rays or --exact-occluders".to_owned()),
             (error.form_factors, "the arithmetic of form factors: lower --form-factor-error".to_owned()),
             (error.unshot, "unshot light: lower --threshold".to_owned()),

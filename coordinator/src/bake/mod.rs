@@ -30,6 +30,7 @@ mod report;
 mod rows;
 mod settings;
 mod settle;
+mod share_rows;
 mod shoot;
 
 use std::time::Instant;
@@ -37,7 +38,7 @@ use std::time::Instant;
 use glam::DVec3;
 use serde::Serialize;
 use shared::replica::encode_scene;
-use shared::row::{Shape, Shooter};
+use shared::row::{Row, Shape, Shooter};
 
 pub use budget::ErrorBudget;
 pub use rows::{BakeError, RowService};
@@ -48,12 +49,14 @@ use crate::mesh::{Mesh, Share, VertexId, triangulate};
 use crate::scene::Scene;
 use crate::solver::ShareEnergy;
 use crate::solver::balance::{EnergyBalance, RowSums};
+use crate::solver::cache::SetId;
 use crate::solver::fit::best_fit;
 use channels::Channels;
 use checks::Checks;
 use light::LightSource;
 use receivers::receivers;
-use rows::{ReceiverSet, RowOffice};
+use rows::RowOffice;
+use share_rows::{COARSE, ShareRows};
 
 /// What a bake is doing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -108,6 +111,10 @@ pub struct BakeReport {
     pub occluders: usize,
     /// Rows made, each over all receivers of a set.
     pub rows: u64,
+    /// Times that a row was made again, because it was not kept.
+    pub rows_again: u64,
+    /// Most bytes of rows that were ever kept.
+    pub row_bytes: usize,
     /// What of the model the scene needed.
     pub model: Model,
     /// Form factors computed that are not 0 before occlusion.
@@ -162,7 +169,7 @@ pub struct Model {
 /// Bakes a scene. Rows come from `service`; `progress` is told how far it is, often.
 ///
 /// # Errors
-/// When the rows cannot be had or do not fit in memory, or the scene gives no mesh.
+/// When the rows cannot be had, or the scene gives no mesh.
 pub fn bake(
     scene: &Scene,
     settings: &BakeSettings,
@@ -216,16 +223,25 @@ struct Bake<'a, 'b> {
     reflectance: Vec<DVec3>,
     shares: Vec<Share>,
     energies: Vec<ShareEnergy>,
-    shooters: Vec<Shooter>,
     sources: Vec<LightSource>,
-    /// Receivers of the shooting mesh.
-    coarse: ReceiverSet,
+    /// Rows of the shares over all vertices so far, and over the guides.
+    rows: ShareRows,
+    /// The vertices as receivers: those of the shooting mesh, then those of each round of refinement.
+    vertex_sets: Vec<SetId>,
     /// Points between the vertices that guide the refinement.
     guides: Checks,
+    /// The guides as receivers, where there are any.
+    guide_set: Option<SetId>,
+    /// Variance of the row of each light source over the guides, summed over it.
+    guide_variances: Vec<f64>,
     /// Irradiance from the light sources, per vertex.
     direct: Vec<DVec3>,
-    /// Rows of the shares over all vertices so far.
-    rows: Vec<Vec<f32>>,
+    /// Whether each vertex sees any surface.
+    exposed: Vec<bool>,
+    /// Bytes of the rows over the shooting mesh.
+    coarse_bytes: usize,
+    /// Most bytes of rows that were ever kept.
+    most_row_bytes: usize,
     /// Radiosity of each share.
     radiosity: Vec<DVec3>,
     /// Irradiance, per vertex.
@@ -265,10 +281,6 @@ impl<'a, 'b> Bake<'a, 'b> {
         let plane_of =
             |surface: u32, facet: u32| scene.surfaces[surface as usize].facets[facet as usize].plane;
         let shares = mesh.shares(plane_of);
-        if mesh.vertices.len() > settings.row_limit(shares.len()) {
-            let (vertices, mebibytes) = (mesh.vertices.len(), settings.row_memory);
-            return Err(BakeError::TooManyVertices { vertices, mebibytes });
-        }
         let reflectance: Vec<DVec3> = scene.surfaces.iter().map(|surface| surface.reflectance).collect();
         let energies = shares
             .iter()
@@ -285,7 +297,8 @@ impl<'a, 'b> Bake<'a, 'b> {
         let shooters: Vec<Shooter> = shares.iter().enumerate().map(shooter).collect();
         let sources = light::sources(scene, settings, shooters.len() as u64);
         office.set_precision(settings.precision());
-        let coarse = office.publish_receivers(&receivers(&mesh, VertexId(0)));
+        let mut rows = ShareRows::new(shooters, settings.row_cache << 20);
+        let coarse = rows.add_set(office.publish_receivers(&receivers(&mesh, VertexId(0))));
         let guides = Checks::draw(&mesh, scene, settings, &[], 0);
         let count = shares.len();
         let mut bake = Self {
@@ -296,12 +309,16 @@ impl<'a, 'b> Bake<'a, 'b> {
             mesh,
             reflectance,
             energies,
-            shooters,
             sources,
-            coarse,
+            rows,
+            vertex_sets: vec![coarse],
             guides,
+            guide_set: None,
+            guide_variances: vec![],
             direct: vec![],
-            rows: vec![],
+            exposed: vec![],
+            coarse_bytes: 0,
+            most_row_bytes: 0,
             radiosity: vec![DVec3::ZERO; count],
             irradiance: vec![],
             occluders: 0,
@@ -333,18 +350,31 @@ impl<'a, 'b> Bake<'a, 'b> {
 
     /// Ends an attempt without a result.
     fn give_up(self) -> Spent {
-        self.office.release_receivers(self.coarse);
+        self.rows.release(self.office);
         Spent { restarts: self.spent.restarts + 1, ..self.spent }
     }
 
-    /// Direct irradiance at the vertices of the shooting mesh.
+    /// Direct irradiance at the vertices of the shooting mesh and at the guides.
     fn light(&mut self) -> Result<(), BakeError> {
         self.office.enter(Phase::Light, self.mesh.vertices.len());
-        self.direct = vec![DVec3::ZERO; self.mesh.vertices.len()];
-        let shooters: Vec<Shooter> = self.sources.iter().map(|source| source.shooter.clone()).collect();
-        let rows = self.office.rows(&shooters, self.coarse)?;
-        light::add(&mut self.direct, &self.sources, &rows);
-        self.from_point_lights = light::flux_of_point_lights(&self.sources, &rows, &self.energies);
+        let energies = &self.energies;
+        let mut from_point_lights = DVec3::ZERO;
+        self.direct =
+            light::irradiance(&self.sources, self.rows.set(COARSE), self.office, |source, row, _| {
+                if !matches!(source.shooter.shape, Shape::Polygons(_)) {
+                    let factors = row.to_dense();
+                    let flux = energies.iter().map(|s| s.area * f64::from(factors[s.receiver])).sum::<f64>();
+                    from_point_lights += source.strength * flux;
+                }
+            })?;
+        self.from_point_lights = from_point_lights;
+        if self.guides.count() > 0 {
+            let set = self.office.publish_receivers(&self.guides.receivers(self.guides.count()));
+            let variances = &mut self.guide_variances;
+            let look = |_: &LightSource, _: &Row, variance| variances.push(variance);
+            self.guides.set_direct(light::irradiance(&self.sources, set, self.office, look)?);
+            self.guide_set = Some(self.rows.add_set(set));
+        }
         self.end_step("light");
         Ok(())
     }
@@ -361,13 +391,13 @@ impl<'a, 'b> Bake<'a, 'b> {
     }
 }
 
-/// The mesh of the shares. Where an error is asked for and its mesh does not fit, the finest that does.
+/// The mesh of the shares. Where an error is asked for and its mesh would have too many vertices, the finest that has not.
 fn shooting_mesh(scene: &Scene, settings: &BakeSettings) -> Mesh {
     let extent = extent(scene);
     let mut edge = settings.shooter_edge;
     loop {
         let mesh = Mesh::new(scene, extent, edge * extent, settings.max_level);
-        let fits = mesh.vertices.len() <= settings.row_limit(mesh.vertices.len());
+        let fits = mesh.vertices.len() <= settings.max_vertices;
         if fits || settings.error.is_none() || edge >= 1.0 {
             return mesh;
         }

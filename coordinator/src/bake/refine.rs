@@ -1,8 +1,5 @@
 //! Refining the receiving side of the mesh.
 
-use glam::DVec3;
-use shared::row::Shooter;
-
 use super::measure::without_noise;
 use super::receivers::receivers;
 use super::{Bake, BakeError, Phase, light};
@@ -28,8 +25,6 @@ const MOST_PER_ROUND: f64 = 0.8;
 impl Bake<'_, '_> {
     /// Divides patches where interpolation is wrong, round by round, until its error is expected to be under `limit`.
     pub(super) fn refine(&mut self, limit: f64) -> Result<(), BakeError> {
-        let sources = self.sources.iter().map(|source| source.shooter.clone());
-        let shooters: Vec<Shooter> = sources.chain(self.shooters.iter().cloned()).collect();
         let shortest_edge = super::extent(self.scene) * 2.0_f64.powi(-(self.settings.max_level as i32));
         self.mesh_obstacle = None;
         loop {
@@ -43,17 +38,10 @@ impl Bake<'_, '_> {
                 self.mesh_obstacle = Some(NOISE_HIDES);
                 break;
             }
-            let row_limit = self.settings.row_limit(self.shares.len());
-            let most = self.settings.max_vertices.min(row_limit);
             // A divided patch brings up to five vertices, and may make its neighbours divide.
-            let room = most.saturating_sub(self.mesh.vertices.len()) / 5;
+            let room = self.settings.max_vertices.saturating_sub(self.mesh.vertices.len()) / 5;
             if room == 0 {
-                let cure = if row_limit < self.settings.max_vertices {
-                    "raise --row-memory"
-                } else {
-                    "raise --max-vertices"
-                };
-                self.mesh_obstacle = Some(cure);
+                self.mesh_obstacle = Some("raise --max-vertices");
                 break;
             }
             let may_divide = |id: PatchId| self.mesh.size(id) > shortest_edge;
@@ -63,13 +51,13 @@ impl Bake<'_, '_> {
                 break;
             }
             let first = VertexId(self.mesh.vertices.len() as u32);
-            // By place rather than by error: rows are cheaper when neighbours among the receivers are neighbours in space.
-            worst.sort_unstable();
+            // Their vertices follow each other in the same order.
+            self.mesh.sort_by_place(&mut worst);
             for id in worst {
                 self.mesh.divide(id);
             }
             self.spent.rounds += 1;
-            self.receive(first, &shooters)?;
+            self.receive(first)?;
         }
         self.end_step("refine");
         Ok(())
@@ -82,21 +70,19 @@ impl Bake<'_, '_> {
     }
 
     /// Irradiance of the vertices from `first` on, from every source and share.
-    fn receive(&mut self, first: VertexId, shooters: &[Shooter]) -> Result<(), BakeError> {
+    fn receive(&mut self, first: VertexId) -> Result<(), BakeError> {
         self.office.enter(Phase::Refine, self.mesh.vertices.len());
         let set = self.office.publish_receivers(&receivers(&self.mesh, first));
-        let mut rows = self.office.rows(shooters, set)?;
-        self.office.release_receivers(set);
-        let from_shares = rows.split_off(self.sources.len());
-        let count = self.mesh.vertices.len();
-        self.direct.resize(count, DVec3::ZERO);
-        light::add(&mut self.direct, &self.sources, &rows);
-        self.irradiance.extend_from_slice(&self.direct[first.index()..]);
-        let new = &mut self.irradiance[first.index()..];
-        self.channels.gather(new, from_shares.iter().zip(self.radiosity.iter().copied()));
-        for (row, more) in self.rows.iter_mut().zip(&from_shares) {
-            row.extend_from_slice(more);
-        }
+        let id = self.rows.add_set(set);
+        self.vertex_sets.push(id);
+        let direct = light::irradiance(&self.sources, set, self.office, |_, _, _| ())?;
+        let mut gathered = self.channels.gathering(set.count());
+        let radiosity = std::mem::take(&mut self.radiosity);
+        self.look_at_rows(id, |share, row| gathered.add(row, radiosity[share.index()]))?;
+        self.radiosity = radiosity;
+        let gathered = gathered.into_irradiance();
+        self.irradiance.extend(direct.iter().zip(gathered).map(|(direct, light)| *direct + light));
+        self.direct.extend(direct);
         Ok(())
     }
 }

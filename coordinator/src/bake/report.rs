@@ -30,6 +30,8 @@ impl Bake<'_, '_> {
             patches: self.mesh.leaves().count(),
             occluders: self.occluders,
             rows: self.office.rows_made(),
+            rows_again: self.office.rows_made_again(),
+            row_bytes: self.most_row_bytes,
             model: self.model(),
             factors: statistics.factors,
             rays: statistics.rays,

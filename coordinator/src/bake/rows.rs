@@ -1,10 +1,10 @@
 //! Asking for rows and getting them.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap, VecDeque};
 
 use shared::protocol::RowStatistics;
 use shared::replica::{Digest, EncodedReplica, Receivers, encode_receivers};
-use shared::row::{Precision, RowRequest, Shooter};
+use shared::row::{Precision, Row, RowRequest, Shooter};
 
 use super::{Phase, Progress};
 use crate::cluster::{Cluster, FinishedJob, JobId};
@@ -12,6 +12,10 @@ use crate::cluster::{Cluster, FinishedJob, JobId};
 /// A job should have about this many pairs of shooter and receiver: some milliseconds of work, so that the message costs
 /// nothing beside it and the end of a batch does not wait for one worker.
 const PAIRS_PER_JOB: usize = 8_000;
+
+/// So many jobs are under way at most where rows are asked for in bulk: enough to keep a hundred threads busy, few enough that
+/// rows which wait for their turn take little memory.
+const MOST_UNDER_WAY: usize = 256;
 
 /// Form factors are summed up in this unit: 2^-50, far below the rounding of a row.
 const SUM_UNIT: f64 = 1.0 / (1_u64 << 50) as f64;
@@ -55,16 +59,6 @@ pub enum BakeError {
     /// Nothing is left of the scene after welding.
     #[error("the scene has no surface large enough to hold a patch")]
     EmptyMesh,
-    /// The rows would not fit in memory.
-    #[error(
-        "rows between {vertices} vertices take more than {mebibytes} MiB: simplify the scene's geometry, or raise --row-memory"
-    )]
-    TooManyVertices {
-        /// Vertices of the mesh before refinement.
-        vertices: usize,
-        /// What the settings allow.
-        mebibytes: usize,
-    },
     /// The arithmetic went wrong: better no output than a black one.
     #[error("the solution is not finite: please report the scene as a fault of this program")]
     NotFinite,
@@ -80,20 +74,43 @@ pub struct ReceiverSet {
     count: usize,
 }
 
+impl ReceiverSet {
+    /// Number of receivers.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// How many shooters a job over all of them should have.
+    pub fn shooters_per_job(&self) -> usize {
+        (PAIRS_PER_JOB / self.count.max(1)).max(1)
+    }
+}
+
+/// What one job is to compute.
+pub struct Wish {
+    /// One row each.
+    pub shooters: Vec<Shooter>,
+    /// Over all receivers of a set.
+    pub set: ReceiverSet,
+    /// Which of these rows were made before: they do not count as what the scene needs.
+    pub again: Vec<bool>,
+}
+
 /// Cuts wishes into jobs, keeps account of them and of what they cost.
 pub struct RowOffice<'a> {
     service: &'a mut dyn RowService,
     report: &'a mut dyn FnMut(&Progress),
     scene: Digest,
     precision: Precision,
-    /// What the caller called each job under way.
-    tags: HashMap<JobId, u64>,
+    /// What the caller called each job under way, and which of its rows were made before.
+    tags: HashMap<JobId, (u64, Vec<bool>)>,
     next_job: u64,
     /// Counts of what has been computed so far.
     pub statistics: RowStatistics,
     /// Sums of all form factors and of their errors, in units of [`SUM_UNIT`]: jobs finish in any order, and only sums of whole
     /// numbers are the same in all.
     factor_sums: [u128; 2],
+    rows_again: u64,
     progress: Progress,
 }
 
@@ -115,6 +132,7 @@ impl<'a> RowOffice<'a> {
             next_job: 0,
             statistics: RowStatistics::default(),
             factor_sums: [0; 2],
+            rows_again: 0,
             progress: Progress {
                 phase: Phase::Light,
                 unshot: 1.0,
@@ -144,45 +162,69 @@ impl<'a> RowOffice<'a> {
         self.service.release(set.digest);
     }
 
-    /// Rows of these shooters over all receivers of a set.
-    pub fn rows(&mut self, shooters: &[Shooter], set: ReceiverSet) -> Result<Vec<Vec<f32>>, BakeError> {
-        self.rows_with_variances(shooters, set).map(|(rows, _)| rows)
-    }
-
-    /// Rows of these shooters over all receivers of a set, and the variance that sampling gave each row, summed over it.
-    pub fn rows_with_variances(
+    /// Makes the rows of these shooters over all receivers of a set, and hands them over in their order, each with its index and
+    /// the variance that sampling gave it, summed over it.
+    pub fn each_row(
         &mut self,
         shooters: &[Shooter],
         set: ReceiverSet,
-    ) -> Result<(Vec<Vec<f32>>, Vec<f64>), BakeError> {
-        let per_job = (PAIRS_PER_JOB / set.count.max(1)).max(1);
+        mut take: impl FnMut(usize, &Row, f64),
+    ) -> Result<(), BakeError> {
         self.expect_rows(shooters.len() as u64);
-        for (index, some) in shooters.chunks(per_job).enumerate() {
-            self.submit((index * per_job) as u64, some.to_vec(), set);
-        }
-        let mut rows = vec![vec![]; shooters.len()];
-        let mut variances = vec![0.0; shooters.len()];
-        while !self.tags.is_empty() {
-            let (first, some) = self.next()?;
-            for (i, (row, statistics)) in some.rows.into_iter().zip(some.statistics).enumerate() {
-                rows[first as usize + i] = row;
-                variances[first as usize + i] = statistics.sampling_variance;
+        let mut next = 0;
+        let wish = |some: &[Shooter]| Wish { shooters: some.to_vec(), set, again: vec![false; some.len()] };
+        let wishes = shooters.chunks(set.shooters_per_job()).map(|some| ((), wish(some)));
+        self.in_order(wishes, |(), finished| {
+            for (row, statistics) in finished.rows.iter().zip(&finished.statistics) {
+                take(next, row, statistics.sampling_variance);
+                next += 1;
+            }
+        })
+    }
+
+    /// Has all wishes computed, a bounded number of them at a time, and hands over the answers in the order of the wishes, each
+    /// with what was given beside its wish. No other job may be under way.
+    pub fn in_order<T>(
+        &mut self,
+        mut wishes: impl Iterator<Item = (T, Wish)>,
+        mut take: impl FnMut(T, FinishedJob),
+    ) -> Result<(), BakeError> {
+        let mut under_way = VecDeque::new();
+        let mut arrived: BTreeMap<u64, FinishedJob> = BTreeMap::new();
+        let (mut submitted, mut taken) = (0, 0);
+        loop {
+            while under_way.len() < MOST_UNDER_WAY
+                && let Some((beside, wish)) = wishes.next()
+            {
+                under_way.push_back(beside);
+                self.submit(submitted, wish);
+                submitted += 1;
+            }
+            if under_way.is_empty() {
+                return Ok(());
+            }
+            let (number, finished) = self.next()?;
+            arrived.insert(number, finished);
+            while let Some(finished) = arrived.remove(&taken)
+                && let Some(beside) = under_way.pop_front()
+            {
+                take(beside, finished);
+                taken += 1;
             }
         }
-        Ok((rows, variances))
     }
 
     /// Asks for one job, to be known by `tag`.
-    pub fn submit(&mut self, tag: u64, shooters: Vec<Shooter>, set: ReceiverSet) {
+    pub fn submit(&mut self, tag: u64, wish: Wish) {
         let job = JobId(self.next_job);
         self.next_job += 1;
-        self.tags.insert(job, tag);
+        self.tags.insert(job, (tag, wish.again));
         let request = RowRequest {
             scene: self.scene,
-            receivers: set.digest,
+            receivers: wish.set.digest,
             first_receiver: 0,
-            receiver_count: set.count as u32,
-            shooters,
+            receiver_count: wish.set.count as u32,
+            shooters: wish.shooters,
             precision: self.precision,
         };
         self.service.submit(vec![(job, request)]);
@@ -192,19 +234,31 @@ impl<'a> RowOffice<'a> {
     pub fn next(&mut self) -> Result<(u64, FinishedJob), BakeError> {
         loop {
             let finished = self.service.next()?;
-            if let Some(tag) = self.tags.remove(&finished.job) {
-                for row in &finished.statistics {
-                    add(&mut self.statistics, row);
-                    for (sum, part) in self.factor_sums.iter_mut().zip([row.factor_sum, row.factor_error_sum])
-                    {
-                        *sum += (part / SUM_UNIT) as u128;
-                    }
+            if let Some((tag, again)) = self.tags.remove(&finished.job) {
+                for (row, again) in finished.statistics.iter().zip(again) {
+                    self.count(row, again);
                 }
-                self.progress.rows += finished.rows.len() as u64;
-                self.progress.rays = self.statistics.rays;
                 (self.report)(&self.progress);
                 return Ok((tag, finished));
             }
+        }
+    }
+
+    fn count(&mut self, row: &RowStatistics, again: bool) {
+        self.progress.rows += 1;
+        self.progress.rays += row.rays;
+        self.statistics.busy_nanoseconds += row.busy_nanoseconds;
+        if again {
+            self.rows_again += 1;
+            return;
+        }
+        self.statistics.rays += row.rays;
+        self.statistics.pairs += row.pairs;
+        self.statistics.factors += row.factors;
+        self.statistics.occluded_pairs += row.occluded_pairs;
+        self.statistics.sampled_pairs += row.sampled_pairs;
+        for (sum, part) in self.factor_sums.iter_mut().zip([row.factor_sum, row.factor_error_sum]) {
+            *sum += (part / SUM_UNIT) as u128;
         }
     }
 
@@ -214,9 +268,14 @@ impl<'a> RowOffice<'a> {
         if factors > 0.0 { errors / factors } else { 0.0 }
     }
 
-    /// Number of rows made.
+    /// Number of different rows made.
     pub fn rows_made(&self) -> u64 {
-        self.progress.rows
+        self.progress.rows - self.rows_again
+    }
+
+    /// Number of times that a row was made again, because it was not kept.
+    pub fn rows_made_again(&self) -> u64 {
+        self.rows_again
     }
 
     /// So many more rows will be needed.
@@ -235,14 +294,4 @@ impl<'a> RowOffice<'a> {
     pub fn set_unshot(&mut self, unshot: f64) {
         self.progress.unshot = unshot;
     }
-}
-
-/// Adds the counts.
-fn add(sum: &mut RowStatistics, row: &RowStatistics) {
-    sum.rays += row.rays;
-    sum.pairs += row.pairs;
-    sum.factors += row.factors;
-    sum.occluded_pairs += row.occluded_pairs;
-    sum.sampled_pairs += row.sampled_pairs;
-    sum.busy_nanoseconds += row.busy_nanoseconds;
 }

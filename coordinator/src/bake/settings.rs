@@ -13,8 +13,10 @@ pub struct BakeSettings {
     pub mesh_error: f64,
     /// Refinement also ends at this number of vertices.
     pub max_vertices: usize,
-    /// Rows are kept in memory, 4 bytes for each pair of share and vertex; refinement also ends when they take this many MiB.
-    pub row_memory: usize,
+    /// Memory for rows in MiB: those that do not fit are made again when they are needed. No part of the answer, and so not
+    /// written beside it.
+    #[serde(skip)]
+    pub row_cache: usize,
     /// Patches are divided this often at most.
     pub max_level: u32,
     /// The solution ends when rho / (1 - rho) x unshot flux is under this part of the reflected flux.
@@ -91,12 +93,6 @@ impl BakeSettings {
             form_factor_error: self.form_factor_error,
         }
     }
-
-    /// Most vertices for which the rows of so many shares fit in memory, with the factors between shares beside them.
-    #[must_use]
-    pub fn row_limit(&self, shares: usize) -> usize {
-        ((self.row_memory << 20) / (4 * shares.max(1))).saturating_sub(shares)
-    }
 }
 
 impl Default for BakeSettings {
@@ -107,7 +103,7 @@ impl Default for BakeSettings {
             shooter_edge: 0.15,
             mesh_error: 0.005,
             max_vertices: 200_000,
-            row_memory: 8192,
+            row_cache: 2048,
             max_level: 12,
             threshold: 1e-6,
             window: 32,

@@ -1,10 +1,11 @@
 //! The last step of the solution: the shares take the mean radiosity of the refined mesh.
 
 use glam::DVec3;
+use shared::row::Row;
 
 use super::{Bake, BakeError, Phase};
 use crate::mesh::{Mesh, PatchId, Share};
-use crate::solver::sweeps::Transfer;
+use crate::solver::ShareEnergy;
 
 /// A share of which less than this part is exposed takes the value at its vertex.
 const LEAST_EXPOSED: f64 = 0.1;
@@ -14,40 +15,105 @@ impl Bake<'_, '_> {
     /// its vertex: the better figure where a shadow line or a hot spot lies inside the share. No new rows are needed.
     pub(super) fn settle(&mut self) -> Result<(), BakeError> {
         self.office.enter(Phase::Settle, self.mesh.vertices.len());
-        let exposed = self.exposed_vertices();
-        let means: Vec<Vec<(usize, f64)>> =
-            self.shares.iter().map(|share| mean_weights(&self.mesh, share, &exposed)).collect();
-        let columns = self
-            .rows
-            .iter()
-            .map(|row| {
-                let mean = |weights: &Vec<(usize, f64)>| {
-                    weights.iter().map(|(vertex, weight)| f64::from(row[*vertex]) * weight).sum::<f64>()
-                        as f32
-                };
-                means.iter().map(mean).collect()
-            })
-            .collect();
-        let direct: Vec<DVec3> = means
-            .iter()
-            .map(|weights| weights.iter().map(|(vertex, weight)| self.direct[*vertex] * *weight).sum())
-            .collect();
+        let means = Means::new(&self.mesh, &self.shares, &self.exposed);
+        let direct = means.of(&self.direct);
         let guess = std::mem::take(&mut self.radiosity);
-        self.solve(&Transfer { columns }, &direct, guess)?;
+        let itself = |(receiver, share): (usize, &ShareEnergy)| ShareEnergy { receiver, ..*share };
+        let energies = self.energies.iter().enumerate().map(itself).collect();
+        self.solve(energies, Some(&means), direct, guess)?;
         self.end_step("settle");
         Ok(())
     }
+}
 
-    /// Whether each vertex sees any surface. One that sees none, like the floor under a box, sends light to none either: what
-    /// it has must not dim the mean of a share that lies half in the open.
-    fn exposed_vertices(&self) -> Vec<bool> {
-        let mut exposed = vec![false; self.mesh.vertices.len()];
-        for row in &self.rows {
-            for (exposed, factor) in exposed.iter_mut().zip(row) {
-                *exposed |= *factor > 0.0;
+/// The mean over each share's part of the refined mesh, of what its vertices have.
+pub struct Means {
+    shares: usize,
+    /// Where the shares of each vertex begin, and where the last ones end.
+    starts: Vec<u32>,
+    /// By vertex: the shares whose means it is a part of, and how much.
+    weights: Vec<(u32, f64)>,
+}
+
+impl Means {
+    /// The means of these shares. A vertex that is not exposed sees no surface: it sends light to none either, like the floor
+    /// under a box, and what it has must not dim the mean of a share that lies half in the open.
+    fn new(mesh: &Mesh, shares: &[Share], exposed: &[bool]) -> Self {
+        let by_share: Vec<Vec<(usize, f64)>> =
+            shares.iter().map(|share| mean_weights(mesh, share, exposed)).collect();
+        let mut starts = vec![0; exposed.len() + 1];
+        for (vertex, _) in by_share.iter().flatten() {
+            starts[vertex + 1] += 1;
+        }
+        for vertex in 0..exposed.len() {
+            starts[vertex + 1] += starts[vertex];
+        }
+        let mut next = starts.clone();
+        let mut weights = vec![(0, 0.0); starts.last().copied().unwrap_or(0) as usize];
+        for (share, own) in (0..).zip(&by_share) {
+            for (vertex, weight) in own {
+                weights[next[*vertex] as usize] = (share, *weight);
+                next[*vertex] += 1;
             }
         }
-        exposed
+        Self { shares: shares.len(), starts, weights }
+    }
+
+    fn at(&self, vertex: usize) -> &[(u32, f64)] {
+        &self.weights[self.starts[vertex] as usize..self.starts[vertex + 1] as usize]
+    }
+
+    /// Mean of each share.
+    fn of(&self, values: &[DVec3]) -> Vec<DVec3> {
+        let mut means = vec![DVec3::ZERO; self.shares];
+        for (vertex, value) in values.iter().enumerate() {
+            self.at(vertex).iter().for_each(|(share, weight)| means[*share as usize] += *value * *weight);
+        }
+        means
+    }
+
+    /// For the means of rows.
+    pub fn sums(&self) -> Sums<'_> {
+        Sums {
+            means: self,
+            sums: vec![0.0; self.shares],
+            reached: vec![],
+            is_reached: vec![false; self.shares],
+        }
+    }
+}
+
+/// Sums up means of rows, one row after the other: what a row does not reach costs nothing.
+pub struct Sums<'a> {
+    means: &'a Means,
+    sums: Vec<f64>,
+    reached: Vec<u32>,
+    is_reached: Vec<bool>,
+}
+
+impl Sums<'_> {
+    /// The means of a row, given in parts that follow each other: a factor for each share.
+    pub fn column(&mut self, rows: &[&Row]) -> Row {
+        let mut first = 0;
+        for row in rows {
+            row.for_each(|receiver, factor| {
+                for (share, weight) in self.means.at(first + receiver) {
+                    if !std::mem::replace(&mut self.is_reached[*share as usize], true) {
+                        self.reached.push(*share);
+                    }
+                    self.sums[*share as usize] += f64::from(factor) * weight;
+                }
+            });
+            first += row.receivers();
+        }
+        self.reached.sort_unstable();
+        let means: Vec<(usize, f32)> =
+            self.reached.iter().map(|share| (*share as usize, self.sums[*share as usize] as f32)).collect();
+        for share in self.reached.drain(..) {
+            self.sums[share as usize] = 0.0;
+            self.is_reached[share as usize] = false;
+        }
+        Row::of_some(self.means.shares, &means)
     }
 }
 

@@ -1,11 +1,14 @@
 //! Solving for the radiosity of the shares.
 
 use glam::DVec3;
-use shared::row::Shooter;
+use shared::row::Row;
 
 use super::channels::Channels;
-use super::checks::Checks;
-use super::{Bake, BakeError, Phase, light};
+use super::rows::RowOffice;
+use super::settle::Means;
+use super::share_rows::{COARSE, ShareRows};
+use super::{Bake, BakeError, Phase};
+use crate::solver::cache::{ColumnCache, SetId};
 use crate::solver::shooting::Shooting;
 use crate::solver::sweeps::{Transfer, solve};
 use crate::solver::{Light, ShareEnergy, ShareId};
@@ -16,128 +19,209 @@ const LEAST_SHOOTING: f64 = 1e-3;
 /// Sweeps end here even if the accuracy was not reached; the bound is reported.
 const MAX_SWEEPS: u32 = 1000;
 
-/// Radiosity that each share has shot, and the rows of those that have.
-type Shot = (Vec<DVec3>, Vec<Option<Vec<f32>>>);
-
 impl Bake<'_, '_> {
-    /// Shooting, then the rows that no shot needed, then sweeps.
+    /// Shooting, then sweeps over all rows, those too that no shot needed.
     pub(super) fn shoot(&mut self) -> Result<(), BakeError> {
         self.office.enter(Phase::Shoot, self.mesh.vertices.len());
-        self.office.expect_rows(self.shooters.len() as u64);
-        let (shot, rows) = match self.channels {
+        self.office.expect_rows(self.shares.len() as u64);
+        let shot = match self.channels {
             Channels::One(colour) => self.shoot_as::<f64>(colour)?,
             Channels::Three => self.shoot_as::<DVec3>(DVec3::ONE)?,
         };
-        self.rows = self.missing_rows(rows)?;
-        let mut guides = std::mem::take(&mut self.guides);
-        self.light_checks(&mut guides)?;
-        self.guides = guides;
-        let transfer = Transfer {
-            columns: self
-                .rows
-                .iter()
-                .map(|row| self.energies.iter().map(|share| row[share.receiver]).collect())
-                .collect(),
-        };
-        self.row_sums = (0..self.shares.len())
-            .map(|share| transfer.columns.iter().map(|column| f64::from(column[share])).sum())
-            .collect();
-        let direct: Vec<DVec3> = self.energies.iter().map(|share| self.direct[share.receiver]).collect();
-        self.solve(&transfer, &direct, shot)?;
+        self.look_at_rows(COARSE, |_, _| ())?;
+        self.solve(self.energies.clone(), None, self.direct.clone(), shot)?;
         self.end_step("shoot");
         Ok(())
     }
 
-    /// Shoots until little is left: the radiosity that each share has shot, and the rows so far.
-    fn shoot_as<L: Light>(&mut self, colour: DVec3) -> Result<Shot, BakeError> {
+    /// Shoots until little is left: the radiosity that each share has shot.
+    fn shoot_as<L: Light>(&mut self, colour: DVec3) -> Result<Vec<DVec3>, BakeError> {
         let energies = self.energies.iter().map(ShareEnergy::seen_as).collect();
         let direct = self.direct.iter().map(|light| L::from_rgb(*light, colour)).collect();
         let threshold = self.settings.threshold.max(LEAST_SHOOTING);
-        let mut shooting = Shooting::<L>::new(energies, direct, self.settings.window, threshold);
-        let mut wanted = shooting.start();
+        let mut shooting = Shooting::<L>::new(energies, direct, COARSE, self.settings.window, threshold);
+        let mut wanted = shooting.start(self.rows.cache());
         while !shooting.is_done() {
             for share in wanted.drain(..) {
-                let shooter = self.shooters[share.index()].clone();
-                self.office.submit(u64::from(share.0), vec![shooter], self.coarse);
+                self.office.submit(u64::from(share.0), self.rows.wish(COARSE, &[share]));
             }
             let (tag, mut finished) = self.office.next()?;
-            wanted = shooting.row_arrived(ShareId(tag as u32), finished.rows.pop().unwrap_or_default());
+            let share = ShareId(tag as u32);
+            let variance = finished.statistics.pop().map_or(0.0, |row| row.sampling_variance);
+            self.rows.made(COARSE, share, variance);
+            let row = finished.rows.pop().unwrap_or_default();
+            wanted = shooting.row_arrived(share, row, self.rows.cache());
             self.office.set_unshot(shooting.progress().unshot);
         }
         self.spent.shots += shooting.progress().shots;
-        let (shot, rows) = shooting.into_parts();
-        Ok((shot.into_iter().map(|light| light.to_rgb(colour)).collect(), rows))
+        Ok(shooting.into_shot().into_iter().map(|light| light.to_rgb(colour)).collect())
     }
 
-    /// Rows of all light sources and shares over the check points.
-    pub(super) fn light_checks(&mut self, checks: &mut Checks) -> Result<(), BakeError> {
-        let count = checks.count();
-        if count == 0 {
-            return Ok(());
+    /// Takes a first look at all rows over a set of vertices: what they sum to at the vertices of the shares, and which vertices
+    /// see anything.
+    pub(super) fn look_at_rows(
+        &mut self,
+        set: SetId,
+        mut look: impl FnMut(ShareId, &Row),
+    ) -> Result<(), BakeError> {
+        let first = self.exposed.len();
+        self.exposed.resize(first + self.rows.set(set).count(), false);
+        let exposed = &mut self.exposed[first..];
+        let mut sums = vec![0.0; if set == COARSE { exposed.len() } else { 0 }];
+        let mut bytes = 0;
+        self.rows.each(
+            self.office,
+            &[set],
+            |_| true,
+            |share, rows| {
+                let Some(&[row]) = rows else { return };
+                bytes += row.bytes();
+                row.for_each(|receiver, _| exposed[receiver] = true);
+                if set == COARSE {
+                    row.for_each(|receiver, factor| sums[receiver] += f64::from(factor));
+                }
+                look(share, row);
+            },
+        )?;
+        if set == COARSE {
+            self.row_sums = self.energies.iter().map(|share| sums[share.receiver]).collect();
+            self.coarse_bytes = bytes;
         }
-        let set = self.office.publish_receivers(&checks.receivers(count));
-        let sources = self.sources.iter().map(|source| source.shooter.clone());
-        let shooters: Vec<Shooter> = self.shooters.iter().cloned().chain(sources).collect();
-        let (mut rows, variances) = self.office.rows_with_variances(&shooters, set)?;
-        self.office.release_receivers(set);
-        let lit = rows.split_off(self.shares.len());
-        let mut direct = vec![DVec3::ZERO; count];
-        light::add(&mut direct, &self.sources, &lit);
-        checks.set_rows(direct, rows, variances);
         Ok(())
     }
 
-    /// Rows of the shares that shooting did not need: dark ones, which the row sums need all the same.
-    fn missing_rows(&mut self, rows: Vec<Option<Vec<f32>>>) -> Result<Vec<Vec<f32>>, BakeError> {
-        let missing: Vec<usize> = (0..rows.len()).filter(|index| rows[*index].is_none()).collect();
-        let shooters: Vec<Shooter> = missing.iter().map(|index| self.shooters[*index].clone()).collect();
-        let made = self.office.rows(&shooters, self.coarse)?;
-        let mut rows: Vec<Vec<f32>> = rows.into_iter().map(Option::unwrap_or_default).collect();
-        for (index, row) in missing.into_iter().zip(made) {
-            rows[index] = row;
-        }
-        Ok(rows)
-    }
-
-    /// Solves for the radiosity of the shares and gathers the irradiance of all vertices.
+    /// Solves for the radiosity of the shares and gathers the irradiance of all vertices: from the rows over the vertices of the
+    /// shooting mesh, or from the `means` over the shares.
     pub(super) fn solve(
         &mut self,
-        transfer: &Transfer,
-        direct: &[DVec3],
+        energies: Vec<ShareEnergy>,
+        means: Option<&Means>,
+        direct: Vec<DVec3>,
         guess: Vec<DVec3>,
     ) -> Result<(), BakeError> {
-        match self.channels {
-            Channels::One(colour) => self.solve_as::<f64>(colour, transfer, direct, guess),
-            Channels::Three => self.solve_as::<DVec3>(DVec3::ONE, transfer, direct, guess),
+        // Sweeps go over the columns again and again, over the rows they are made of once: columns come first.
+        let bytes = if means.is_some() { self.coarse_bytes + self.coarse_bytes / 4 } else { 0 };
+        let reserved = self.rows.cache().reserve(bytes);
+        let mut transfer = Factors {
+            rows: &mut self.rows,
+            office: self.office,
+            means,
+            sets: &self.vertex_sets,
+            columns: ColumnCache::new(reserved, energies.len()),
+        };
+        let tolerance = self.settings.threshold;
+        let solution = match self.channels {
+            Channels::One(colour) => {
+                solved::<f64>(&energies, &mut transfer, colour, &direct, &guess, tolerance)?
+            }
+            Channels::Three => {
+                solved::<DVec3>(&energies, &mut transfer, DVec3::ONE, &direct, &guess, tolerance)?
+            }
+        };
+        self.most_row_bytes =
+            self.most_row_bytes.max(transfer.columns.bytes() + transfer.rows.cache().bytes());
+        self.rows.cache().reserve(0);
+        self.spent.sweeps += solution.sweeps;
+        self.unshot_bound = solution.missing;
+        self.residual = solution.residual;
+        self.unshot = solution.unshot;
+        self.office.set_unshot(solution.missing);
+        self.radiosity = solution.radiosity;
+        self.gather()
+    }
+
+    /// Gathers the irradiance of all vertices and guiding points from the radiosity of the shares.
+    fn gather(&mut self) -> Result<(), BakeError> {
+        let sets: Vec<SetId> = self.vertex_sets.iter().copied().chain(self.guide_set).collect();
+        let mut gathered: Vec<_> =
+            sets.iter().map(|set| self.channels.gathering(self.rows.set(*set).count())).collect();
+        let radiosity = &self.radiosity;
+        self.rows.each(
+            self.office,
+            &sets,
+            |_| true,
+            |share, rows| {
+                for (gathered, row) in gathered.iter_mut().zip(rows.into_iter().flatten()) {
+                    gathered.add(row, radiosity[share.index()]);
+                }
+            },
+        )?;
+        self.most_row_bytes = self.most_row_bytes.max(self.rows.cache().most_bytes());
+        if self.guide_set.is_some()
+            && let Some(gathered) = gathered.pop()
+        {
+            self.guides.set_gathered(gathered);
         }
-        let radiosities = self.radiosity.iter().copied();
-        self.guides.gather(radiosities.clone(), self.channels);
-        self.irradiance = self.direct.clone();
-        self.channels.gather(&mut self.irradiance, self.rows.iter().zip(radiosities));
+        let gathered = gathered.into_iter().flat_map(|set| set.into_irradiance());
+        self.irradiance = self.direct.iter().zip(gathered).map(|(direct, light)| *direct + light).collect();
         if self.irradiance.iter().all(|irradiance| irradiance.is_finite()) {
             Ok(())
         } else {
             Err(BakeError::NotFinite)
         }
     }
+}
 
-    fn solve_as<L: Light>(
-        &mut self,
-        colour: DVec3,
-        transfer: &Transfer,
-        direct: &[DVec3],
-        guess: Vec<DVec3>,
-    ) {
-        let seen =
-            |lights: &[DVec3]| -> Vec<L> { lights.iter().map(|light| L::from_rgb(*light, colour)).collect() };
-        let energies: Vec<ShareEnergy<L>> = self.energies.iter().map(ShareEnergy::seen_as).collect();
-        let tolerance = self.settings.threshold;
-        let solution = solve(&energies, transfer, &seen(direct), seen(&guess), tolerance, MAX_SWEEPS);
-        self.spent.sweeps += solution.sweeps;
-        self.unshot_bound = solution.missing;
-        self.residual = solution.residual;
-        self.unshot = solution.unshot.to_rgb(colour);
-        self.office.set_unshot(solution.missing);
-        self.radiosity = solution.radiosity.into_iter().map(|light| light.to_rgb(colour)).collect();
+/// The factors between shares, from the workers or from what is kept.
+struct Factors<'a, 'b> {
+    rows: &'a mut ShareRows,
+    office: &'a mut RowOffice<'b>,
+    /// Where shares take means over the refined mesh rather than the value at their vertex.
+    means: Option<&'a Means>,
+    /// All vertices.
+    sets: &'a [SetId],
+    /// The means, as far as they are kept.
+    columns: ColumnCache,
+}
+
+impl Transfer for Factors<'_, '_> {
+    type Error = BakeError;
+
+    fn pass(&mut self, take: &mut dyn FnMut(usize, &Row)) -> Result<(), BakeError> {
+        let Some(means) = self.means else {
+            return self.rows.each(
+                self.office,
+                &[COARSE],
+                |_| true,
+                |share, rows| {
+                    rows.into_iter().flatten().for_each(|row| take(share.index(), row));
+                },
+            );
+        };
+        let shares = self.rows.shooters().len() as u32;
+        let missing: Vec<bool> =
+            (0..shares).map(|share| self.columns.column(ShareId(share)).is_none()).collect();
+        let mut sums = means.sums();
+        let columns = &mut self.columns;
+        self.rows.each(
+            self.office,
+            self.sets,
+            |share| missing[share.index()],
+            |share, rows| {
+                let made = rows.map(|rows| sums.column(rows));
+                if let Some(column) = made.as_ref().or(columns.column(share)) {
+                    take(share.index(), column);
+                }
+                if let Some(column) = made {
+                    columns.keep(share, column);
+                }
+            },
+        )
     }
+}
+
+/// A solution in the colours of the scene.
+fn solved<L: Light>(
+    energies: &[ShareEnergy],
+    transfer: &mut Factors,
+    colour: DVec3,
+    direct: &[DVec3],
+    guess: &[DVec3],
+    tolerance: f64,
+) -> Result<crate::solver::sweeps::Solution<DVec3>, BakeError> {
+    let seen =
+        |lights: &[DVec3]| -> Vec<L> { lights.iter().map(|light| L::from_rgb(*light, colour)).collect() };
+    let energies: Vec<ShareEnergy<L>> = energies.iter().map(ShareEnergy::seen_as).collect();
+    let solution = solve(&energies, transfer, seen(direct), seen(guess), tolerance, MAX_SWEEPS)?;
+    Ok(solution.map(|light| light.to_rgb(colour)))
 }

@@ -17,9 +17,9 @@ pub struct Knobs {
     /// Refinement also ends at this number of vertices.
     #[arg(long, default_value_t = BakeSettings::default().max_vertices)]
     max_vertices: usize,
-    /// Memory for rows, in MiB: 4 bytes for each pair of shooting vertex and vertex. Refinement also ends when it is full.
-    #[arg(long, default_value_t = BakeSettings::default().row_memory)]
-    row_memory: usize,
+    /// Memory for rows, in MiB: those that do not fit are computed again when they are needed. No part of the answer.
+    #[arg(long, value_name = "MIB", default_value_t = BakeSettings::default().row_cache)]
+    row_cache: usize,
     /// The solution ends when rho / (1 - rho) x unshot flux is under this part of the reflected flux.
     /// [default: 1e-6; a hundredth of --error]
     #[arg(long, value_parser = positive)]
@@ -66,7 +66,7 @@ impl Knobs {
             threshold: self.threshold.unwrap_or(picked.threshold),
             form_factor_error: self.form_factor_error,
             max_vertices: self.max_vertices,
-            row_memory: self.row_memory,
+            row_cache: self.row_cache,
             window: self.window,
             exact_occluders: self.exact_occluders,
             check_points: self.check_points,

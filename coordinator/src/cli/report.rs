@@ -61,7 +61,16 @@ impl Summary<'_> {
                 part(model.pairs_sampled)
             ),
         );
-        row("rows", format!("{} ({} form factors)", bake.rows, short(bake.factors as f64)));
+        row(
+            "rows",
+            format!(
+                "{} ({} form factors); {} kept, {} made again",
+                bake.rows,
+                short(bake.factors as f64),
+                format_args!("{}B", short(bake.row_bytes as f64)),
+                bake.rows_again
+            ),
+        );
         row(
             "rays",
             format!("{} ({} pairs sampled)", short(bake.rays as f64), short(bake.model.pairs_sampled as f64)),

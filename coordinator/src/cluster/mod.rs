@@ -22,7 +22,7 @@ use std::time::Duration;
 
 use shared::protocol::RowStatistics;
 use shared::replica::{Digest, EncodedReplica};
-use shared::row::RowRequest;
+use shared::row::{Row, RowRequest};
 use tokio::runtime::Runtime;
 use tokio_util::sync::CancellationToken;
 
@@ -55,7 +55,7 @@ pub struct FinishedJob {
     /// The job.
     pub job: JobId,
     /// One row for each shooter of the request, each with a factor for each receiver of its range.
-    pub rows: Vec<Vec<f32>>,
+    pub rows: Vec<Row>,
     /// What each of them cost.
     pub statistics: Vec<RowStatistics>,
 }

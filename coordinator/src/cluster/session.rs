@@ -11,7 +11,7 @@ use shared::protocol::{
     RowStatistics, WorkerMessage,
 };
 use shared::replica::{Digest, EncodedReplica};
-use shared::row::{RowRequest, decode_row};
+use shared::row::{Row, RowRequest, decode_row};
 use tokio::sync::mpsc;
 use tokio::task::JoinSet;
 use tokio::time::{MissedTickBehavior, interval};
@@ -64,7 +64,7 @@ pub(super) enum News {
 /// The answer to a job, decoded and checked.
 pub(super) struct Answer {
     pub job: JobId,
-    pub rows: Vec<Vec<f32>>,
+    pub rows: Vec<Row>,
     pub statistics: Vec<RowStatistics>,
     /// Length of the rows as they came, in bytes.
     pub bytes: u64,
@@ -216,10 +216,7 @@ fn decode(request: &RowRequest, finished: &Finished) -> Result<Answer, String> {
     if costs != expected {
         return Err(format!("statistics of {costs} rows for job {job}, which asks for {expected}"));
     }
-    let decode = |bytes: &tonic::codegen::Bytes| {
-        let mut row = vec![];
-        decode_row(bytes, request.receiver_count as usize, &mut row).map(|()| row)
-    };
+    let decode = |bytes: &tonic::codegen::Bytes| decode_row(bytes, request.receiver_count as usize);
     let rows: Result<_, _> = finished.rows.iter().map(decode).collect();
     Ok(Answer {
         job,

@@ -3,6 +3,7 @@ use shared::geometry::area_vector;
 use smallvec::SmallVec;
 
 use super::contact::contacts;
+use super::order::FacetPlaces;
 use super::pieces::{cut_along, cut_long};
 use super::welding::Welder;
 use super::{Mesh, Patch, PatchId, VertexId, edge};
@@ -33,13 +34,15 @@ impl Mesh {
             let (surface, facet) = places[polygon];
             &contacts[surface][facet]
         });
-        let mut mesh = Self { vertices: welded.vertices, ..Self::default() };
+        let mut mesh =
+            Self { vertices: welded.vertices, facet_places: FacetPlaces::new(scene), ..Self::default() };
         for ((surface, facet), corners) in places.into_iter().zip(welded.polygons) {
             if !corners.is_empty() {
                 mesh.add_leaf(surface as u32, facet as u32, corners.into(), None);
             }
         }
         mesh.divide_longer_than(longest_edge, max_level);
+        mesh.order_vertices();
         mesh
     }
 

@@ -7,6 +7,7 @@
 //! | `pieces` | cuts facets along contacts, and long ones across |
 //! | `welding` | corners to vertices; T-vertices made corners |
 //! | `subdivision` | divides patches, keeping neighbours within one level of each other |
+//! | `order` | vertices in an order in which neighbours in space follow each other |
 //! | `shares` | deals the patches out among their vertices |
 //! | `triangulation` | the leaves as triangles without cracks |
 //! | `locate` | the leaf and the triangle under a point |
@@ -17,6 +18,7 @@
 mod base;
 mod contact;
 mod locate;
+mod order;
 mod pieces;
 mod shares;
 mod subdivision;
@@ -28,6 +30,8 @@ use std::collections::HashMap;
 use glam::DVec3;
 use shared::geometry::PlaneId;
 use smallvec::SmallVec;
+
+use order::FacetPlaces;
 
 pub use locate::{Interpolation, interpolation};
 pub use shares::{Share, Surroundings, surroundings};
@@ -112,6 +116,7 @@ pub struct Mesh {
     halves: HashMap<Edge, Edge>,
     /// Undivided patches along an edge.
     leaves_at: HashMap<Edge, SmallVec<[PatchId; 2]>>,
+    facet_places: FacetPlaces,
 }
 
 impl Mesh {

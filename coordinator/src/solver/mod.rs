@@ -3,6 +3,7 @@
 //! | file | what it does |
 //! |---|---|
 //! | `light` | three channels, or one |
+//! | `cache` | rows kept in a given amount of memory |
 //! | `shooting` | progressive refinement: which share shoots next, and what its shot gives |
 //! | `sweeps` | finishes the solution once all rows are there |
 //! | `refinement` | where the mesh needs more vertices |
@@ -12,6 +13,7 @@
 //! Colours are linear RGB in W/m^2 (or the scene's light unit), lengths in the frame.
 
 pub mod balance;
+pub mod cache;
 pub mod fit;
 mod light;
 pub mod refinement;
@@ -21,6 +23,7 @@ pub mod sweeps;
 mod tests;
 
 use glam::DVec3;
+use shared::row::Row;
 
 pub use light::Light;
 
@@ -67,8 +70,33 @@ pub fn interreflection_bound<L: Light>(shares: &[ShareEnergy<L>]) -> L {
 }
 
 /// Adds what `radiosity` of a row's shooter gives to the receivers of the row.
-pub fn add_row<L: Light>(irradiance: &mut [L], row: &[f32], radiosity: L) {
-    for (irradiance, factor) in irradiance.iter_mut().zip(row) {
-        *irradiance += radiosity * f64::from(*factor);
+pub fn add_row<L: Light>(irradiance: &mut [L], row: &Row, radiosity: L) {
+    row.for_each(|receiver, factor| irradiance[receiver] += radiosity * f64::from(factor));
+}
+
+/// The shares at each receiver: a vertex between two surfaces has a share on each.
+struct SharesAt {
+    /// Where the shares of each receiver begin, and where the last ones end.
+    starts: Vec<u32>,
+    /// By receiver.
+    shares: Vec<ShareId>,
+}
+
+impl SharesAt {
+    fn new<L>(shares: &[ShareEnergy<L>], receivers: usize) -> Self {
+        let mut ids: Vec<ShareId> = (0..shares.len() as u32).map(ShareId).collect();
+        ids.sort_by_key(|id| shares[id.index()].receiver);
+        let mut starts = vec![0; receivers + 1];
+        for share in shares {
+            starts[share.receiver + 1] += 1;
+        }
+        for receiver in 0..receivers {
+            starts[receiver + 1] += starts[receiver];
+        }
+        Self { starts, shares: ids }
+    }
+
+    fn receiver(&self, receiver: usize) -> &[ShareId] {
+        &self.shares[self.starts[receiver] as usize..self.starts[receiver + 1] as usize]
     }
 }

@@ -2,29 +2,60 @@
 //!
 //! Shots are numbered. Shot n is chosen from the state after shot n - W, where W is the window, and applied after shot n - 1,
 //! in whatever order the rows arrive: the answer depends on W but not on workers or timing, while up to W rows are under way.
+//!
+//! A shot changes the shares that its row reaches, and no others. Shares are therefore counted in blocks, each with its sums
+//! and its brightest share, and a shot costs what its row reaches and a look at every block, rather than one at every share.
 
-use std::collections::VecDeque;
+use std::collections::{HashMap, VecDeque};
 
-use super::{Light, ShareEnergy, ShareId, add_row, interreflection_bound};
+use shared::row::Row;
+
+use super::cache::{RowCache, SetId};
+use super::{Light, ShareEnergy, ShareId, SharesAt, add_row, interreflection_bound};
+
+/// Shares of a block. A row reaches a room of some thousand shares, which follow each other: some blocks of this size.
+const BLOCK: usize = 128;
 
 /// The state of a shooting solution.
 pub struct Shooting<L> {
     shares: Vec<ShareEnergy<L>>,
+    shares_at: SharesAt,
     /// Irradiance of every receiver: total energy.
     irradiance: Vec<L>,
     /// Radiosity that each share has shot.
     shot: Vec<L>,
-    rows: Vec<Option<Vec<f32>>>,
+    /// The set of receivers that rows are over.
+    set: SetId,
+    /// Rows that have come and wait for their shots.
+    arrived: HashMap<ShareId, Row>,
     /// Shots that are chosen and not yet applied, in their order.
     chosen: VecDeque<ShareId>,
     is_chosen: Vec<bool>,
-    /// Shares that have shot: their rows are certain to be there when the next shot is chosen, whatever has arrived early.
+    /// Shares that have shot: to sweep over these later costs no more than to let them shoot again now.
     has_shot: Vec<bool>,
+    blocks: Vec<Block<L>>,
+    /// Blocks in which shares have changed since they were counted.
+    uncounted: Vec<usize>,
     /// See [`interreflection_bound`].
     bound: L,
     window: usize,
     threshold: f64,
     shots: u64,
+}
+
+/// The shares of a block.
+#[derive(Clone)]
+struct Block<L> {
+    /// False where it stands among the uncounted.
+    is_counted: bool,
+    /// Flux not yet shot.
+    unshot: L,
+    /// Part of it that shares have which never shot and are not about to.
+    held: L,
+    /// Flux reflected.
+    reflected: L,
+    /// The share with most to shoot, of those that are not about to, and how much that is.
+    brightest: Option<(usize, f64)>,
 }
 
 /// How far the solution has come.
@@ -37,47 +68,69 @@ pub struct ShootingProgress {
 }
 
 impl<L: Light> Shooting<L> {
-    /// Starts from the irradiance that the light sources give every receiver. Shooting ends when the bound of what is missing
-    /// is under `threshold`, relative to the reflected flux.
+    /// Starts from the irradiance that the light sources give every receiver of a set. Shooting ends when the bound of what is
+    /// missing is under `threshold`, relative to the reflected flux.
     #[must_use]
-    pub fn new(shares: Vec<ShareEnergy<L>>, direct: Vec<L>, window: usize, threshold: f64) -> Self {
-        Self {
+    pub fn new(
+        shares: Vec<ShareEnergy<L>>,
+        direct: Vec<L>,
+        set: SetId,
+        window: usize,
+        threshold: f64,
+    ) -> Self {
+        let uncounted = Block {
+            is_counted: false,
+            unshot: L::default(),
+            held: L::default(),
+            reflected: L::default(),
+            brightest: None,
+        };
+        let mut shooting = Self {
+            shares_at: SharesAt::new(&shares, direct.len()),
             irradiance: direct,
             shot: vec![L::default(); shares.len()],
-            rows: vec![None; shares.len()],
+            set,
+            arrived: HashMap::new(),
             chosen: VecDeque::new(),
             is_chosen: vec![false; shares.len()],
             has_shot: vec![false; shares.len()],
+            blocks: vec![uncounted; shares.len().div_ceil(BLOCK)],
+            uncounted: (0..shares.len().div_ceil(BLOCK)).collect(),
             bound: interreflection_bound(&shares),
             shares,
             window,
             threshold,
             shots: 0,
-        }
+        };
+        shooting.count();
+        shooting
     }
 
     /// Chooses the first shots. Returns the shares whose rows are wanted.
-    pub fn start(&mut self) -> Vec<ShareId> {
+    pub fn start(&mut self, cache: &RowCache) -> Vec<ShareId> {
         let mut wanted = vec![];
-        while self.chosen.len() < self.window && self.choose(&mut wanted) {}
+        while self.chosen.len() < self.window && self.choose(cache, &mut wanted) {}
         wanted
     }
 
     /// Takes the row of a share, applies every shot that can now be applied, and chooses one more for each. Returns the
-    /// shares whose rows are wanted next. A row that came before is ignored.
-    pub fn row_arrived(&mut self, share: ShareId, row: Vec<f32>) -> Vec<ShareId> {
+    /// shares whose rows are wanted next. A row that came before is ignored. Rows of applied shots go to the cache, in the
+    /// order of the shots.
+    pub fn row_arrived(&mut self, share: ShareId, row: Row, cache: &mut RowCache) -> Vec<ShareId> {
         let mut wanted = vec![];
-        let place = &mut self.rows[share.index()];
-        if place.is_none() {
-            *place = Some(row);
+        if self.is_chosen[share.index()] {
+            self.arrived.entry(share).or_insert(row);
         }
-        while let Some(next) = self.chosen.front().copied()
-            && self.rows[next.index()].is_some()
-        {
-            self.chosen.pop_front();
-            self.is_chosen[next.index()] = false;
-            self.apply(next);
-            self.choose(&mut wanted);
+        while let Some(next) = self.chosen.front().copied() {
+            if let Some(row) = self.arrived.remove(&next) {
+                self.apply(next, &row);
+                cache.keep(self.set, next, row);
+            } else if let Some(row) = cache.row(self.set, next) {
+                self.apply(next, row);
+            } else {
+                break;
+            }
+            self.choose(cache, &mut wanted);
         }
         wanted
     }
@@ -91,14 +144,14 @@ impl<L: Light> Shooting<L> {
     /// How far the solution has come.
     #[must_use]
     pub fn progress(&self) -> ShootingProgress {
-        let (unshot, reflected) = self.fluxes();
+        let [unshot, _, reflected] = self.fluxes();
         ShootingProgress { shots: self.shots, unshot: L::ratio(unshot, reflected).largest_channel() }
     }
 
-    /// Radiosity shot by each share, and the rows; a share that never shot has none.
+    /// Radiosity shot by each share.
     #[must_use]
-    pub fn into_parts(self) -> (Vec<L>, Vec<Option<Vec<f32>>>) {
-        (self.shot, self.rows)
+    pub fn into_shot(self) -> Vec<L> {
+        self.shot
     }
 
     fn unshot(&self, share: usize) -> L {
@@ -106,51 +159,93 @@ impl<L: Light> Shooting<L> {
         reflectance * self.irradiance[receiver] - self.shot[share]
     }
 
-    /// Unshot flux, and reflected flux in all.
-    fn fluxes(&self) -> (L, L) {
-        let mut sums = (L::default(), L::default());
-        for (index, share) in self.shares.iter().enumerate() {
-            sums.0 += self.unshot(index) * share.area;
-            sums.1 += share.reflectance * self.irradiance[share.receiver] * share.area;
+    /// Unshot flux, the part of it that is held, and reflected flux in all. Needs counted blocks.
+    fn fluxes(&self) -> [L; 3] {
+        self.blocks.iter().fold([L::default(); 3], |[unshot, held, reflected], block| {
+            [unshot + block.unshot, held + block.held, reflected + block.reflected]
+        })
+    }
+
+    /// Counts the blocks in which shares have changed.
+    fn count(&mut self) {
+        while let Some(block) = self.uncounted.pop() {
+            self.blocks[block] = self.counted(block);
         }
-        sums
+    }
+
+    fn counted(&self, block: usize) -> Block<L> {
+        let mut counted = Block {
+            is_counted: true,
+            unshot: L::default(),
+            held: L::default(),
+            reflected: L::default(),
+            brightest: None,
+        };
+        for index in block * BLOCK..((block + 1) * BLOCK).min(self.shares.len()) {
+            let ShareEnergy { receiver, area, reflectance } = self.shares[index];
+            let flux = self.unshot(index) * area;
+            counted.unshot += flux;
+            counted.reflected += reflectance * self.irradiance[receiver] * area;
+            if !self.is_chosen[index] {
+                if !self.has_shot[index] {
+                    counted.held += flux;
+                }
+                let flux = flux.sum_of_channels();
+                if counted.brightest.is_none_or(|(_, most)| flux > most) {
+                    counted.brightest = Some((index, flux));
+                }
+            }
+        }
+        counted
     }
 
     /// Chooses the share with the largest unshot flux, unless too little is left, or only shares that have shot have much left:
-    /// with their rows at hand the sweeps finish faster than more shots would.
-    fn choose(&mut self, wanted: &mut Vec<ShareId>) -> bool {
-        let (unshot, reflected) = self.fluxes();
+    /// the sweeps, which solve for all of them at once, finish faster than more shots would.
+    fn choose(&mut self, cache: &RowCache, wanted: &mut Vec<ShareId>) -> bool {
+        self.count();
+        let [unshot, held, reflected] = self.fluxes();
         let missing = L::ratio(unshot, reflected) * self.bound;
-        if missing.largest_channel() <= self.threshold {
+        if missing.largest_channel() <= self.threshold
+            || L::ratio(held, reflected).largest_channel() <= self.threshold
+        {
             return false;
         }
-        let flux = |index: usize| self.unshot(index) * self.shares[index].area;
-        let without_row =
-            (0..self.shares.len()).filter(|index| !self.is_chosen[*index] && !self.has_shot[*index]);
-        let held: L = without_row.map(flux).sum();
-        if L::ratio(held, reflected).largest_channel() <= self.threshold {
-            return false;
-        }
-        let candidates = (0..self.shares.len()).filter(|index| !self.is_chosen[*index]);
-        let sum = |index: usize| flux(index).sum_of_channels();
-        let best = candidates.map(|index| (index, sum(index))).reduce(|a, b| if b.1 > a.1 { b } else { a });
+        let brightest = self.blocks.iter().filter_map(|block| block.brightest);
+        let best = brightest.reduce(|a, b| if b.1 > a.1 { b } else { a });
         let Some((index, _)) = best.filter(|(_, flux)| *flux > 0.0) else { return false };
         let share = ShareId(index as u32);
         self.chosen.push_back(share);
         self.is_chosen[index] = true;
-        if self.rows[index].is_none() {
+        has_changed(&mut self.blocks, &mut self.uncounted, share);
+        if cache.row(self.set, share).is_none() {
             wanted.push(share);
         }
         true
     }
 
-    fn apply(&mut self, share: ShareId) {
-        let current = self.unshot(share.index());
-        self.shot[share.index()] += current;
-        if let Some(row) = &self.rows[share.index()] {
-            add_row(&mut self.irradiance, row, current);
-        }
-        self.has_shot[share.index()] = true;
+    fn apply(&mut self, share: ShareId, row: &Row) {
+        self.chosen.pop_front();
+        let index = share.index();
+        self.is_chosen[index] = false;
+        self.has_shot[index] = true;
+        has_changed(&mut self.blocks, &mut self.uncounted, share);
+        let current = self.unshot(index);
+        self.shot[index] += current;
+        add_row(&mut self.irradiance, row, current);
+        row.for_each(|receiver, _| {
+            for share in self.shares_at.receiver(receiver) {
+                has_changed(&mut self.blocks, &mut self.uncounted, *share);
+            }
+        });
         self.shots += 1;
+        self.count();
+    }
+}
+
+/// Notes that the block of a share must be counted again.
+fn has_changed<L>(blocks: &mut [Block<L>], uncounted: &mut Vec<usize>, share: ShareId) {
+    let block = share.index() / BLOCK;
+    if std::mem::replace(&mut blocks[block].is_counted, false) {
+        uncounted.push(block);
     }
 }

@@ -8,13 +8,35 @@
 //! Closed rooms that share a file each have a level of their own, and each is solved to the wanted accuracy: light that is a
 //! millionth of the next room's is not an error of that.
 
-use super::{Light, ShareEnergy, add_row, interreflection_bound};
+use std::convert::Infallible;
+
+use shared::row::Row;
+
+use super::{Light, ShareEnergy, SharesAt, add_row, interreflection_bound};
 use crate::disjoint_sets::DisjointSets;
 
-/// Factors between shares: `columns[x][a]` is the irradiance that share a gets from unit radiosity of share x.
-pub struct Transfer {
-    /// One column per shooting share.
-    pub columns: Vec<Vec<f32>>,
+/// Rows of all shares, one after the other. A solution goes over them once to begin with and once for each sweep, so that rows
+/// which are not kept are made once for each.
+pub trait Transfer {
+    /// Why a row cannot be had.
+    type Error;
+
+    /// Hands over the row of every share, in the order of the shares: the irradiance that each receiver gets from its unit
+    /// radiosity.
+    ///
+    /// # Errors
+    /// When a row cannot be had.
+    fn pass(&mut self, take: &mut dyn FnMut(usize, &Row)) -> Result<(), Self::Error>;
+}
+
+/// Rows that are all there.
+impl Transfer for Vec<Row> {
+    type Error = Infallible;
+
+    fn pass(&mut self, take: &mut dyn FnMut(usize, &Row)) -> Result<(), Infallible> {
+        self.iter().enumerate().for_each(|(share, row)| take(share, row));
+        Ok(())
+    }
 }
 
 /// A finished solution.
@@ -31,42 +53,76 @@ pub struct Solution<L> {
     pub sweeps: u32,
 }
 
-/// Solves b = rho (direct + K b) to the relative accuracy `tolerance`, from a first guess of b.
-#[must_use]
-pub fn solve<L: Light>(
+impl<L> Solution<L> {
+    /// The same with other light.
+    #[must_use]
+    pub fn map<M>(self, see: impl Fn(L) -> M) -> Solution<M> {
+        let Self { radiosity, unshot, residual, missing, sweeps } = self;
+        Solution {
+            radiosity: radiosity.into_iter().map(&see).collect(),
+            unshot: see(unshot),
+            residual,
+            missing,
+            sweeps,
+        }
+    }
+}
+
+/// Solves b = rho (direct + K b) to the relative accuracy `tolerance`, from a first guess of b. `direct` has a value for each
+/// receiver of the rows.
+///
+/// # Errors
+/// When a row cannot be had.
+pub fn solve<L: Light, T: Transfer>(
     shares: &[ShareEnergy<L>],
-    transfer: &Transfer,
-    direct: &[L],
+    transfer: &mut T,
+    direct: Vec<L>,
     guess: Vec<L>,
     tolerance: f64,
     max_sweeps: u32,
-) -> Solution<L> {
+) -> Result<Solution<L>, T::Error> {
     let mut radiosity = guess;
-    let mut irradiance = direct.to_vec();
-    for (column, radiosity) in transfer.columns.iter().zip(&radiosity) {
-        add_row(&mut irradiance, column, *radiosity);
-    }
-    let rooms = Rooms::new(transfer);
-    let level = Level::new(shares, transfer, &rooms);
+    let mut irradiance = direct;
+    let shares_at = SharesAt::new(shares, irradiance.len());
+    let mut level_irradiance = vec![L::default(); irradiance.len()];
+    let mut reached = DisjointSets::new(shares.len());
+    transfer.pass(&mut |share, row| {
+        let (radiosity, reflectance) = (radiosity[share], shares[share].reflectance);
+        row.for_each(|receiver, factor| {
+            irradiance[receiver] += radiosity * f64::from(factor);
+            level_irradiance[receiver] += reflectance * f64::from(factor);
+        });
+        if reached.count() > 1 {
+            let lit = |receiver, factor| if factor > 0.0 { shares_at.receiver(receiver) } else { &[] };
+            row.for_each(|receiver, factor| {
+                lit(receiver, factor).iter().for_each(|to| reached.join(share, to.index()));
+            });
+        }
+    })?;
+    let rooms = Rooms::new(&mut reached, shares.len());
+    let level = Level::new(shares, level_irradiance, &rooms);
     let bound = interreflection_bound(shares);
     let (mut residual, mut missing) = (f64::INFINITY, f64::INFINITY);
     let mut sweeps = 0;
     while sweeps < max_sweeps && missing > tolerance {
-        for (index, share) in shares.iter().enumerate() {
-            let change = share.reflectance * irradiance[index] - radiosity[index];
+        transfer.pass(&mut |index, row| {
+            let share = &shares[index];
+            let change = share.reflectance * irradiance[share.receiver] - radiosity[index];
             radiosity[index] += change;
-            add_row(&mut irradiance, &transfer.columns[index], change);
-        }
-        level.correct(shares, &rooms, &mut radiosity, &mut irradiance);
+            add_row(&mut irradiance, row, change);
+        })?;
+        level.correct(shares, &shares_at, &rooms, &mut radiosity, &mut irradiance);
         sweeps += 1;
         let relative = relative_residual(shares, &rooms, &radiosity, &irradiance);
         residual = relative.largest_channel();
         missing = (relative * bound).largest_channel();
     }
-    let unshot = (0..shares.len())
-        .map(|i| (shares[i].reflectance * irradiance[i] - radiosity[i]) * shares[i].area)
+    let unshot = shares
+        .iter()
+        .zip(&radiosity)
+        .map(|(share, radiosity)| (share.reflectance * irradiance[share.receiver] - *radiosity) * share.area)
         .sum();
-    Solution { unshot, radiosity, residual, missing, sweeps }
+    Ok(Solution { unshot, radiosity, residual, missing, sweeps })
 }
 
 /// Shares between which light can pass, by way of others too.
@@ -77,16 +133,7 @@ struct Rooms {
 }
 
 impl Rooms {
-    fn new(transfer: &Transfer) -> Self {
-        let shares = transfer.columns.len();
-        let mut sets = DisjointSets::new(shares);
-        for (from, column) in transfer.columns.iter().enumerate() {
-            if sets.count() <= 1 {
-                break;
-            }
-            let lit = column.iter().enumerate().filter(|(_, factor)| **factor > 0.0);
-            lit.for_each(|(to, _)| sets.join(from, to));
-        }
+    fn new(sets: &mut DisjointSets, shares: usize) -> Self {
         let mut of = vec![0; shares];
         let mut count = 0;
         for share in 0..shares {
@@ -114,7 +161,7 @@ fn relative_residual<L: Light>(
     radiosity: &[L],
     irradiance: &[L],
 ) -> L {
-    let target = |i: usize| shares[i].reflectance * irradiance[i];
+    let target = |i: usize| shares[i].reflectance * irradiance[shares[i].receiver];
     let residual = rooms.sums(|i| (target(i) - radiosity[i]).magnitude() * shares[i].area);
     let reflected = rooms.sums(|i| target(i) * shares[i].area);
     residual
@@ -125,36 +172,50 @@ fn relative_residual<L: Light>(
 
 /// The general level of light in each room: radiosity in proportion to reflectance.
 struct Level<L> {
-    /// Irradiance that it gives each share.
+    /// Irradiance that it gives each receiver.
     irradiance: Vec<L>,
     /// Flux of the level that each room does not sustain itself.
     deficits: Vec<L>,
 }
 
 impl<L: Light> Level<L> {
-    fn new(shares: &[ShareEnergy<L>], transfer: &Transfer, rooms: &Rooms) -> Self {
-        let mut irradiance = vec![L::default(); shares.len()];
-        for (column, share) in transfer.columns.iter().zip(shares) {
-            add_row(&mut irradiance, column, share.reflectance);
-        }
+    fn new(shares: &[ShareEnergy<L>], irradiance: Vec<L>, rooms: &Rooms) -> Self {
         let lost = |i: usize| {
-            let ShareEnergy { reflectance, area, .. } = shares[i];
-            (reflectance - reflectance * irradiance[i]) * area
+            let ShareEnergy { receiver, reflectance, area } = shares[i];
+            (reflectance - reflectance * irradiance[receiver]) * area
         };
         let deficits = rooms.sums(lost);
         Self { irradiance, deficits }
     }
 
     /// Adds the multiple of each room's level that makes the sum of its residual flux vanish.
-    fn correct(&self, shares: &[ShareEnergy<L>], rooms: &Rooms, radiosity: &mut [L], irradiance: &mut [L]) {
-        let residuals =
-            rooms.sums(|i| (shares[i].reflectance * irradiance[i] - radiosity[i]) * shares[i].area);
+    fn correct(
+        &self,
+        shares: &[ShareEnergy<L>],
+        shares_at: &SharesAt,
+        rooms: &Rooms,
+        radiosity: &mut [L],
+        irradiance: &mut [L],
+    ) {
+        let residual = |i: usize| {
+            let ShareEnergy { receiver, reflectance, area } = shares[i];
+            (reflectance * irradiance[receiver] - radiosity[i]) * area
+        };
         // Without a deficit (rows that sum to more than 1 by noise) the step would run away.
-        let steps: Vec<L> =
-            residuals.iter().zip(&self.deficits).map(|(part, whole)| L::ratio(*part, *whole)).collect();
+        let steps: Vec<L> = rooms
+            .sums(residual)
+            .iter()
+            .zip(&self.deficits)
+            .map(|(part, whole)| L::ratio(*part, *whole))
+            .collect();
         for (i, room) in rooms.of.iter().enumerate() {
             radiosity[i] += steps[*room] * shares[i].reflectance;
-            irradiance[i] += steps[*room] * self.irradiance[i];
+        }
+        for (receiver, irradiance) in irradiance.iter_mut().enumerate() {
+            // Shares at one receiver are lit by the same others, and so are in the same room, or they are not lit at all.
+            if let Some(share) = shares_at.receiver(receiver).first() {
+                *irradiance += steps[rooms.of[share.index()]] * self.irradiance[receiver];
+            }
         }
     }
 }

@@ -7,7 +7,7 @@ use glam::DVec3;
 use shared::geometry::{ConvexPolygon, PlaneId};
 use shared::protocol::RowJob;
 use shared::replica::{Digest, EncodedReplica, Receiver, Receivers, encode_receivers, encode_scene};
-use shared::row::{Precision, RowRequest, Shape, Shooter, encode_row};
+use shared::row::{Precision, Row, RowRequest, Shape, Shooter, encode_row};
 use shared::visibility::ReceiverGroups;
 use worker::engine::{Scene, compute_row};
 
@@ -69,22 +69,15 @@ impl Bakery {
     }
 
     /// What workers must answer to [`Self::requests`].
-    pub fn rows(&self) -> BTreeMap<u64, Vec<Vec<f32>>> {
+    pub fn rows(&self) -> BTreeMap<u64, Vec<Row>> {
         let scene = Scene::new(&self.occluders);
         let rows = |request: RowRequest| {
             let first = request.first_receiver as usize;
             let receivers = &self.receivers.receivers[first..first + request.receiver_count as usize];
             let first_key = self.receivers.first_key + u64::from(request.first_receiver);
-            let row = |shooter| {
-                compute_row(
-                    &scene,
-                    &ReceiverGroups::new(receivers.to_vec()),
-                    first_key,
-                    shooter,
-                    &request.precision,
-                )
-                .0
-            };
+            let groups = ReceiverGroups::new(receivers.to_vec());
+            let row =
+                |shooter| Row::new(&compute_row(&scene, &groups, first_key, shooter, &request.precision).0);
             request.shooters.iter().map(row).collect()
         };
         (0..).zip(self.requests().into_iter().map(rows)).collect()
@@ -97,21 +90,20 @@ pub fn submit_all(cluster: &Cluster, bakery: &Bakery) {
 }
 
 /// Waits for as many results as there are requests.
-pub fn take_all(cluster: &mut Cluster, bakery: &Bakery) -> BTreeMap<u64, Vec<Vec<f32>>> {
+pub fn take_all(cluster: &mut Cluster, bakery: &Bakery) -> BTreeMap<u64, Vec<Row>> {
     let results = bakery.requests().into_iter().map(|_| cluster.next().unwrap());
     results.map(|finished| (finished.job.0, finished.rows)).collect()
 }
 
 /// Rows for a job in which nobody sees anybody.
 pub fn dark_rows(job: &RowJob) -> Vec<tonic::codegen::Bytes> {
-    job.shooters.iter().map(|_| encode_row(&vec![0.0; job.receiver_count as usize])).collect()
+    job.shooters.iter().map(|_| encode_row(&Row::new(&vec![0.0; job.receiver_count as usize]))).collect()
 }
 
 #[test]
 fn the_screen_throws_a_shadow() {
     let rows = Bakery::new().rows();
-    let lit = |factor: &&f32| **factor > 0.0;
-    let factors = rows.values().flatten().flatten().count();
-    let lit = rows.values().flatten().flatten().filter(lit).count();
+    let factors: usize = rows.values().flatten().map(Row::receivers).sum();
+    let lit: usize = rows.values().flatten().map(Row::count).sum();
     assert!(lit > 0 && lit < factors, "{lit} of {factors}");
 }

@@ -7,6 +7,8 @@
 
 mod codec;
 mod request;
+mod sparse;
 
 pub use codec::{RowDecodeError, decode_row, encode_row};
 pub use request::{Precision, RequestError, RowRequest, Shape, Shooter};
+pub use sparse::Row;

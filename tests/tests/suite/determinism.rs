@@ -60,6 +60,30 @@ fn point_light() {
     assert_deterministic(&data("scenes/table.glb"), &["--mesh-error", "0.03"]);
 }
 
+/// Whether rows are kept or made again makes no difference, and what is said of the bake is what the scene needed.
+#[test]
+fn row_cache() {
+    let folder = tempfile::tempdir().unwrap();
+    let with = |cache: &[&str]| {
+        let knobs = ["--mesh-error", "0.05", "--shooter-edge", "0.25", "--threads", "2"];
+        solve(&data("scenes/table.glb"), folder.path(), &[&knobs, cache].concat())
+    };
+    let (expected, report) = with(&[]);
+    assert_eq!(report["bake"]["rows_again"], 0, "the default keeps all rows");
+    // None of the rows, and about half of them.
+    for mebibytes in [0, 1] {
+        let (same, report_with_less) = with(&["--row-cache", &mebibytes.to_string()]);
+        assert!(same == expected, "a row cache of {mebibytes} MiB makes a difference");
+        let bake = &report_with_less["bake"];
+        assert!(bake["rows_again"].as_u64().unwrap() > bake["rows"].as_u64().unwrap(), "{bake}");
+        let kept = bake["row_bytes"].as_u64().unwrap();
+        assert!(kept <= mebibytes << 20 && kept >= (mebibytes << 20) * 9 / 10, "{kept} bytes are kept");
+        for figure in ["rows", "model", "factors", "rays", "error", "balance", "row_sums", "warnings"] {
+            assert_eq!(bake[figure], report["bake"][figure], "{figure}");
+        }
+    }
+}
+
 /// Under a grille the shafts are so crowded that rays decide visibility: their seeds must not depend on who casts them.
 #[test]
 fn sampled_visibility() {

@@ -15,6 +15,7 @@
 //! | `scenes` | whole bakes against path-traced references, and the files that come out |
 //! | `reference` | references made here against those of an outside renderer |
 //! | `study` | a study of a small room: its runs, its figures, its files |
+//! | `size` | how a bake grows with its scene, and what is made again where rows are not kept, in counts |
 //! | `determinism` | bakes against bakes by other workers, bit for bit |
 //! | `stability` | hard cases, and scenes told in several ways, against what is true of every bake |
 //! | `bad_input` | the command line against wrong files, wrong addresses and lost workers |
@@ -31,6 +32,7 @@ mod occlusion;
 mod point_lights;
 mod reference;
 mod scenes;
+mod size;
 mod spheres;
 mod stability;
 mod study;

@@ -1,10 +1,12 @@
 //! The pure solver on enclosures of a few surfaces, each of constant radiosity, with given form factors: against the exact
 //! solution of the linear system.
 
+use coordinator::solver::cache::RowCache;
 use coordinator::solver::shooting::Shooting;
-use coordinator::solver::sweeps::{Transfer, solve};
+use coordinator::solver::sweeps::solve;
 use coordinator::solver::{ShareEnergy, ShareId};
 use glam::DVec3;
+use shared::row::Row;
 use tests::cases::{case, numbers};
 
 /// Accuracy that the sweeps are asked for, and more of them than they need.
@@ -61,8 +63,9 @@ impl Enclosure {
     }
 
     /// Rows as workers send them.
-    fn rows(&self) -> Vec<Vec<f32>> {
-        let row = |shooter: usize| self.factors.iter().map(|factors| factors[shooter] as f32).collect();
+    fn rows(&self) -> Vec<Row> {
+        let factors = |shooter: usize| self.factors.iter().map(move |factors| factors[shooter] as f32);
+        let row = |shooter| Row::new(&factors(shooter).collect::<Vec<f32>>());
         (0..self.area.len()).map(row).collect()
     }
 
@@ -74,8 +77,9 @@ impl Enclosure {
 
     /// Radiosity, reflected and emitted, by sweeps from this guess of what is reflected.
     fn swept(&self, guess: Vec<DVec3>) -> Vec<f64> {
-        let transfer = Transfer { columns: self.rows() };
-        let solution = solve(&self.shares(), &transfer, &self.direct(), guess, SWEEP_TOLERANCE, MAX_SWEEPS);
+        let solution =
+            solve(&self.shares(), &mut self.rows(), self.direct(), guess, SWEEP_TOLERANCE, MAX_SWEEPS)
+                .unwrap();
         solution
             .radiosity
             .iter()
@@ -86,15 +90,17 @@ impl Enclosure {
 
     /// What the surfaces reflect and shoot until shooting has all rows, and what it says of the rest.
     fn shot(&self) -> (Vec<DVec3>, f64) {
-        let mut shooting = Shooting::new(self.shares(), self.direct(), 1, 0.0);
         let rows = self.rows();
-        let mut wanted = shooting.start();
+        let mut cache = RowCache::new(usize::MAX);
+        let set = cache.add_set(rows.len());
+        let mut shooting = Shooting::new(self.shares(), self.direct(), set, 1, 0.0);
+        let mut wanted = shooting.start(&cache);
         while let Some(share) = wanted.pop() {
-            wanted.extend(shooting.row_arrived(share, rows[share.index()].clone()));
+            wanted.extend(shooting.row_arrived(share, rows[share.index()].clone(), &mut cache));
         }
         assert!(shooting.is_done());
         let unshot = shooting.progress().unshot;
-        (shooting.into_parts().0, unshot)
+        (shooting.into_shot(), unshot)
     }
 
     /// Holds the solution by sweeps alone, and by shooting and sweeps, against this one.
@@ -184,16 +190,18 @@ fn bounces_and_what_is_left_of_them() {
         reflectance: vec![reflectance; surfaces],
         exitance,
     };
-    let mut shooting = Shooting::new(ring.shares(), ring.direct(), 1, 0.0);
     let rows = ring.rows();
-    let mut wanted = shooting.start();
+    let mut cache = RowCache::new(usize::MAX);
+    let set = cache.add_set(rows.len());
+    let mut shooting = Shooting::new(ring.shares(), ring.direct(), set, 1, 0.0);
+    let mut wanted = shooting.start(&cache);
     for (share, row) in (0..).map(ShareId).zip(&rows).take(bounces) {
         assert_eq!(wanted, [share]);
-        wanted = shooting.row_arrived(share, row.clone());
+        wanted = shooting.row_arrived(share, row.clone(), &mut cache);
     }
     let progress = shooting.progress();
     assert_eq!(progress.shots, bounces as u64);
-    let flux: f64 = 1.0 + shooting.into_parts().0.iter().map(|shot| shot.x).sum::<f64>();
+    let flux: f64 = 1.0 + shooting.into_shot().iter().map(|shot| shot.x).sum::<f64>();
     assert_eq!(flux, sum);
     // What was reflected is what was shot and what was not yet. The latter grows by 1 / (1 - rho) before it is gone, and so
     // did the emission of 1 into all flux that there is: their ratio is the part that is left.

@@ -288,9 +288,10 @@ impl RowService for CheckedRows {
         if let Some(request) = self.requests.remove(&finished.job) {
             assert_eq!(request.shooters.len(), finished.rows.len());
             for (shooter, row) in request.shooters.iter().zip(&finished.rows) {
-                self.check_row(&request, shooter, row);
+                let row = row.to_dense();
+                self.check_row(&request, shooter, &row);
                 if matches!(shooter.shape, Shape::Polygons(_)) {
-                    self.rows.push((request.receivers, shooter.key, row.clone()));
+                    self.rows.push((request.receivers, shooter.key, row));
                 }
             }
         }

@@ -1,0 +1,64 @@
+//! How a bake grows with its scene, in counts: the same rooms, five and twenty of them.
+
+use coordinator::bake::{BakeReport, BakeSettings, bake};
+use tests::baking::imported;
+use tests::building::building;
+use tests::rooms_only::RoomsOnly;
+
+/// Edge of the shooting patches, in metres.
+const EDGE: f64 = 1.2;
+
+/// Rooms differ in size and furniture: so far may the mean of some be from that of others.
+const ROOMS_DIFFER: f64 = 1.25;
+
+/// The figures of a building's bake, and the bytes of all rows as they travel.
+fn baked(rooms: usize, row_cache: usize) -> (BakeReport, u64) {
+    let building = building(rooms);
+    let scene = imported(&building.scene.glb());
+    let settings = BakeSettings {
+        shooter_edge: EDGE / building.extent,
+        mesh_error: 0.05,
+        row_cache,
+        ..BakeSettings::default()
+    };
+    let mut service = RoomsOnly::new(&building, scene.frame);
+    let baked = bake(&scene, &settings, &mut service, &mut |_| ()).unwrap();
+    (baked.report, service.bytes)
+}
+
+#[test]
+fn four_times_the_rooms_take_four_times_the_memory_rows_and_shots() {
+    let ((few, few_sent), (many, many_sent)) = (baked(5, 2048), baked(20, 2048));
+    let most = 4.0 * ROOMS_DIFFER;
+    let grows = |name: &str, few: u64, many: u64| {
+        let ratio = many as f64 / few as f64;
+        assert!((4.0 / ROOMS_DIFFER..=most).contains(&ratio), "{name}: {few} to {many}, {ratio:.2}-fold");
+    };
+    grows("vertices", few.vertices as u64, many.vertices as u64);
+    grows("shares", few.shooting_vertices as u64, many.shooting_vertices as u64);
+    grows("shots", few.shots, many.shots);
+    grows("bytes kept", few.row_bytes as u64, many.row_bytes as u64);
+    // Sets of receivers are one for each round of refinement, and rounds may differ by one or two.
+    let rows_per_share = |report: &BakeReport| report.rows as f64 / report.shooting_vertices as f64;
+    assert!(rows_per_share(&many) <= ROOMS_DIFFER * rows_per_share(&few));
+    grows("bytes sent", few_sent, many_sent);
+    // Three quarters of the pairs of five rooms are in different rooms, and 19 of 20 of those of twenty: they weigh nothing.
+    let bytes_per_factor = |report: &BakeReport, sent: u64| sent as f64 / report.factors as f64;
+    assert!(bytes_per_factor(&few, few_sent) <= 6.0, "{}", bytes_per_factor(&few, few_sent));
+    assert!(bytes_per_factor(&many, many_sent) <= 6.0, "{}", bytes_per_factor(&many, many_sent));
+    assert!(many.row_bytes as u64 <= many.factors * 6, "{} for {}", many.row_bytes, many.factors);
+}
+
+#[test]
+fn a_cache_is_not_exceeded_and_half_of_the_rows_costs_two_passes_more() {
+    let (whole, _) = baked(5, 2048);
+    let mebibytes = (whole.row_bytes >> 20) / 2;
+    let (half, _) = baked(5, mebibytes);
+    assert!(half.row_bytes <= mebibytes << 20, "{} bytes kept", half.row_bytes);
+    assert_eq!(half.error, whole.error);
+    assert_eq!(half.rows, whole.rows);
+    // A round of settling takes each missing row twice, the first solution once for each sweep of those that it misses, and
+    // shooting some of them: far from once for each of the sweeps.
+    let again = half.rows_again as f64 / whole.rows as f64;
+    assert!(again > 0.0 && again < 4.0, "{again} times each row, {} sweeps", whole.sweeps);
+}
