@@ -5,6 +5,7 @@
 //! | [`cases`] | the cases of `references/form_factors.json` |
 //! | [`builder`] | small scenes, as the bytes of a GLB |
 //! | [`shapes`] | polygons to build them from |
+//! | [`city`] | a city of boxes, of as many facets as asked for |
 //! | [`baking`] | such a scene baked, and figures of the result |
 //! | [`measured`] | the three scenes baked and scored |
 //! | [`programs`] | the binaries of the workspace as processes |
@@ -12,6 +13,7 @@
 pub mod baking;
 pub mod builder;
 pub mod cases;
+pub mod city;
 pub mod measured;
 pub mod programs;
 pub mod shapes;

@@ -17,6 +17,7 @@
 //! | `study` | a study of a small room: its runs, its figures, its files |
 //! | `determinism` | bakes against bakes by other workers, bit for bit |
 //! | `stability` | hard cases, and scenes told in several ways, against what is true of every bake |
+//! | `view_factors` | view factors of scenes against known values, a Monte Carlo of the test's own, and each other |
 //! | `bad_input` | the command line against wrong files, wrong addresses and lost workers |
 
 mod bad_input;
@@ -35,3 +36,4 @@ mod spheres;
 mod stability;
 mod study;
 mod systems;
+mod view_factors;
