@@ -34,7 +34,7 @@ pub struct FormFactorArguments {
     /// Make every polygon a surface of its own: NAME/0, NAME/1 and so on.
     #[arg(long)]
     facets: bool,
-    /// Points for a pair of partly hidden polygons, if their form factor were 1; others get their part of it, and four or more.
+    /// Points for a pair of partly hidden polygons, if their form factor were 1; others get their part of it, and 16 or more.
     /// Four times as many make the standard error at least half as large.
     #[arg(long, default_value_t = ViewFactorSettings::default().points,
         value_parser = clap::value_parser!(u32).range(1..=MOST_POINTS))]
@@ -144,8 +144,8 @@ fn print(factors: &ViewFactors, seconds: f64) {
     row(
         "pairs of polygons",
         format!(
-            "{} exact, {} estimated, {} hidden, {} turned away",
-            counts.exact, counts.estimated, counts.hidden, counts.turned_away
+            "{} exact, {} estimated, {} hidden ({} as far as their points tell), {} turned away",
+            counts.exact, counts.estimated, counts.hidden, counts.found_hidden, counts.turned_away
         ),
     );
     row("largest standard error of a row", format!("{:.2e}", factors.largest_standard_error()));

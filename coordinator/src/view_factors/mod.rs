@@ -8,7 +8,7 @@
 //! | `tree`, `shaft`, `pairs` | which polygons see each other at all: decided for whole clusters of them |
 //! | `exchange` | pairs that see each other unhindered |
 //! | `sampling` | pairs that are partly hidden |
-//! | `openness`, `closing` | rows of surfaces that see nothing but surfaces sum to 1 |
+//! | `rows`, `openness`, `closing` | rows of surfaces that see nothing but surfaces sum to 1 |
 //! | `table` | the factors as CSV |
 //!
 //! Everything is computed once for each pair, as the *exchange area* A F, which is the same from both sides: A_i F_ij =
@@ -19,6 +19,7 @@ mod element;
 mod exchange;
 mod openness;
 mod pairs;
+mod rows;
 mod sampling;
 mod shaft;
 mod surfaces;
@@ -27,7 +28,6 @@ mod table;
 mod tests;
 mod tree;
 
-use glam::DVec3;
 use rayon::prelude::*;
 use serde::Serialize;
 use shared::geometry::ConvexPolygon;
@@ -35,31 +35,22 @@ use shared::occluder::Occluder;
 use shared::row::Precision;
 
 pub use self::pairs::PairCounts;
+pub use self::rows::Row;
 
-use self::closing::close;
 use self::element::Element;
 use self::pairs::{ElementPair, Found, Way};
+use self::rows::finish;
 use self::sampling::Sampling;
 use self::shaft::Blocker;
 use self::tree::Tree;
 use crate::bake::occluders::occluders;
-use crate::scene::{Scene, Side};
+use crate::scene::Scene;
 
 /// What stands in the place of a surface for the part of a row that arrives on none.
 pub const OPEN: &str = "(open)";
 
 /// The way to the pairs is divided into this many parts or more, whatever the number of threads.
 const TASKS: usize = 4096;
-
-/// A row counts as closed if no ray leaves the scene and it misses 1 by no more than this many of its standard errors: from four
-/// replicates of a pair these are uncertain, with heavy tails.
-const CLOSED_WITHIN: f64 = 6.0;
-
-/// It may miss 1 by this much more: the rounding of the file's coordinates.
-const CLOSED_ROUNDING: f64 = 1e-6;
-
-/// Open parts of rows up to this are rounding.
-const LEAST_OPEN: f64 = 1e-12;
 
 /// What counts as a surface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -76,7 +67,7 @@ pub enum Division {
 pub struct ViewFactorSettings {
     /// What counts as a surface.
     pub division: Division,
-    /// Points for a pair of partly hidden polygons, if their form factor were 1; others get their part of it, and four or more.
+    /// Points for a pair of partly hidden polygons, if their form factor were 1; others get their part of it, and 16 or more.
     pub points: u32,
     /// Seed of these points.
     pub seed: u64,
@@ -99,23 +90,6 @@ pub enum ViewFactorError {
         "a surface is called {OPEN}, which stands for the part of a row that sees no surface: give it another name"
     )]
     ReservedName,
-}
-
-/// A surface, and its row as a whole.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Row {
-    /// Name of the surface.
-    pub name: String,
-    /// Area, in squared file units.
-    pub area: f64,
-    /// Centre of gravity, in the file's coordinates.
-    pub centre: DVec3,
-    /// Part that arrives on no surface: what the factors lack to 1.
-    pub open: f64,
-    /// Standard error of the sum of the factors before closing.
-    pub standard_error: f64,
-    /// What closing added to the sum of the factors; 0 for open rows.
-    pub correction: f64,
 }
 
 /// Two surfaces that see each other, or one that sees itself.
@@ -203,7 +177,7 @@ pub fn view_factors(
             correction: 0.0,
         })
         .collect();
-    let closed_rows = close_rows(&mut rows, &mut pairs, &elements, scene, settings.seed);
+    let closed_rows = finish(&mut rows, &mut pairs, &elements, scene, settings.seed);
     Ok(ViewFactors { rows, pairs, counts, polygons: elements.len(), closed_rows })
 }
 
@@ -266,59 +240,4 @@ fn surface_pairs(mut found: Vec<ElementPair>, elements: &[Element]) -> Vec<Excha
         }
     }
     pairs
-}
-
-/// Closes the rows of surfaces that see nothing but surfaces, and gives every row its figures. Returns how many were closed.
-fn close_rows(
-    rows: &mut [Row],
-    pairs: &mut [ExchangePair],
-    elements: &[Element],
-    scene: &Scene,
-    seed: u64,
-) -> usize {
-    let sums = |pairs: &[ExchangePair], of: fn(&ExchangePair) -> f64| {
-        let mut sums = vec![0.0; rows.len()];
-        for pair in pairs {
-            sums[pair.from as usize] += of(pair);
-            if pair.from != pair.to {
-                sums[pair.to as usize] += of(pair);
-            }
-        }
-        sums
-    };
-    let areas: Vec<f64> = rows.iter().map(|row| row.area).collect();
-    let before = sums(pairs, |pair| pair.area);
-    let variances = sums(pairs, |pair| pair.variance);
-    let all: Vec<ConvexPolygon> = scene
-        .surfaces
-        .iter()
-        .filter(|surface| surface.side == Side::Front)
-        .flat_map(|surface| &surface.facets)
-        .map(|facet| ConvexPolygon {
-            plane: facet.plane,
-            corners: facet.corners.iter().map(|corner| corner.position).collect(),
-        })
-        .collect();
-    let all = Occluder::new(&all);
-    let is_closed = |index: usize| {
-        let lack = 1.0 - before[index] / areas[index];
-        let limit = CLOSED_WITHIN * variances[index].sqrt() / areas[index] + CLOSED_ROUNDING;
-        let first = elements.partition_point(|element| (element.surface as usize) < index);
-        let own = elements[first..].iter().take_while(|element| element.surface as usize == index);
-        // No row sums to more than 1.
-        lack < 0.0 || lack <= limit && openness::is_closed(&own.collect::<Vec<_>>(), &all, seed, index as u32)
-    };
-    let closed: Vec<bool> = (0..areas.len()).into_par_iter().map(is_closed).collect();
-    close(pairs, &areas, &closed);
-    let after = sums(pairs, |pair| pair.area);
-    for (index, row) in rows.iter_mut().enumerate() {
-        let area = areas[index];
-        let lack = 1.0 - after[index] / area;
-        row.open = if lack > LEAST_OPEN { lack } else { 0.0 };
-        row.standard_error = variances[index].sqrt() / area;
-        if closed[index] {
-            row.correction = (after[index] - before[index]) / area;
-        }
-    }
-    closed.iter().filter(|closed| **closed).count()
 }
