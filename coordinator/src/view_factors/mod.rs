@@ -75,7 +75,7 @@ pub struct ViewFactorSettings {
 
 impl Default for ViewFactorSettings {
     fn default() -> Self {
-        Self { division: Division::Surfaces, points: 4096, seed: 1 }
+        Self { division: Division::Surfaces, points: 16384, seed: 1 }
     }
 }
 

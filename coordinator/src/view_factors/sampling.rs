@@ -18,7 +18,7 @@ const REPLICATES: usize = 4;
 const LEAST_POINTS: u32 = 4;
 
 /// Most points of a pair.
-const MOST_POINTS: u32 = 1 << 14;
+const MOST_POINTS: u32 = 1 << 20;
 
 /// How partly hidden pairs are estimated.
 #[derive(Debug, Clone, Copy)]
