@@ -128,3 +128,42 @@ fn ratio(parts: &[f64], wholes: &[f64], each: usize) -> (f64, f64) {
     let unbiased = count * part / whole - (count - 1.0) * mean;
     (unbiased.clamp(0.0, 1.0), spread * (count - 1.0) / count)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_in_proportion_leave_no_error() {
+        let wholes = [1.0, 2.0, 0.5, 0.25, 3.0, 1.0, 0.0, 0.125];
+        let parts = wholes.map(|whole| 0.375 * whole);
+        assert_eq!(ratio(&parts, &wholes, 2), (0.375, 0.0));
+        assert_eq!(ratio(&wholes, &wholes, 2), (1.0, 0.0));
+        assert_eq!(ratio(&[0.0; 8], &wholes, 2), (0.0, 0.0));
+    }
+
+    /// Equal wholes make a plain mean of four: 1/4 with a standard error of 1/4 if one of them counts, by the textbook.
+    #[test]
+    fn equal_wholes_give_the_mean_and_its_standard_error() {
+        let (fraction, variance) = ratio(&[1.0, 0.0, 0.0, 0.0], &[1.0; 4], 1);
+        assert!(
+            (fraction - 0.25).abs() < 1e-15 && (variance - 0.0625).abs() < 1e-15,
+            "{fraction} {variance}"
+        );
+    }
+
+    /// Wholes 1 and 3, of which the parts are their squares over 4: the mean over all draws of four is that of the sums, 5/8. The plain
+    /// ratio is lower in the mean.
+    #[test]
+    fn bias_of_the_ratio_is_taken_out() {
+        let (mut plain, mut corrected) = (0.0, 0.0);
+        for draw in 0..16_u32 {
+            let wholes: Vec<f64> = (0..4).map(|i| if draw >> i & 1 == 1 { 3.0 } else { 1.0 }).collect();
+            let parts: Vec<f64> = wholes.iter().map(|whole| whole * whole / 4.0).collect();
+            plain += parts.iter().sum::<f64>() / wholes.iter().sum::<f64>() / 16.0;
+            corrected += ratio(&parts, &wholes, 1).0 / 16.0;
+        }
+        assert!(plain < 0.625 - 0.01, "{plain}");
+        assert!((corrected - 0.625).abs() < 0.3 * (0.625 - plain), "{plain} {corrected}");
+    }
+}
