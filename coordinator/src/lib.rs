@@ -15,3 +15,4 @@ pub mod scheduler;
 pub mod score;
 pub mod solver;
 pub mod study;
+pub mod view_factors;

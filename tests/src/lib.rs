@@ -6,6 +6,7 @@
 //! | [`builder`] | small scenes, as the bytes of a GLB |
 //! | [`shapes`] | polygons to build them from |
 //! | [`building`] | buildings of any number of rooms |
+//! | [`city`] | a city of boxes, of as many facets as asked for |
 //! | [`baking`] | such a scene baked, and figures of the result |
 //! | [`measured`] | the three scenes baked and scored |
 //! | [`rooms_only`] | rows of a building whose rooms do not see each other: what a bake costs beside visibility |
@@ -15,6 +16,7 @@ pub mod baking;
 pub mod builder;
 pub mod building;
 pub mod cases;
+pub mod city;
 pub mod measured;
 pub mod programs;
 pub mod rooms_only;

@@ -23,7 +23,7 @@ mod channels;
 mod checks;
 mod light;
 mod measure;
-mod occluders;
+pub(crate) mod occluders;
 mod receivers;
 mod refine;
 mod report;

@@ -1,6 +1,7 @@
 //! The command line.
 
 mod compare;
+mod form_factors;
 mod knobs;
 mod machine;
 mod progress;
@@ -45,6 +46,8 @@ enum Command {
     Compare(compare::CompareArguments),
     /// Path-trace the radiosity at points of a scene: what a bake can be compared with.
     Reference(reference::ReferenceArguments),
+    /// Compute the view factors between the named surfaces of a scene.
+    FormFactors(form_factors::FormFactorArguments),
     /// Sweep the quality of a scene's bakes: error over time against a path-traced reference.
     Study(study::StudyArguments),
 }
@@ -75,6 +78,7 @@ pub fn run(arguments: Arguments) -> anyhow::Result<()> {
         Command::Solve(solve) => solve::run(&solve, &arguments.workers.workers()?),
         Command::Compare(compare) => compare::run(&compare),
         Command::Reference(reference) => reference::run(&reference, arguments.workers.threads()?),
+        Command::FormFactors(factors) => form_factors::run(&factors, arguments.workers.threads()?),
         Command::Study(study) => study::run(&study, &arguments.workers.workers()?),
     }
 }

@@ -57,11 +57,13 @@ pub struct ImportOptions {
     /// Most triangles in the scene, counted where they stand: a mesh counts once for every node that shows it. 50 million
     /// unless told otherwise.
     pub max_triangles: usize,
+    /// Whether a scene without any light is an error. It is unless told otherwise: a bake of it would be black.
+    pub needs_light: bool,
 }
 
 impl Default for ImportOptions {
     fn default() -> Self {
-        Self { max_bytes: 4 << 30, max_triangles: 50_000_000 }
+        Self { max_bytes: 4 << 30, max_triangles: 50_000_000, needs_light: true }
     }
 }
 
@@ -92,7 +94,7 @@ fn read_scene(bytes: &[u8], folder: Option<&Path>, options: &ImportOptions) -> R
     let mut content = Content::default();
     document::warn_ignored_extensions(document.as_json(), &mut content.warnings);
     content.collect(&document, &buffers, options)?;
-    content.into_scene(SourceDocument { root: document.into_json(), buffers })
+    content.into_scene(SourceDocument { root: document.into_json(), buffers }, options.needs_light)
 }
 
 /// A primitive of a node, before the frame is known.
@@ -159,7 +161,7 @@ impl Content {
         Ok(())
     }
 
-    fn into_scene(self, source: SourceDocument) -> Result<Scene, ImportProblem> {
+    fn into_scene(self, source: SourceDocument, needs_light: bool) -> Result<Scene, ImportProblem> {
         let Self { primitives, lights, mut warnings } = self;
         if primitives.iter().all(|placed| placed.geometry.triangles.is_empty()) {
             return Err(ImportProblem::NoTriangles);
@@ -188,7 +190,9 @@ impl Content {
             return Err(ImportProblem::NoTriangles);
         }
         let shines = |surface: &Surface| surface.exitance != DVec3::ZERO;
-        if !surfaces.iter().any(shines) && !lights.iter().any(|light| light.intensity != DVec3::ZERO) {
+        let is_dark =
+            !surfaces.iter().any(shines) && !lights.iter().any(|light| light.intensity != DVec3::ZERO);
+        if needs_light && is_dark {
             return Err(ImportProblem::NoLight);
         }
         let rounding = rounding.max(triangles::rounding_of(frame.centre.abs().max_element() / frame.scale));

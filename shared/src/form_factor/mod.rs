@@ -19,5 +19,5 @@ mod prepared;
 
 pub use contour::{contour, point_to_polygon, point_to_polygon_limit};
 pub use lanes::{LANES, Lanes, ReceiverLanes, ViewLanes};
-pub use polygon_to_polygon::{exchange_area, polygon_to_polygon};
+pub use polygon_to_polygon::{AreaPoint, area_points, between_areas, exchange_area, polygon_to_polygon};
 pub use prepared::{PreparedPolygon, View};

@@ -5,7 +5,7 @@ use coordinator::import::{ImportOptions, import_slice};
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|bytes: &[u8]| {
-    let options = ImportOptions { max_bytes: 1 << 20, max_triangles: 2_000 };
+    let options = ImportOptions { max_bytes: 1 << 20, max_triangles: 2_000, ..ImportOptions::default() };
     let Ok(scene) = import_slice(bytes, &options) else { return };
     assert!(!scene.surfaces.is_empty() && scene.frame.scale > 0.0 && scene.frame.centre.is_finite());
     for surface in &scene.surfaces {

@@ -18,6 +18,7 @@
 //! | `size` | how a bake grows with its scene, and what is made again where rows are not kept, in counts |
 //! | `determinism` | bakes against bakes by other workers, bit for bit |
 //! | `stability` | hard cases, and scenes told in several ways, against what is true of every bake |
+//! | `view_factors` | view factors of scenes against known values, a Monte Carlo of the test's own, and each other |
 //! | `bad_input` | the command line against wrong files, wrong addresses and lost workers |
 
 mod bad_input;
@@ -37,3 +38,4 @@ mod spheres;
 mod stability;
 mod study;
 mod systems;
+mod view_factors;

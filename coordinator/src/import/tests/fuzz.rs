@@ -7,7 +7,7 @@ use crate::import::{ImportOptions, import_slice};
 
 /// Limits that keep a lucky guess small.
 fn options() -> ImportOptions {
-    ImportOptions { max_bytes: 1 << 20, max_triangles: 10_000 }
+    ImportOptions { max_bytes: 1 << 20, max_triangles: 10_000, ..ImportOptions::default() }
 }
 
 /// A document that has some of everything that is read.

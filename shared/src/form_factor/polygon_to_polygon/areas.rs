@@ -23,7 +23,8 @@ pub fn nodes_for(ratio: f64) -> usize {
 }
 
 /// Points of a convex polygon: the product of two Gauss rules on each of the quadrilaterals, and perhaps one triangle, into which
-/// it falls from its first corner.
+/// it falls from its first corner. At most 16 nodes.
+#[must_use]
 pub fn points(corners: &[DVec3], nodes: usize) -> Vec<AreaPoint> {
     let mut points = vec![];
     let end = corners.len() - 1;
@@ -44,6 +45,7 @@ pub fn points(corners: &[DVec3], nodes: usize) -> Vec<AreaPoint> {
 
 /// The integral of cos cos / (pi r^2) over two polygons, given by their points and normals, of which each lies wholly in front
 /// of the other.
+#[must_use]
 pub fn between_areas(from: &[AreaPoint], normal: DVec3, to: &[AreaPoint], other_normal: DVec3) -> f64 {
     let kernel = |offset: DVec3| {
         let square = offset.length_squared();

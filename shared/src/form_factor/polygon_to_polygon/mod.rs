@@ -17,6 +17,8 @@ use smallvec::SmallVec;
 
 use crate::geometry::{ConvexPolygon, Corners, area_vector, clip};
 
+pub use areas::{AreaPoint, between_areas, points as area_points};
+
 /// From this ratio of distance to radius on, for both polygons, the kernel is integrated over both areas: nothing cancels there,
 /// and few nodes are enough.
 const FAR: f64 = 4.0;
