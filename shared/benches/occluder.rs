@@ -106,7 +106,7 @@ fn shafts(criterion: &mut Criterion) {
                 let lanes = ReceiverLanes::new(group);
                 shafts.aim(&lanes.positions, square.corners());
                 for part in 0..front.len() as u32 {
-                    reached += front.reach(&occluder, part, &shafts, &lanes).partly.count_ones();
+                    reached += front.reach(&occluder, part, &shafts, &lanes.planes).partly.count_ones();
                 }
             }
             reached

@@ -4,7 +4,7 @@ use shared::form_factor::PreparedPolygon;
 use shared::geometry::ConvexPolygon;
 use shared::occluder::Occluder;
 use shared::protocol::RowStatistics;
-use shared::replica::Receiver;
+use shared::replica::{Receiver, Receivers};
 use shared::row::{Precision, Shape, Shooter};
 use shared::visibility::{ReceiverGroups, VisibilityKernel, pair_seed};
 
@@ -18,6 +18,22 @@ impl Scene {
     #[must_use]
     pub fn new(polygons: &[ConvexPolygon]) -> Self {
         Self { occluder: Occluder::new(polygons) }
+    }
+}
+
+/// A receiver replica made ready.
+pub struct ReceiverSet {
+    /// Key of the first receiver.
+    pub first_key: u64,
+    /// The receivers.
+    pub groups: ReceiverGroups,
+}
+
+impl ReceiverSet {
+    /// Groups the receivers.
+    #[must_use]
+    pub fn new(receivers: Receivers) -> Self {
+        Self { first_key: receivers.first_key, groups: ReceiverGroups::new(receivers.receivers) }
     }
 }
 

@@ -5,11 +5,11 @@ use std::time::Instant;
 
 use shared::protocol::worker_message::Body;
 use shared::protocol::{FailureReason, Finished, JobFailed, MAX_MESSAGE_BYTES, RowJob};
-use shared::replica::{Digest, Receivers};
+use shared::replica::Digest;
 use shared::row::{RequestError, Row, RowRequest, encode_row};
 use shared::visibility::ReceiverGroups;
 
-use crate::engine::{Scene, compute_row};
+use crate::engine::{ReceiverSet, Scene, compute_row};
 use crate::pool::Panicked;
 use crate::store::{Replica, ReplicaStore};
 
@@ -18,7 +18,7 @@ pub struct Job {
     id: u64,
     request: RowRequest,
     scene: Arc<Scene>,
-    receivers: Arc<Receivers>,
+    receivers: Arc<ReceiverSet>,
     /// Key of the first receiver of the range.
     first_key: u64,
 }
@@ -91,7 +91,7 @@ impl Job {
             None => return Err(JobError::UnknownReplica(request.receivers)),
         };
         let (first, count) = (request.first_receiver, request.receiver_count);
-        let held = receivers.receivers.len();
+        let held = receivers.groups.receivers().len();
         // The keys of the range must exist too, whatever the replica claims as its first.
         let first_key = receivers
             .first_key
@@ -112,13 +112,20 @@ impl Job {
     /// Computes the rows, on the calling thread.
     #[must_use]
     pub fn compute(&self) -> Finished {
+        let all = self.receivers.groups.receivers();
         let first = self.request.first_receiver as usize;
-        let receivers = &self.receivers.receivers[first..first + self.request.receiver_count as usize];
-        let groups = ReceiverGroups::new(receivers.to_vec());
+        let range = first..first + self.request.receiver_count as usize;
+        let part;
+        let groups = if range == (0..all.len()) {
+            &self.receivers.groups
+        } else {
+            part = ReceiverGroups::new(all[range].to_vec());
+            &part
+        };
         let row = |shooter| {
             let start = Instant::now();
             let (row, mut statistics) =
-                compute_row(&self.scene, &groups, self.first_key, shooter, &self.request.precision);
+                compute_row(&self.scene, groups, self.first_key, shooter, &self.request.precision);
             statistics.busy_nanoseconds = start.elapsed().as_nanos().try_into().unwrap_or(u64::MAX);
             (encode_row(&Row::new(&row)), statistics)
         };
@@ -140,7 +147,7 @@ pub fn answer(job_id: u64, result: Result<Finished, JobError>) -> Body {
 mod tests {
     use glam::DVec3;
     use shared::geometry::PlaneId;
-    use shared::replica::{EncodedReplica, Receiver, encode_receivers, encode_scene};
+    use shared::replica::{EncodedReplica, Receiver, Receivers, encode_receivers, encode_scene};
     use shared::row::{Precision, Shape, Shooter, decode_row};
 
     use super::*;

@@ -4,9 +4,9 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use shared::protocol::ReplicaKind;
-use shared::replica::{Digest, Receivers, ReplicaError, decode_receivers, decode_scene};
+use shared::replica::{Digest, ReplicaError, decode_receivers, decode_scene};
 
-use crate::engine::Scene;
+use crate::engine::{ReceiverSet, Scene};
 
 /// A replica made ready for jobs. A clone is another handle to the same one.
 #[derive(Clone)]
@@ -14,11 +14,12 @@ pub enum Replica {
     /// The occluders, behind their BVH.
     Scene(Arc<Scene>),
     /// Points at which irradiance is wanted.
-    Receivers(Arc<Receivers>),
+    Receivers(Arc<ReceiverSet>),
 }
 
 impl Replica {
-    /// Decodes a replica and builds what jobs need of it: for a scene, the BVH. This is the expensive step; it happens
+    /// Decodes a replica and builds what jobs need of it: for a scene the BVH, for receivers
+    /// their groups. This is the expensive step; it happens
     /// once for each upload.
     ///
     /// # Errors
@@ -26,7 +27,9 @@ impl Replica {
     pub fn decode(kind: ReplicaKind, bytes: &[u8]) -> Result<Self, ReplicaError> {
         match kind {
             ReplicaKind::Scene => Ok(Self::Scene(Arc::new(Scene::new(&decode_scene(bytes)?)))),
-            ReplicaKind::Receivers => Ok(Self::Receivers(Arc::new(decode_receivers(bytes)?))),
+            ReplicaKind::Receivers => {
+                Ok(Self::Receivers(Arc::new(ReceiverSet::new(decode_receivers(bytes)?))))
+            }
             ReplicaKind::Unspecified => Err(ReplicaError::Inconsistent("the kind of the replica is missing")),
         }
     }
@@ -100,7 +103,7 @@ impl ReplicaStore {
 
 #[cfg(test)]
 mod tests {
-    use shared::replica::encode_receivers;
+    use shared::replica::{Receivers, encode_receivers};
 
     use super::*;
 

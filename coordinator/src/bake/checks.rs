@@ -14,7 +14,7 @@ use sobol_burley::sample_4d;
 use super::BakeSettings;
 use super::channels::Gathering;
 use super::receivers::INWARD;
-use crate::mesh::{Mesh, PatchId, VertexId, interpolation};
+use crate::mesh::{Mesh, PatchId, VertexId, along_curve, interpolation};
 use crate::scene::Scene;
 
 /// Key of the first check point of the first draw as a receiver: above all vertices, so that its rays are its own.
@@ -25,6 +25,9 @@ const PATCHES_PER_POINT: usize = 16;
 
 /// But no more than this.
 const MOST_POINTS: usize = 2048;
+
+/// So many points come first, drawn as the others are.
+pub const FIRST: usize = 256;
 
 /// The sequence that the points are drawn from ends here.
 const MOST_DRAWN: usize = 1 << 16;
@@ -113,7 +116,12 @@ impl Checks {
             }
         };
         let first_key = FIRST_KEY + u64::from(round) * MOST_DRAWN as u64;
-        Self { first_key, points: (0..count).map(point).collect(), ..Self::default() }
+        let mut points: Vec<CheckPoint> = (0..count).map(point).collect();
+        // The first of them are asked about alone: they stay a random part of all.
+        for part in points.chunks_mut(FIRST) {
+            part.sort_by_cached_key(|point| along_curve(point.position));
+        }
+        Self { first_key, points, ..Self::default() }
     }
 
     /// The first `count` points as receivers.

@@ -4,13 +4,10 @@ use glam::DVec3;
 use shared::geometry::ConvexPolygon;
 use shared::row::{Shape, Shooter};
 
-use super::checks::Checks;
+use super::checks::{Checks, FIRST};
 use super::refine::NOISE_HIDES;
 use super::{Bake, BakeError, BakeSettings, ErrorBudget, Phase, light, shooting_mesh};
 use crate::solver::fit::best_fit;
-
-/// Check points at which all leaves of the mesh are gathered, to see what the shares get wrong.
-const GATHERED: usize = 256;
 
 /// Key of the first leaf as a shooter: above all shares and light sources.
 const FIRST_LEAF_KEY: u64 = 1 << 40;
@@ -139,7 +136,7 @@ impl Bake<'_, '_> {
         checks: &Checks,
         irradiance: &[DVec3],
     ) -> Result<(Vec<DVec3>, f64), BakeError> {
-        let count = checks.count().min(GATHERED);
+        let count = checks.count().min(FIRST);
         if count == 0 {
             return Ok((vec![], 0.0));
         }

@@ -297,7 +297,7 @@ impl<'a, 'b> Bake<'a, 'b> {
         let shooters: Vec<Shooter> = shares.iter().enumerate().map(shooter).collect();
         let sources = light::sources(scene, settings, shooters.len() as u64);
         office.set_precision(settings.precision());
-        let mut rows = ShareRows::new(shooters, settings.row_cache << 20);
+        let mut rows = ShareRows::new(shooters, settings.row_cache.saturating_mul(1 << 20));
         let coarse = rows.add_set(office.publish_receivers(&receivers(&mesh, VertexId(0))));
         let guides = Checks::draw(&mesh, scene, settings, &[], 0);
         let count = shares.len();

@@ -106,7 +106,7 @@ impl Default for BakeSettings {
             row_cache: 2048,
             max_level: 12,
             threshold: 1e-6,
-            window: 32,
+            window: 64,
             exact_occluders: precision.exact_occluders,
             rays_per_hemisphere: precision.rays_per_hemisphere,
             minimum_rays: precision.minimum_rays,

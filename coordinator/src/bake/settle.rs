@@ -12,7 +12,8 @@ const LEAST_EXPOSED: f64 = 0.1;
 
 impl Bake<'_, '_> {
     /// Solves again with each share's radiosity taken as the mean over its part of the refined mesh instead of the value at
-    /// its vertex: the better figure where a shadow line or a hot spot lies inside the share. No new rows are needed.
+    /// its vertex: the better figure where a shadow line or a hot spot lies inside the share. No rows are needed but
+    /// those that there are, or were.
     pub(super) fn settle(&mut self) -> Result<(), BakeError> {
         self.office.enter(Phase::Settle, self.mesh.vertices.len());
         let means = Means::new(&self.mesh, &self.shares, &self.exposed);

@@ -1,5 +1,7 @@
 //! Solving for the radiosity of the shares.
 
+use std::collections::HashMap;
+
 use glam::DVec3;
 use shared::row::Row;
 
@@ -15,6 +17,9 @@ use crate::solver::{Light, ShareEnergy, ShareId};
 
 /// Shooting ends here at the latest: with all rows that matter at hand, sweeps finish faster than more shots would.
 const LEAST_SHOOTING: f64 = 1e-3;
+
+/// The rows under way while shooting are cut into so many jobs, for as many threads.
+const JOBS_IN_WINDOW: usize = 16;
 
 /// Sweeps end here even if the accuracy was not reached; the bound is reported.
 const MAX_SWEEPS: u32 = 1000;
@@ -41,16 +46,23 @@ impl Bake<'_, '_> {
         let threshold = self.settings.threshold.max(LEAST_SHOOTING);
         let mut shooting = Shooting::<L>::new(energies, direct, COARSE, self.settings.window, threshold);
         let mut wanted = shooting.start(self.rows.cache());
+        // A job of several rows costs less than as many jobs, but every worker must find one in the window.
+        let most = (self.settings.window / JOBS_IN_WINDOW).max(1);
+        let per_job = self.rows.set(COARSE).shooters_per_job().min(most);
+        let mut jobs = HashMap::new();
         while !shooting.is_done() {
-            for share in wanted.drain(..) {
-                self.office.submit(u64::from(share.0), self.rows.wish(COARSE, &[share]));
+            for shares in wanted.chunks(per_job) {
+                let tag = u64::from(shares[0].0);
+                self.office.submit(tag, self.rows.wish(COARSE, shares));
+                jobs.insert(tag, shares.to_vec());
             }
-            let (tag, mut finished) = self.office.next()?;
-            let share = ShareId(tag as u32);
-            let variance = finished.statistics.pop().map_or(0.0, |row| row.sampling_variance);
-            self.rows.made(COARSE, share, variance);
-            let row = finished.rows.pop().unwrap_or_default();
-            wanted = shooting.row_arrived(share, row, self.rows.cache());
+            let (tag, finished) = self.office.next()?;
+            let shares = jobs.remove(&tag).unwrap_or_default();
+            wanted.clear();
+            for ((share, row), statistics) in shares.into_iter().zip(finished.rows).zip(finished.statistics) {
+                self.rows.made(COARSE, share, statistics.sampling_variance);
+                wanted.extend(shooting.row_arrived(share, row, self.rows.cache()));
+            }
             self.office.set_unshot(shooting.progress().unshot);
         }
         self.spent.shots += shooting.progress().shots;

@@ -35,7 +35,7 @@ pub struct FormFactorArguments {
     #[arg(long)]
     facets: bool,
     /// Points for a pair of partly hidden polygons, if their form factor were 1; others get their part of it, and 16 or more.
-    /// Four times as many make the standard error at least half as large.
+    /// Four times as many make the standard error at most half as large.
     #[arg(long, default_value_t = ViewFactorSettings::default().points,
         value_parser = clap::value_parser!(u32).range(1..=MOST_POINTS))]
     points: u32,

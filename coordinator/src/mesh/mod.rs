@@ -32,6 +32,7 @@ use shared::geometry::PlaneId;
 use smallvec::SmallVec;
 
 use order::FacetPlaces;
+pub use order::along_curve;
 
 pub use locate::{Interpolation, interpolation};
 pub use shares::{Share, Surroundings, surroundings};

@@ -84,7 +84,7 @@ fn renamed_edges<T>(
 }
 
 /// Place of a point along Morton's curve through the frame: the bits of its coordinates in turn.
-fn along_curve(point: DVec3) -> u64 {
+pub fn along_curve(point: DVec3) -> u64 {
     let cells = f64::from(1 << BITS);
     let cell = ((point / (2.0 * REACH) + 0.5) * cells).clamp(DVec3::ZERO, DVec3::splat(cells - 1.0));
     let [x, y, z] = cell.to_array().map(|coordinate| coordinate as u64);

@@ -5,7 +5,7 @@
 //! | `light` | three channels, or one |
 //! | `cache` | rows kept in a given amount of memory |
 //! | `shooting` | progressive refinement: which share shoots next, and what its shot gives |
-//! | `sweeps` | finishes the solution once all rows are there |
+//! | `sweeps` | finishes the solution with all rows |
 //! | `refinement` | where the mesh needs more vertices |
 //! | `fit` | vertex values with the least error between the vertices |
 //! | `balance` | where the energy went |

@@ -1,4 +1,4 @@
-//! Finishes a solution whose rows are all there: Gauss-Seidel sweeps over the shares, with a correction of the whole after
+//! Finishes a solution with all rows, kept or made again: Gauss-Seidel sweeps over the shares, with a correction of the whole after
 //! each.
 //!
 //! In bright rooms (rho .99) plain sweeps take hundreds of rounds because they spread a general level of light slowly. Adding

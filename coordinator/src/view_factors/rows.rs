@@ -40,7 +40,8 @@ pub struct Row {
 /// Closes the rows of surfaces that see nothing but surfaces, and gives every row its figures. Returns how many were closed.
 ///
 /// A row that misses 1 by more than its errors allow is open even if no ray leaves the scene: it sees the backs of surfaces, which
-/// are none, or a gap that the rays missed. Nothing is corrected there.
+/// are none, or a gap that the rays missed. Nothing is corrected there. A row of more than 1 is closed in any case: no surface sees more
+/// than its hemisphere.
 pub fn finish(
     rows: &mut [Row],
     pairs: &mut [ExchangePair],
@@ -77,7 +78,6 @@ pub fn finish(
         let limit = CLOSED_WITHIN * variances[index].sqrt() / areas[index] + CLOSED_ROUNDING;
         let first = elements.partition_point(|element| (element.surface as usize) < index);
         let own = elements[first..].iter().take_while(|element| element.surface as usize == index);
-        // No row sums to more than 1.
         lack < 0.0 || lack <= limit && openness::is_closed(&own.collect::<Vec<_>>(), &all, seed, index as u32)
     };
     let closed: Vec<bool> = (0..areas.len()).into_par_iter().map(is_closed).collect();

@@ -23,6 +23,16 @@ impl Vectors {
     /// All of them zero.
     pub const ZERO: Self = Self { x: [0.0; LANES], y: [0.0; LANES], z: [0.0; LANES] };
 
+    /// Some vectors, and again from the first until all lanes are full.
+    #[must_use]
+    pub fn repeated(vectors: &[DVec3]) -> Self {
+        let mut all = Self::ZERO;
+        for (lane, vector) in vectors.iter().cycle().take(LANES).enumerate() {
+            all.set(lane, *vector);
+        }
+        all
+    }
+
     /// Sets one of them.
     pub fn set(&mut self, lane: usize, vector: DVec3) {
         (self.x[lane], self.y[lane], self.z[lane]) = (vector.x, vector.y, vector.z);

@@ -14,10 +14,13 @@ const ROUNDING: f64 = 1e-6;
 /// Bodies smaller than this, in units of that rounding, are left as faces.
 const LEAST_SIZE: f64 = 1e3;
 
+/// Bodies with more faces are left as faces: their outline would take longer to find than the few faces in a shaft.
+const MOST_FACES: usize = 512;
+
 /// A closed convex body.
 #[derive(Debug)]
 pub struct Body {
-    /// Its polygons.
+    /// Its polygons, in ascending order.
     pub faces: Vec<u32>,
     /// Its corners, each once.
     pub corners: Vec<DVec3>,
@@ -142,7 +145,7 @@ pub fn convex_bodies(polygons: &[ConvexPolygon]) -> Vec<Vec<usize>> {
             next += 1;
         }
         faces.sort_unstable();
-        if is_closed && is_convex(polygons, &faces, rounding) {
+        if is_closed && faces.len() <= MOST_FACES && is_convex(polygons, &faces, rounding) {
             bodies.push(faces);
         }
     }

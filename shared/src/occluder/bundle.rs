@@ -27,6 +27,12 @@ impl Bounds {
         (self.low + self.high) * 0.5
     }
 
+    /// Length of the diagonal.
+    #[must_use]
+    pub fn size(&self) -> f64 {
+        (self.high - self.low).length()
+    }
+
     /// The eight corners.
     #[must_use]
     pub fn corners(&self) -> [DVec3; 8] {

@@ -9,7 +9,6 @@ use super::{Body, Bounds, Bundle, Occluder, OccluderPolygon, Reach, Shafts};
 use crate::form_factor::PreparedPolygon;
 use crate::geometry::lanes::{LANES, Mask};
 use crate::geometry::{PlaneId, clip};
-use crate::visibility::ReceiverLanes;
 
 /// Occluders that can block something of a polygon, as far as they stand in front of its plane.
 #[derive(Debug, Default)]
@@ -28,6 +27,15 @@ enum Part {
     /// A polygon, or as much of it as stands in front.
     Polygon { occluder: u32, corners: Range<usize> },
     /// A convex body, all of it in front.
+    Body(u32),
+}
+
+/// An occluder, whatever polygon it stands before.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Identity {
+    /// A polygon.
+    Polygon(u32),
+    /// A convex body.
     Body(u32),
 }
 
@@ -79,6 +87,11 @@ impl Front {
                 self.add_polygon(*index, face, over_plane);
             }
         }
+        // Which face of a body is found first is the group's matter; what is cut out first must not be.
+        self.parts.sort_unstable_by_key(|part| match part {
+            Part::Polygon { occluder, .. } => *occluder,
+            Part::Body(number) => occluder.bodies[*number as usize].faces[0],
+        });
     }
 
     fn add_polygon(&mut self, index: u32, face: &OccluderPolygon, over_plane: impl Fn(&DVec3) -> f64) {
@@ -120,6 +133,21 @@ impl Front {
         self.parts.len()
     }
 
+    /// Which occluder a part is of; bodies go by their number.
+    #[must_use]
+    pub fn identity(&self, part: u32) -> Identity {
+        match &self.parts[part as usize] {
+            Part::Polygon { occluder, .. } => Identity::Polygon(*occluder),
+            Part::Body(body) => Identity::Body(*body),
+        }
+    }
+
+    /// The part of an occluder, where there is one.
+    #[must_use]
+    pub fn part_of(&self, identity: Identity) -> Option<u32> {
+        (0..self.parts.len() as u32).find(|part| self.identity(*part) == identity)
+    }
+
     /// True when nothing was found.
     #[must_use]
     pub fn is_empty(&self) -> bool {
@@ -132,13 +160,14 @@ impl Front {
         body.faces.iter().filter(move |face| occluder.polygons[**face as usize].plane != plane)
     }
 
-    /// What a part does to the shafts of some receivers to the polygon. Occluders in a receiver's own plane do not count.
+    /// What a part does to the shafts of some receivers to the polygon. Occluders in a receiver's own plane, which `planes`
+    /// tells, do not count.
     #[must_use]
-    pub fn reach(&self, occluder: &Occluder, part: u32, shafts: &Shafts, lanes: &ReceiverLanes) -> Reach {
+    pub fn reach(&self, occluder: &Occluder, part: u32, shafts: &Shafts, planes: &[PlaneId; LANES]) -> Reach {
         let of_polygon = |index: u32, corners: &[DVec3]| {
             let polygon = &occluder.polygons[index as usize];
             let reach = shafts.reach(polygon, corners);
-            let plane = |i: usize| Mask::from(lanes.planes[i] != polygon.plane) << i;
+            let plane = |i: usize| Mask::from(planes[i] != polygon.plane) << i;
             let others = (0..LANES).map(plane).sum::<Mask>();
             Reach { partly: reach.partly & others, wholly: reach.wholly & others }
         };

@@ -14,12 +14,13 @@ use obvhs::bvh2::builder::build_bvh2;
 use obvhs::{Boundable, BvhBuildParams};
 use smallvec::SmallVec;
 
+use crate::form_factor::PreparedPolygon;
 use crate::geometry::{ConvexPolygon, PlaneId, area_vector};
 use segment::Tree;
 
 pub use bodies::{Body, Edge, convex_bodies};
 pub use bundle::{Bounds, Bundle};
-pub use front::{Blocker, Front};
+pub use front::{Blocker, Front, Identity};
 pub use shafts::{Reach, Shafts};
 
 /// Boxes are padded by this part of the scene's largest coordinate: rays are rounded to f32 when they meet a box, and must
@@ -60,6 +61,21 @@ impl OccluderPolygon {
     fn is_edge_on(&self, point: DVec3) -> bool {
         let to_first = self.corners[0] - point;
         self.normal.dot(to_first).abs() <= EDGE_ON * to_first.length()
+    }
+
+    /// True where a segment crosses the polygon, up to rounding.
+    fn is_crossed_by(&self, [from, to]: [DVec3; 2]) -> bool {
+        let height = |point: DVec3| self.normal.dot(point - self.corners[0]);
+        let (above, below) = (height(from), height(to));
+        if above * below > 0.0 || above == below {
+            return false;
+        }
+        let crossing = from + (to - from) * (above / (above - below));
+        let next = self.corners.iter().cycle().skip(1);
+        let is_left = |(a, b): (&DVec3, &DVec3)| {
+            self.normal.dot((*b - *a).cross(crossing - *a)) >= -EDGE_ON * (*b - *a).length_squared()
+        };
+        self.corners.iter().zip(next).all(is_left)
     }
 
     /// Triangles of the fan around the first corner.
@@ -118,7 +134,8 @@ impl Occluder {
             .collect();
         let mut bodies = vec![];
         for faces in faces_of_bodies {
-            let faces: Vec<u32> = faces.into_iter().map(|face| place[face]).collect();
+            let mut faces: Vec<u32> = faces.into_iter().map(|face| place[face]).collect();
+            faces.sort_unstable();
             for face in &faces {
                 polygons[*face as usize].body = Some(bodies.len() as u32);
             }
@@ -134,10 +151,37 @@ impl Occluder {
         self.polygons.len()
     }
 
-    /// Plane of a polygon.
+    /// True where an occluder, one of those with these numbers, stands between all of the shafts' apexes, the corners of a box around
+    /// points in these planes, and all of the polygon at which they are aimed.
+    ///
+    /// What a convex occluder hides of a point is convex, and so is the set of points from which it hides a point that is not on it:
+    /// if it hides the corners of one set from those of another, it hides all from all.
     #[must_use]
-    pub fn plane(&self, index: u32) -> PlaneId {
-        self.polygons[index as usize].plane
+    pub fn cuts_off(
+        &self,
+        numbers: &[u32],
+        shafts: &Shafts,
+        planes: &[PlaneId],
+        apexes: &[DVec3],
+        polygon: &PreparedPolygon,
+    ) -> bool {
+        let middle = [apexes.iter().sum::<DVec3>() / apexes.len() as f64, polygon.centre()];
+        numbers.iter().any(|number| {
+            let face = &self.polygons[*number as usize];
+            // What hides all from all hides the middle from the middle.
+            if !face.is_crossed_by(middle) {
+                return false;
+            }
+            let is_own = face.plane == polygon.plane() || planes.binary_search(&face.plane).is_ok();
+            if !is_own && shafts.are_cut_off_by(face) {
+                return true;
+            }
+            face.body.is_some_and(|body| {
+                let body = &self.bodies[body as usize];
+                polygon.corners().iter().all(|corner| body.is_outside(*corner))
+                    && shafts.are_cut_off_by_body(body, polygon)
+            })
+        })
     }
 
     /// True where nothing can block anything.

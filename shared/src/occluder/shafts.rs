@@ -5,10 +5,15 @@ use pulp::{Arch, Simd, WithSimd};
 
 use super::wide::{Wide, bits, cross, dot, load, minus, none, splat, store};
 use super::{Body, EDGE_ON, OccluderPolygon};
+use crate::form_factor::PreparedPolygon;
 use crate::geometry::lanes::{LANES, Mask, Vectors};
 
-/// Bases with more corners are not looked at here.
-const MAX_CORNERS: usize = 8;
+/// Sides that are held against an occluder's corners in one pass.
+const SIDES_AT_ONCE: usize = 8;
+
+/// A base that reaches out of a cone by less than this part of what it reaches into it is inside: the rest is rounding, as where
+/// base, occluder and apex all touch the floor.
+const INSIDE: f64 = 1e-12;
 
 /// The pyramids between some points and a convex polygon that faces them: from each apex to the one base.
 ///
@@ -49,45 +54,59 @@ impl Shafts {
     }
 
     /// What an occluder does to the shafts, given the corners of its part in front of the base's plane. Exact up to rounding:
-    /// two convex cones with a common apex overlap unless a side of one of them parts them. Of a base with very many corners it is
-    /// not found out: the occluder counts as reaching into all.
+    /// two convex cones with a common apex overlap unless a side of one of them parts them.
     #[must_use]
     pub fn reach(&self, occluder: &OccluderPolygon, front: &[DVec3]) -> Reach {
-        if self.sides.len() > MAX_CORNERS {
-            return Reach { partly: Mask::MAX, wholly: 0 };
-        }
         self.arch.dispatch(ReachInto { shafts: self, occluder, front })
     }
 
     /// The same of a body that is wholly in front of the base's plane, for apexes outside of it. The second mask is that of these.
     #[must_use]
     pub fn reach_body(&self, body: &Body) -> (Reach, Mask) {
-        if self.sides.len() > MAX_CORNERS {
-            let outside = (0..LANES).map(|i| Mask::from(body.is_outside(self.apexes.get(i))) << i).sum();
-            return (Reach { partly: outside, wholly: 0 }, outside);
-        }
         self.arch.dispatch(ReachBody { shafts: self, body })
     }
-}
 
-impl Shafts {
+    /// True where an occluder crosses every segment from an apex to a point of the base: the apexes are on one side of its plane,
+    /// the base is on the other, and all corners of the base are in the cone of each.
+    #[must_use]
+    pub fn are_cut_off_by(&self, occluder: &OccluderPolygon) -> bool {
+        self.arch.dispatch(CutOff { shafts: self, occluder })
+    }
+
+    /// The same of a body that stands in front of the base's plane, all of it.
+    #[must_use]
+    pub fn are_cut_off_by_body(&self, body: &Body, base: &PreparedPolygon) -> bool {
+        let over_plane = |corner: &DVec3| base.normal().dot(*corner - base.corners()[0]);
+        body.corners.iter().all(|corner| over_plane(corner) >= -body.rounding)
+            && self.reach_body(body).0.wholly == Mask::MAX
+    }
+
     /// The shafts that no side parts from all of these corners.
     #[inline(always)]
     fn entered<S: Simd>(&self, simd: S, part: usize, apex: Wide<S>, corners: &[DVec3]) -> S::m64s {
-        // Of each side the farthest that a corner lies inside of it; the least of these.
-        let mut farthest = [simd.splat_f64s(f64::NEG_INFINITY); MAX_CORNERS];
-        for corner in corners {
-            let corner = minus(simd, splat(simd, *corner), apex);
-            for (i, side) in self.sides.iter().enumerate() {
-                farthest[i] = simd.max_f64s(farthest[i], dot(simd, load::<S>(side, part), corner));
-            }
-        }
         let mut inside = simd.splat_f64s(f64::INFINITY);
-        for one in &farthest[..self.sides.len()] {
-            inside = simd.min_f64s(inside, *one);
+        for sides in self.sides.chunks(SIDES_AT_ONCE) {
+            // Of each side the farthest that a corner lies inside of it; the least of these.
+            let mut farthest = [simd.splat_f64s(f64::NEG_INFINITY); SIDES_AT_ONCE];
+            for corner in corners {
+                let corner = minus(simd, splat(simd, *corner), apex);
+                for (i, side) in sides.iter().enumerate() {
+                    farthest[i] = simd.max_f64s(farthest[i], dot(simd, load::<S>(side, part), corner));
+                }
+            }
+            for one in &farthest[..sides.len()] {
+                inside = simd.min_f64s(inside, *one);
+            }
         }
         simd.less_than_f64s(simd.splat_f64s(0.0), inside)
     }
+}
+
+/// -1 where a number is negative, else 1.
+#[inline(always)]
+fn sign_of<S: Simd>(simd: S, number: S::f64s) -> S::f64s {
+    let is_negative = simd.less_than_f64s(number, simd.splat_f64s(0.0));
+    simd.select_f64s(is_negative, simd.splat_f64s(-1.0), simd.splat_f64s(1.0))
 }
 
 struct Aim<'a> {
@@ -164,25 +183,99 @@ impl ReachInto<'_> {
         if none(simd, entered) {
             return Reach::default();
         }
-        // Of the base over the sides of the occluder's cone: the lowest of all, and the least over the sides of the highest.
-        let mut lowest = simd.splat_f64s(f64::INFINITY);
-        let mut within = simd.splat_f64s(f64::INFINITY);
-        let mut previous = minus(simd, splat(simd, self.front[self.front.len() - 1]), apex);
-        for corner in self.front {
-            let corner = minus(simd, splat(simd, *corner), apex);
-            let side = cross(simd, previous, corner);
-            let mut highest = simd.splat_f64s(f64::NEG_INFINITY);
-            for base in &self.shafts.base {
-                let over = simd.mul_f64s(sign, dot(simd, side, load::<S>(base, part)));
-                highest = simd.max_f64s(highest, over);
-                lowest = simd.min_f64s(lowest, over);
-            }
-            within = simd.min_f64s(within, highest);
-            previous = corner;
-        }
-        let overlapping = bits(simd, simd.and_m64s(entered, simd.less_than_f64s(zero, within)));
-        let wholly = overlapping & bits(simd, simd.less_than_or_equal_f64s(zero, lowest));
+        let cone = cone(simd, self.shafts, part, apex, self.front, sign);
+        let overlapping = bits(simd, simd.and_m64s(entered, simd.less_than_f64s(zero, cone.within)));
+        let wholly = overlapping & bits(simd, cone.holds_all(simd));
         Reach { partly: overlapping & !wholly, wholly }
+    }
+}
+
+/// The base over the sides of an occluder's cone.
+struct InCone<S: Simd> {
+    /// The lowest of all corners over all sides.
+    lowest: S::f64s,
+    /// The highest.
+    highest: S::f64s,
+    /// The least over the sides of the highest corner over each.
+    within: S::f64s,
+}
+
+impl<S: Simd> InCone<S> {
+    #[inline(always)]
+    fn holds_all(&self, simd: S) -> S::m64s {
+        let slack = simd.mul_f64s(simd.splat_f64s(INSIDE), self.highest);
+        simd.less_than_or_equal_f64s(simd.splat_f64s(0.0), simd.add_f64s(self.lowest, slack))
+    }
+}
+
+/// The base over the sides of the cone around a polygon, whose `sign` is 1 where its corners run clockwise seen from the apex.
+#[inline(always)]
+fn cone<S: Simd>(
+    simd: S,
+    shafts: &Shafts,
+    part: usize,
+    apex: Wide<S>,
+    corners: &[DVec3],
+    sign: S::f64s,
+) -> InCone<S> {
+    let mut cone = InCone {
+        lowest: simd.splat_f64s(f64::INFINITY),
+        highest: simd.splat_f64s(f64::NEG_INFINITY),
+        within: simd.splat_f64s(f64::INFINITY),
+    };
+    let mut previous = minus(simd, splat(simd, corners[corners.len() - 1]), apex);
+    for corner in corners {
+        let corner = minus(simd, splat(simd, *corner), apex);
+        let side = cross(simd, previous, corner);
+        let mut highest = simd.splat_f64s(f64::NEG_INFINITY);
+        for base in &shafts.base {
+            let over = simd.mul_f64s(sign, dot(simd, side, load::<S>(base, part)));
+            highest = simd.max_f64s(highest, over);
+            cone.lowest = simd.min_f64s(cone.lowest, over);
+        }
+        cone.highest = simd.max_f64s(cone.highest, highest);
+        cone.within = simd.min_f64s(cone.within, highest);
+        previous = corner;
+    }
+    cone
+}
+
+struct CutOff<'a> {
+    shafts: &'a Shafts,
+    occluder: &'a OccluderPolygon,
+}
+
+impl WithSimd for CutOff<'_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> bool {
+        let normal = splat(simd, self.occluder.normal);
+        for part in 0..LANES / S::F64_LANES {
+            let apex = load::<S>(&self.shafts.apexes, part);
+            let first = minus(simd, splat(simd, self.occluder.corners[0]), apex);
+            let height = dot(simd, first, normal);
+            let sign = sign_of(simd, height);
+            let distance = simd.sqrt_f64s(dot(simd, first, first));
+            let tolerance = simd.mul_f64s(simd.splat_f64s(EDGE_ON), distance);
+            let height = simd.mul_f64s(sign, height);
+            let mut nearest = simd.splat_f64s(f64::INFINITY);
+            for base in &self.shafts.base {
+                let reached = simd.mul_f64s(sign, dot(simd, load::<S>(base, part), normal));
+                nearest = simd.min_f64s(nearest, reached);
+            }
+            let is_between = simd.and_m64s(
+                simd.less_than_f64s(tolerance, height),
+                simd.less_than_or_equal_f64s(height, simd.add_f64s(nearest, tolerance)),
+            );
+            let cone = cone(simd, self.shafts, part, apex, &self.occluder.corners, sign);
+            let is_cut_off = simd.and_m64s(is_between, cone.holds_all(simd));
+            let is_spread = simd.less_than_f64s(simd.splat_f64s(0.0), cone.highest);
+            if bits(simd, simd.and_m64s(is_cut_off, is_spread)) != Mask::MAX >> (LANES - S::F64_LANES) {
+                return false;
+            }
+        }
+        true
     }
 }
 

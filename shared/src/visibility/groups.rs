@@ -4,12 +4,12 @@ use glam::DVec3;
 
 use crate::form_factor;
 use crate::geometry::PlaneId;
-use crate::geometry::lanes::{LANES, Mask, Vectors};
+use crate::geometry::lanes::{LANES, Vectors};
 use crate::occluder::Bounds;
 use crate::replica::Receiver;
 
 /// Groups that make a group of the next level.
-const BRANCHING: usize = 16;
+const BRANCHING: usize = 4;
 
 /// Receivers in a tree of groups. Neighbours in the list should be neighbours in space, but need not.
 #[derive(Debug)]
@@ -29,8 +29,6 @@ pub struct ReceiverLanes {
     pub seeing: form_factor::ReceiverLanes,
     /// Their planes.
     pub planes: [PlaneId; LANES],
-    /// Those that are receivers and not repetition.
-    pub present: Mask,
 }
 
 /// What is known of a group.
@@ -95,24 +93,13 @@ impl ReceiverLanes {
             positions: Vectors::ZERO,
             seeing: form_factor::ReceiverLanes::new(receivers.iter().map(|r| (r.position, r.normal))),
             planes: [PlaneId(0); LANES],
-            present: 0,
         };
         for i in 0..LANES {
             let receiver = &receivers[i.min(receivers.len() - 1)];
             lanes.positions.set(i, receiver.position);
             lanes.planes[i] = receiver.plane;
-            lanes.present |= Mask::from(i < receivers.len()) << i;
         }
         lanes
-    }
-}
-
-impl ReceiverLanes {
-    /// Points alone, repeated as often as they fit.
-    pub(super) fn at(points: &[DVec3]) -> Self {
-        let receiver = |point: &DVec3| Receiver { position: *point, normal: DVec3::ZERO, plane: PlaneId(0) };
-        let receivers: Vec<Receiver> = points.iter().cycle().take(LANES).map(receiver).collect();
-        Self::new(&receivers)
     }
 }
 

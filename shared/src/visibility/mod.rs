@@ -13,9 +13,9 @@ mod sample;
 #[cfg(test)]
 mod tests;
 
-use crate::form_factor::PreparedPolygon;
-use crate::geometry::lanes::{LANES, Mask};
-use crate::occluder::{Blocker, Bounds, Bundle, Front, Occluder, Shafts};
+use crate::form_factor::{PreparedPolygon, ViewLanes};
+use crate::geometry::lanes::{LANES, Mask, Vectors};
+use crate::occluder::{Blocker, Bounds, Bundle, Front, Identity, Occluder, Shafts};
 use crate::protocol::RowStatistics;
 use crate::row::Precision;
 use crate::simd::widest;
@@ -24,6 +24,12 @@ pub use cut::{Cone, Cones, Pieces, cut};
 pub use groups::{Node, ReceiverGroups, ReceiverLanes};
 use partial::PartialView;
 pub use sample::pair_seed;
+
+/// A group that reaches behind a polygon's plane by less than this part of its size does so by rounding.
+const BEHIND: f64 = 1e-9;
+
+/// Level of the groups whose occluders are looked up together: those of some hundred receivers.
+const COLLECTING: usize = 2;
 
 /// Computes visible form factors. Keeps its buffers between calls.
 pub struct VisibilityKernel<'a> {
@@ -35,8 +41,10 @@ pub struct VisibilityKernel<'a> {
     parts: Vec<u32>,
     /// What some of them leave of the polygon for some receivers.
     partly: Vec<(u32, Mask)>,
-    /// The part that filled the last shaft: likely to fill the next.
-    last_filler: u32,
+    /// What filled the last shafts: likely to fill the next.
+    last_filler: Option<Identity>,
+    /// Its part, where it stands before the polygon at hand.
+    likely_filler: Option<u32>,
     shafts: Shafts,
     partial: PartialView,
     found: Vec<u32>,
@@ -52,7 +60,8 @@ impl<'a> VisibilityKernel<'a> {
             front: Front::default(),
             parts: vec![],
             partly: vec![],
-            last_filler: 0,
+            last_filler: None,
+            likely_filler: None,
             shafts: Shafts::default(),
             partial: PartialView::default(),
             found: vec![],
@@ -70,7 +79,6 @@ impl<'a> VisibilityKernel<'a> {
         statistics: &mut RowStatistics,
     ) {
         statistics.pairs += groups.receivers().len() as u64;
-        let target = Bounds::around(polygon.corners().iter().copied());
         let mut stack = vec![(groups.top(), 0)];
         while let Some((level, index)) = stack.pop() {
             let Some(node) = groups.node(level, index) else { continue };
@@ -78,68 +86,60 @@ impl<'a> VisibilityKernel<'a> {
                 continue;
             }
             if level > 0 && self.is_hidden(node, polygon) {
+                // Those that look away are among them: all have one reason, and need no other.
                 statistics.factors += u64::from(node.count);
                 statistics.occluded_pairs += u64::from(node.count);
                 continue;
             }
-            if level == groups.top().min(1) {
+            if level == groups.top().min(COLLECTING) {
                 self.front.collect(self.occluder, &node.bounds, polygon);
+                self.likely_filler = self.last_filler.and_then(|filler| self.front.part_of(filler));
             }
             if level > 0 {
                 stack.extend(groups.children(level, index).rev().map(|child| (level - 1, child)));
                 continue;
             }
-            self.parts.clear();
-            if !self.front.is_empty() {
-                let bundle = Bundle::new(&node.bounds, &target);
-                let horizon = node.normal.map(|normal| (normal, -node.bounds.farthest_along(-normal)));
-                self.front.narrow(self.occluder, &bundle, horizon, &mut self.parts);
-            }
             let first = index * LANES;
             let seed = |lane: usize| seeds(first + lane);
             let end = factors.len().min(first + LANES);
-            self.add_group(groups.lanes(index), polygon, seed, &mut factors[first..end], statistics);
+            self.add_group(groups.lanes(index), node, polygon, seed, &mut factors[first..end], statistics);
         }
     }
 
-    /// True where one occluder stands between a whole group and the polygon. What a convex occluder hides of a point from points is convex:
-    /// if it hides the polygon's corners from the corners of the group's box, it hides all from all.
+    /// True where one occluder stands between a whole group and the polygon.
     fn is_hidden(&mut self, node: &Node, polygon: &PreparedPolygon) -> bool {
-        let corners = polygon.corners();
+        // Behind the polygon's plane nothing is seen of it: what reaches there by rounding does not matter.
         let nearest = -node.bounds.farthest_along(-polygon.normal());
-        if self.occluder.is_empty() || nearest < polygon.normal().dot(corners[0]) {
+        let over_plane = nearest - polygon.normal().dot(polygon.centre());
+        if self.occluder.is_empty() || over_plane < -BEHIND * node.bounds.size() {
             return false;
         }
         self.occluder.near_segment(node.bounds.centre(), polygon.centre(), &mut self.found);
         if self.found.is_empty() {
             return false;
         }
-        let mut apexes = ReceiverLanes::at(&node.bounds.corners());
-        self.shafts.aim(&apexes.positions, corners);
-        self.found.sort_unstable();
-        self.front.take(self.occluder, &self.found, polygon);
-        (0..self.front.len() as u32).any(|part| {
-            node.planes.iter().all(|plane| {
-                apexes.planes = [*plane; LANES];
-                self.front.reach(self.occluder, part, &self.shafts, &apexes).wholly == Mask::MAX
-            })
-        })
+        let apexes = node.bounds.corners();
+        self.shafts.aim(&Vectors::repeated(&apexes), polygon.corners());
+        self.occluder.cuts_off(&self.found, &self.shafts, &node.planes, &apexes, polygon)
     }
 
     /// Adds the factors of one group of receivers.
     fn add_group(
         &mut self,
         lanes: &ReceiverLanes,
+        node: &Node,
         polygon: &PreparedPolygon,
         seeds: impl Fn(usize) -> u32,
         factors: &mut [f64],
         statistics: &mut RowStatistics,
     ) {
         let tolerance = self.precision.form_factor_error;
-        let mut view = widest(
+        let mut view = [ViewLanes::default()];
+        widest(
             #[inline(always)]
-            || polygon.view_lanes(&lanes.seeing, tolerance),
+            || polygon.view_row(std::slice::from_ref(&lanes.seeing), tolerance, &mut view),
         );
+        let [mut view] = view;
         let mut open: Mask = 0;
         for lane in 0..factors.len() {
             if lanes.planes[lane] == polygon.plane() {
@@ -160,7 +160,7 @@ impl<'a> VisibilityKernel<'a> {
         if open == 0 {
             return;
         }
-        let hidden = self.block(lanes, polygon, open, statistics);
+        let hidden = self.block(lanes, node, polygon, open, statistics);
         for (lane, factor) in
             factors.iter_mut().enumerate().filter(|(lane, _)| (open & !hidden) >> lane & 1 == 1)
         {
@@ -192,28 +192,34 @@ impl<'a> VisibilityKernel<'a> {
     fn block(
         &mut self,
         lanes: &ReceiverLanes,
+        node: &Node,
         polygon: &PreparedPolygon,
         wanted: Mask,
         statistics: &mut RowStatistics,
     ) -> Mask {
         self.partly.clear();
-        if self.parts.is_empty() {
+        if self.front.is_empty() {
             return 0;
         }
         self.shafts.aim(&lanes.positions, polygon.corners());
         let mut open = wanted;
-        if let Ok(likely) = self.parts.binary_search(&self.last_filler) {
-            let part = self.parts[likely];
-            open &= !self.front.reach(self.occluder, part, &self.shafts, lanes).wholly;
+        if let Some(likely) = self.likely_filler {
+            open &= !self.front.reach(self.occluder, likely, &self.shafts, &lanes.planes).wholly;
+        }
+        if open != 0 {
+            let target = Bounds::around(polygon.corners().iter().copied());
+            let horizon = node.normal.map(|normal| (normal, -node.bounds.farthest_along(-normal)));
+            self.front.narrow(self.occluder, &Bundle::new(&node.bounds, &target), horizon, &mut self.parts);
         }
         for at in 0..self.parts.len() {
             if open == 0 {
                 break;
             }
             let part = self.parts[at];
-            let reach = self.front.reach(self.occluder, part, &self.shafts, lanes);
+            let reach = self.front.reach(self.occluder, part, &self.shafts, &lanes.planes);
             if reach.wholly & open != 0 {
-                self.last_filler = part;
+                self.likely_filler = Some(part);
+                self.last_filler = Some(self.front.identity(part));
                 open &= !reach.wholly;
             }
             if reach.partly & open != 0 {

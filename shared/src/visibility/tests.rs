@@ -124,7 +124,18 @@ proptest! {
 
     /// The group that a pair is in must not change a bit of it: jobs may be cut anywhere.
     #[test]
-    fn groups_do_not_matter(occluders in prop::collection::vec(small_square(), 0..12), places in prop::collection::vec((-2.0..2.0, -2.0..2.0), 1..20)) {
+    fn groups_do_not_matter(
+        mut occluders in prop::collection::vec(small_square(), 0..12),
+        boxes in prop::collection::vec((-1.0..1.0, -1.0..1.0, 0.1..1.8, -1.0..1.0), 0..4),
+        places in prop::collection::vec((-2.0..2.0, -2.0..2.0), 1..400),
+    ) {
+        for (number, (x, y, z, angle)) in (0..).zip(boxes) {
+            let body = turned([x, y, z], [0.3, 0.2, 0.15], [angle, 0.5 * angle]);
+            occluders.extend(body.into_iter().map(|face| ConvexPolygon {
+                plane: PlaneId(face.plane.0 + 1000 * (number + 1)),
+                ..face
+            }));
+        }
         let receivers: Vec<Receiver> = places.iter().map(|(x, y)| floor(*x, *y)).collect();
         let together = visible(&occluders, &receivers, &ceiling());
         let alone: Vec<f64> = receivers.iter().map(|receiver| visible(&occluders, &[*receiver], &ceiling())[0]).collect();
@@ -180,4 +191,23 @@ proptest! {
             prop_assert!((outline - faces).abs() < 1e-12, "{i}: {outline} {faces}");
         }
     }
+}
+
+/// A polygon on the inside of a body is not hidden by it from points inside, however large the group around them is.
+#[test]
+fn a_room_does_not_hide_its_own_ceiling() {
+    let room = solid(DVec3::Z * 1.5, [DVec3::X, DVec3::Y, DVec3::Z * 1.5], 2);
+    let above = room.iter().find(|face| face.normal().z > 0.5).unwrap().plane;
+    let target = square(DVec3::Z * 3.0, DVec3::X * 0.5, DVec3::NEG_Y * 0.5, above.0);
+    let ring = |radius: f64| {
+        (0..16).map(move |i| {
+            let angle = std::f64::consts::TAU * f64::from(i) / 16.0;
+            let place = floor(radius * angle.cos(), radius * angle.sin());
+            Receiver { position: place.position + DVec3::Z * 0.1, plane: PlaneId(100), ..place }
+        })
+    };
+    let receivers: Vec<Receiver> = ring(0.5).chain(ring(4.0)).collect();
+    let seen = visible(&room, &receivers, &target);
+    assert!(seen[..16].iter().all(|factor| *factor > 0.01), "{seen:?}");
+    assert!(seen[16..].iter().all(|factor| *factor == 0.0), "{seen:?}");
 }

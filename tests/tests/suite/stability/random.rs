@@ -14,8 +14,14 @@ use worker::engine::{Scene, compute_row};
 
 use super::checked::{CLOSED, Expectation, OPEN, checked, coarse};
 
-const PRECISION: Precision =
-    Precision { rays_per_hemisphere: 256, minimum_rays: 4, maximum_rays: 64, seed: 3, ..Precision::DEFAULT };
+const PRECISION: Precision = Precision {
+    rays_per_hemisphere: 256,
+    minimum_rays: 4,
+    maximum_rays: 64,
+    seed: 3,
+    form_factor_error: 0.0,
+    ..Precision::DEFAULT
+};
 
 fn vector(range: std::ops::Range<f64>) -> impl Strategy<Value = DVec3> {
     prop::array::uniform3(range).prop_map(DVec3::from_array)
