@@ -41,6 +41,7 @@ use shared::replica::encode_scene;
 use shared::row::{Row, Shape, Shooter};
 
 pub use budget::ErrorBudget;
+pub use report::{BakeReport, Model};
 pub use rows::{BakeError, RowService};
 pub use settings::BakeSettings;
 
@@ -48,7 +49,6 @@ use crate::lit::LitMesh;
 use crate::mesh::{Mesh, Share, VertexId, triangulate};
 use crate::scene::Scene;
 use crate::solver::ShareEnergy;
-use crate::solver::balance::{EnergyBalance, RowSums};
 use crate::solver::cache::SetId;
 use crate::solver::fit::best_fit;
 use channels::Channels;
@@ -96,74 +96,6 @@ pub struct Baked {
     pub lit: LitMesh,
     /// The figures.
     pub report: BakeReport,
-}
-
-/// The figures of a bake.
-#[derive(Debug, Clone, Serialize)]
-pub struct BakeReport {
-    /// Vertices of the refined mesh.
-    pub vertices: usize,
-    /// Vertices that shoot.
-    pub shooting_vertices: usize,
-    /// Patches of the refined mesh.
-    pub patches: usize,
-    /// Surfaces that can block light.
-    pub occluders: usize,
-    /// Rows made, each over all receivers of a set.
-    pub rows: u64,
-    /// Times that a row was made again, because it was not kept.
-    pub rows_again: u64,
-    /// Most bytes of rows that were ever kept.
-    pub row_bytes: usize,
-    /// What of the model the scene needed.
-    pub model: Model,
-    /// Form factors computed that are not 0 before occlusion.
-    pub factors: u64,
-    /// Rays cast.
-    pub rays: u64,
-    /// Shots.
-    pub shots: u64,
-    /// Finishing sweeps.
-    pub sweeps: u32,
-    /// Rounds of refinement.
-    pub refinement_rounds: u32,
-    /// Unshot flux at the end, relative to the reflected flux, times rho / (1 - rho): bound of what is missing.
-    pub unshot_bound: f64,
-    /// Estimated relative L2 error of the radiosity, by where it comes from.
-    pub error: ErrorBudget,
-    /// Times that the bake began again with finer shooters or more rays, because the error asked for needed them.
-    pub restarts: u32,
-    /// Where the energy went.
-    pub balance: EnergyBalance,
-    /// How much of their hemisphere the shooting vertices see covered.
-    pub row_sums: RowSums,
-    /// Seconds that workers computed, over all threads.
-    pub busy_seconds: f64,
-    /// What the user should know about the result.
-    pub warnings: Vec<String>,
-    /// Seconds of each step.
-    pub seconds: Vec<(&'static str, f64)>,
-}
-
-/// What of the model a scene needed. A pair is a receiver and one polygon that sends light, or a point light.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Model {
-    /// Channels of light: 1 where all light has one colour and all surfaces are grey, else 3.
-    pub channels: usize,
-    /// Emitting facets, each with a row of its own.
-    pub area_lights: usize,
-    /// Point lights, each with a row of solid angles.
-    pub point_lights: usize,
-    /// All pairs.
-    pub pairs: u64,
-    /// Pairs in one plane or turned away from each other: no form factor.
-    pub pairs_turned_away: u64,
-    /// Pairs with nothing between: form factor without visibility.
-    pub pairs_unoccluded: u64,
-    /// Pairs with something between, whose visibility was computed.
-    pub pairs_computed: u64,
-    /// Pairs with so much between that their visibility was sampled with rays.
-    pub pairs_sampled: u64,
 }
 
 /// Bakes a scene. Rows come from `service`; `progress` is told how far it is, often.

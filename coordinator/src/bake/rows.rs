@@ -11,7 +11,7 @@ use crate::cluster::{Cluster, FinishedJob, JobId};
 
 /// A job should have about this many pairs of shooter and receiver: some milliseconds of work, so that the message costs
 /// nothing beside it and the end of a batch does not wait for one worker.
-const PAIRS_PER_JOB: usize = 64_000;
+const PAIRS_PER_JOB: usize = 16_000;
 
 /// So many jobs are under way at most where rows are asked for in bulk: enough to keep a hundred threads busy, few enough that
 /// rows which wait for their turn take little memory.
