@@ -89,13 +89,7 @@ fn check_outputs(arguments: &FormFactorArguments) -> anyhow::Result<Vec<AtomicWr
             "output {} is the scene or another output: choose another output",
             output.display()
         );
-        let folder = path.parent().unwrap_or(Path::new("/"));
-        anyhow::ensure!(
-            folder.is_dir(),
-            "output directory {} does not exist: create it, or choose another output",
-            folder.display()
-        );
-        anyhow::ensure!(!output.is_dir(), "output {} is a directory: name a file in it", output.display());
+        super::ensure_place(output)?;
         let cannot = || format!("output {} cannot be written: choose another output", output.display());
         files.push(AtomicWriteFile::open(output).with_context(cannot)?);
         taken.push(path);

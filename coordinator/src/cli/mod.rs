@@ -11,6 +11,7 @@ mod solve;
 mod study;
 
 use std::num::NonZeroUsize;
+use std::path::Path;
 
 use anyhow::Context;
 use clap::{Parser, Subcommand};
@@ -81,4 +82,17 @@ pub fn run(arguments: Arguments) -> anyhow::Result<()> {
         Command::FormFactors(factors) => form_factors::run(&factors, arguments.workers.threads()?),
         Command::Study(study) => study::run(&study, &arguments.workers.workers()?),
     }
+}
+
+/// Refuses an output whose folder does not exist, or that is a folder itself.
+fn ensure_place(output: &Path) -> anyhow::Result<()> {
+    let whole = std::path::absolute(output).unwrap_or_else(|_| output.to_owned());
+    let folder = whole.parent().unwrap_or(Path::new("/"));
+    anyhow::ensure!(
+        folder.is_dir(),
+        "output directory {} does not exist: create it, or choose another output",
+        folder.display()
+    );
+    anyhow::ensure!(!output.is_dir(), "output {} is a directory: name a file in it", output.display());
+    Ok(())
 }

@@ -105,14 +105,7 @@ fn check_output(arguments: &ReferenceArguments) -> anyhow::Result<()> {
         "output {} is what is read: choose another output",
         output.display()
     );
-    let folder = whole(output);
-    let folder = folder.parent().unwrap_or(Path::new("/"));
-    anyhow::ensure!(
-        folder.is_dir(),
-        "output directory {} does not exist: create it, or choose another output",
-        folder.display()
-    );
-    anyhow::ensure!(!output.is_dir(), "output {} is a directory: name a file in it", output.display());
+    super::ensure_place(output)?;
     let cannot = || format!("output {} cannot be written: choose another output", output.display());
     AtomicWriteFile::open(output).and_then(AtomicWriteFile::discard).with_context(cannot)
 }

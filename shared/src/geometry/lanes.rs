@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-/// Points that are treated together.
+/// Points that are treated together: two vectors of AVX-512, so that one computes while the other waits.
 pub const LANES: usize = 16;
 
 /// One yes or no for each point: bit 0 is that of the first.

@@ -24,8 +24,7 @@ use super::prepared::EDGE_ON;
 use contour::Sum;
 pub(super) use contour::{Edges, edges};
 
-/// Receivers that are answered at once: two vectors of AVX-512, so that one computes while the other waits.
-pub const LANES: usize = 16;
+pub use crate::geometry::lanes::LANES;
 
 /// Below this tolerance the contour sum takes the arc tangent's full digits.
 const FULL_DIGITS: f64 = 1e-6;
