@@ -23,7 +23,7 @@ dependencies:
     cargo deny check
     cargo machete
 
-# Fuzz importer, row_codec or clipper for some seconds (needs cargo-fuzz and a nightly compiler).
+# Fuzz importer, images, row_codec, clipper, jobs, replicas or answers for some seconds (needs cargo-fuzz and a nightly compiler).
 fuzz target seconds="60":
     mkdir -p tests/fuzz/corpus/{{ target }}
     cd tests/fuzz && cargo +nightly fuzz run --fuzz-dir . {{ target }} corpus/{{ target }} seeds/{{ target }} -- \
@@ -55,7 +55,28 @@ bench-peers *arguments:
 bench-rays *arguments:
     tests/bench/rays {{ arguments }}
 
-# A picture of a baked scene: target/NAME.png (needs Node and chromium).
+# How a bake scales with workers, simulated with the real scheduler, solver and rows: efficiency by workers, small, medium and large.
+scale *scenes:
+    cargo run --release -p tests --example scale -- scale {{ scenes }}
+
+# The experiments of the paper, simulated: who shoots, news against a timer; and energies apart or in the vertices, measured.
+paper *scenes:
+    cargo run --release -p tests --example scale -- paper {{ scenes }}
+
+# Two workers beside one, over a link, and with a slow one: target/bench/cluster.json (needs root; wants a quiet machine).
+bench-cluster *arguments:
+    tests/bench/cluster {{ arguments }}
+
+# A picture of a baked scene by the program itself: target/NAME-render.png.
+render name="cornell" *arguments:
+    cargo run --release -p coordinator -- render target/{{ name }}-lit.glb -o target/{{ name }}-render.png {{ arguments }}
+
+# The pictures of README and docs, from the scenes of the repository: docs/pictures.
+pictures:
+    cargo build --release -p coordinator
+    tests/pictures target/release/coordinator
+
+# A picture of a baked scene in a browser: target/NAME.png (needs Node and chromium).
 picture name="cornell" *arguments: node
     node tests/node/picture.mjs target/{{ name }}-lit.glb target/{{ name }}.png {{ arguments }}
 

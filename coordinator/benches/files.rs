@@ -10,20 +10,20 @@ use coordinator::cluster::{Cluster, Workers};
 use coordinator::export::{ExportSettings, export};
 use coordinator::import::{ImportOptions, import_slice};
 use criterion::{Criterion, criterion_group, criterion_main};
-use serde_json::Value;
 
 fn files(criterion: &mut Criterion) {
     let cornell = fs::read(PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../tests/scenes/cornell.glb"))
         .expect("the repository has tests/scenes/cornell.glb");
     let options = ImportOptions::default();
     let scene = import_slice(&cornell, &options).expect("cornell can be imported");
-    let mut cluster = Cluster::start(&Workers::Embedded { threads: 2 }).expect("threads can be started");
+    let mut cluster =
+        Cluster::start(&Workers::Embedded { threads: 2 }.into()).expect("threads can be started");
     let baked = bake(&scene, &BakeSettings::for_error(0.03), &mut cluster, &mut |_| ())
         .expect("cornell can be baked");
     cluster.shutdown();
     let folder = tempfile::tempdir().expect("a temporary folder can be made");
     let path = folder.path().join("lit.glb");
-    let settings = ExportSettings { exposure: None, unit: "W/m^2".into(), extras: Value::Null };
+    let settings = ExportSettings::default();
     let write = || export(&scene, &baked.lit, &settings, &path).expect("the folder can be written");
     let exported = write();
     let lit = fs::read(&path).expect("the file was written");

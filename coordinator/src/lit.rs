@@ -10,6 +10,19 @@ pub struct LitMesh {
     pub vertices: Vec<LitVertex>,
     /// Triangles of each surface, in the order of [`crate::scene::Scene::surfaces`].
     pub surfaces: Vec<Vec<LitTriangle>>,
+    /// Parts of the light, each by itself, on the same vertices.
+    pub layers: Vec<LitLayer>,
+}
+
+/// The light of some sources alone.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct LitLayer {
+    /// What its group of lights is called.
+    pub name: String,
+    /// The sources, in words.
+    pub lights: Vec<String>,
+    /// Irradiance of each vertex, in the unit of [`LitVertex::irradiance`].
+    pub irradiance: Vec<DVec3>,
 }
 
 /// A vertex of the refined mesh.

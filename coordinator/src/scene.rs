@@ -3,8 +3,15 @@
 //! Positions are in the *frame*: the scene centred and scaled by a power of two (see [`Frame`]), in f64. Colours are
 //! linear RGB.
 
+use std::path::PathBuf;
+use std::sync::Arc;
+
 use glam::DVec3;
 use shared::geometry::PlaneId;
+use shared::row::Spot;
+
+use crate::appearance::Appearance;
+use crate::import::Account;
 
 /// An imported scene.
 #[derive(Debug, Clone)]
@@ -13,14 +20,18 @@ pub struct Scene {
     pub source: SourceDocument,
     /// One per node, primitive and lit side.
     pub surfaces: Vec<Surface>,
-    /// KHR_lights_punctual point lights.
-    pub point_lights: Vec<PointLight>,
+    /// KHR_lights_punctual lights, one for each node that holds one.
+    pub lights: Vec<Light>,
+    /// Radiance of the sky, the same from all directions, below the horizon too; zero for none.
+    pub sky: DVec3,
     /// How frame coordinates relate to the file's.
     pub frame: Frame,
     /// Number of planes; plane ids are below it.
     pub plane_count: u32,
     /// What import changed or left out, in words for the user.
     pub warnings: Vec<String>,
+    /// What of the file counts, and what is passed over.
+    pub account: Account,
     /// Triangles dropped because they have no area.
     pub degenerate_triangles: usize,
 }
@@ -32,6 +43,8 @@ pub struct SourceDocument {
     pub root: gltf::json::Root,
     /// The bytes of every buffer.
     pub buffers: Vec<Vec<u8>>,
+    /// Where the files lie that the document names; `None` where it did not come from a file.
+    pub folder: Option<PathBuf>,
 }
 
 /// Frame position = (world position - centre) / scale, world in the file's units (metres).
@@ -80,12 +93,43 @@ pub struct Surface {
     pub side: Side,
     /// For messages: node name or index, and the primitive.
     pub name: String,
-    /// Diffuse reflectance, baseColor x (1 - metallic), in [0, 1).
+    /// Diffuse reflectance, baseColor x (1 - metallic), in [0, 1): the mean over its area, times its opacity.
     pub reflectance: DVec3,
-    /// Emitted exitance, pi x radiance, in W/m^2 or the scene's light unit.
+    /// Emitted exitance, pi x radiance, in W/m^2 or the scene's light unit: the mean over its area, times its opacity.
     pub exitance: DVec3,
+    /// Mean part of the light that it takes, in [0, 1]; the other part passes through.
+    pub opacity: f64,
+    /// What varies over it; none where it is uniform.
+    pub appearance: Option<Arc<Appearance>>,
     /// Its flat convex pieces. Together they cover the surface's triangles exactly, without overlap.
     pub facets: Vec<Facet>,
+}
+
+impl Surface {
+    /// Mean reflectance over a polygon of one of its facets, frame positions; the value at a point where only one is given.
+    #[must_use]
+    pub fn mean_reflectance(&self, facet: u32, polygon: &[DVec3]) -> DVec3 {
+        let over = |appearance: &Arc<Appearance>| {
+            appearance.reflectance(facet, &self.facets[facet as usize], polygon)
+        };
+        self.appearance.as_ref().map_or(self.reflectance, over)
+    }
+
+    /// Mean exitance over a polygon of one of its facets, frame positions; the value at a point where only one is given.
+    #[must_use]
+    pub fn mean_exitance(&self, facet: u32, polygon: &[DVec3]) -> DVec3 {
+        let over =
+            |appearance: &Arc<Appearance>| appearance.exitance(facet, &self.facets[facet as usize], polygon);
+        self.appearance.as_ref().map_or(self.exitance, over)
+    }
+
+    /// Mean opacity over a polygon of one of its facets, frame positions; the value at a point where only one is given.
+    #[must_use]
+    pub fn mean_opacity(&self, facet: u32, polygon: &[DVec3]) -> f64 {
+        let over =
+            |appearance: &Arc<Appearance>| appearance.opacity(facet, &self.facets[facet as usize], polygon);
+        self.appearance.as_ref().map_or(self.opacity, over)
+    }
 }
 
 /// A flat convex piece of a surface: one triangle, or several coplanar ones joined.
@@ -120,13 +164,44 @@ pub struct SourceTriangle {
     pub positions: [DVec3; 3],
 }
 
-/// An isotropic point light.
+/// A light without an area.
 #[derive(Debug, Clone)]
-pub struct PointLight {
-    /// For messages.
+pub struct Light {
+    /// Index of the node in the source document.
+    pub node: usize,
+    /// For messages: node name or index.
     pub name: String,
-    /// Position in the frame.
-    pub position: DVec3,
-    /// Radiant intensity, W/sr (or candela), in file units.
+    /// Where it is and where it shines.
+    pub kind: LightKind,
+    /// Radiant intensity, W/sr (or candela), of a point or spot light, in file units; of a directional one the irradiance, W/m^2
+    /// (or lux), of a surface across it.
     pub intensity: DVec3,
+}
+
+/// The kinds of lights without an area.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum LightKind {
+    /// Shines into all directions alike.
+    Point {
+        /// Position in the frame.
+        position: DVec3,
+    },
+    /// Shines into a cone, with full intensity on its axis.
+    Spot(Spot),
+    /// Comes from infinitely far.
+    Directional {
+        /// Unit vector along which the light travels.
+        along: DVec3,
+    },
+}
+
+impl LightKind {
+    /// Where it stands, in the frame; `None` of one that is infinitely far.
+    #[must_use]
+    pub fn position(&self) -> Option<DVec3> {
+        match self {
+            Self::Point { position } | Self::Spot(Spot { position, .. }) => Some(*position),
+            Self::Directional { .. } => None,
+        }
+    }
 }

@@ -62,7 +62,7 @@ pub struct EncodedReplica {
 }
 
 impl EncodedReplica {
-    fn new(kind: ReplicaKind, message: &impl Message) -> Self {
+    pub(crate) fn new(kind: ReplicaKind, message: &impl Message) -> Self {
         let bytes = Bytes::from(message.encode_to_vec());
         Self { digest: Digest::of(&bytes), kind, bytes }
     }
@@ -103,12 +103,31 @@ pub enum ReplicaError {
     /// A coordinate is NaN or infinite.
     #[error("replica has a coordinate that is not finite")]
     NotFinite,
+    /// A coordinate is far outside the frame.
+    #[error("replica has the coordinate {0:e}, far outside the frame that scenes are scaled to")]
+    Outside(f64),
 }
 
-/// Encodes the occluders of a scene.
+/// The polygons of a scene: those that block light, or all that can be seen.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct ScenePolygons {
+    /// The polygons.
+    pub polygons: Vec<ConvexPolygon>,
+    /// Part of the light that each stops, from 0 to 1; empty where all stop all.
+    pub opacities: Vec<f32>,
+}
+
+/// Encodes polygons that stop all light.
 #[must_use]
 pub fn encode_scene(polygons: &[ConvexPolygon]) -> EncodedReplica {
+    encode_translucent_scene(polygons, &[])
+}
+
+/// Encodes the polygons of a scene, of which each stops a part of the light: all of it where `opacities` is empty.
+#[must_use]
+pub fn encode_translucent_scene(polygons: &[ConvexPolygon], opacities: &[f32]) -> EncodedReplica {
     let message = SceneReplica {
+        opacities: opacities.to_vec(),
         corner_counts: polygons.iter().map(|polygon| polygon.corners.len() as u32).collect(),
         planes: polygons.iter().map(|polygon| polygon.plane.0).collect(),
         coordinates: polygons
@@ -120,16 +139,23 @@ pub fn encode_scene(polygons: &[ConvexPolygon]) -> EncodedReplica {
     EncodedReplica::new(ReplicaKind::Scene, &message)
 }
 
-/// Decodes the occluders of a scene.
+/// Decodes the polygons of a scene.
 ///
 /// # Errors
-/// When the bytes are not a scene replica, its lists do not fit each other, or a coordinate is not finite.
-pub fn decode_scene(bytes: &[u8]) -> Result<Vec<ConvexPolygon>, ReplicaError> {
+/// When the bytes are not a scene replica, its lists do not fit each other, or a number is out of range.
+pub fn decode_scene(bytes: &[u8]) -> Result<ScenePolygons, ReplicaError> {
     let message = SceneReplica::decode(bytes)?;
+    let opacities = message.opacities;
+    if !opacities.is_empty() && opacities.len() != message.planes.len() {
+        return Err(ReplicaError::Inconsistent("every polygon needs an opacity, or none has one"));
+    }
+    if !opacities.iter().all(|opacity| (0.0..=1.0).contains(opacity)) {
+        return Err(ReplicaError::Inconsistent("opacities lie between 0 and 1"));
+    }
     if message.planes.len() != message.corner_counts.len() {
         return Err(ReplicaError::Inconsistent("every polygon needs a plane"));
     }
-    let corners = points(&message.coordinates)?;
+    let corners = points_inside(&message.coordinates)?;
     let mut rest = corners.as_slice();
     let mut polygons = Vec::with_capacity(message.planes.len());
     for (&count, &plane) in message.corner_counts.iter().zip(&message.planes) {
@@ -145,7 +171,7 @@ pub fn decode_scene(bytes: &[u8]) -> Result<Vec<ConvexPolygon>, ReplicaError> {
     if !rest.is_empty() {
         return Err(ReplicaError::Inconsistent("more corners than the polygons need"));
     }
-    Ok(polygons)
+    Ok(ScenePolygons { polygons, opacities })
 }
 
 /// Encodes a set of receivers.
@@ -168,7 +194,7 @@ pub fn encode_receivers(set: &Receivers) -> EncodedReplica {
 /// When the bytes are not a receiver replica, its lists do not fit each other, or a coordinate is not finite.
 pub fn decode_receivers(bytes: &[u8]) -> Result<Receivers, ReplicaError> {
     let message = ReceiverReplica::decode(bytes)?;
-    let positions = points(&message.positions)?;
+    let positions = points_inside(&message.positions)?;
     let normals = points(&message.normals)?;
     if positions.len() != message.planes.len() || normals.len() != message.planes.len() {
         return Err(ReplicaError::Inconsistent("every receiver needs a plane, a position and a normal"));
@@ -183,6 +209,18 @@ pub fn decode_receivers(bytes: &[u8]) -> Result<Receivers, ReplicaError> {
     Ok(Receivers { first_key: message.first_key, receivers })
 }
 
+/// The frame is 2048 long; this far outside, boxes of single precision have finite surfaces still.
+const OUTSIDE: f64 = (1_u64 << 40) as f64;
+
+/// Reads x, y, z triples of a scene.
+pub(crate) fn points_inside(coordinates: &[f64]) -> Result<Vec<DVec3>, ReplicaError> {
+    let points = points(coordinates)?;
+    match coordinates.iter().find(|value| value.abs() > OUTSIDE) {
+        Some(value) => Err(ReplicaError::Outside(*value)),
+        None => Ok(points),
+    }
+}
+
 /// Reads x, y, z triples.
 pub(crate) fn points(coordinates: &[f64]) -> Result<Vec<DVec3>, ReplicaError> {
     let (triples, rest) = coordinates.as_chunks::<3>();
@@ -193,4 +231,22 @@ pub(crate) fn points(coordinates: &[f64]) -> Result<Vec<DVec3>, ReplicaError> {
         return Err(ReplicaError::NotFinite);
     }
     Ok(triples.iter().copied().map(DVec3::from_array).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn coordinates_far_outside_the_frame_are_refused() {
+        let triangle =
+            |x: f64| ConvexPolygon { plane: PlaneId(0), corners: vec![DVec3::ZERO, DVec3::X * x, DVec3::Y] };
+        let scene = |x| decode_scene(&encode_scene(&[triangle(x)]).bytes);
+        assert_eq!(scene(2048.0).unwrap().polygons, [triangle(2048.0)]);
+        assert!(matches!(scene(-1e300), Err(ReplicaError::Outside(x)) if x == -1e300));
+        assert!(matches!(scene(f64::NAN), Err(ReplicaError::NotFinite)));
+        let receiver = Receiver { position: DVec3::Z * 1e13, normal: DVec3::Y, plane: PlaneId(0) };
+        let set = Receivers { first_key: 0, receivers: vec![receiver] };
+        assert!(matches!(decode_receivers(&encode_receivers(&set).bytes), Err(ReplicaError::Outside(_))));
+    }
 }

@@ -32,8 +32,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let Baked { lit, report } = bake(&scene, &settings, &mut service, &mut |_| ())?;
         let baked = clock.elapsed().as_secs_f64();
         let file = std::env::temp_dir().join(format!("growth-{}.glb", std::process::id()));
-        let export_settings =
-            ExportSettings { exposure: None, unit: "W/m^2".into(), extras: serde_json::Value::Null };
+        let export_settings = ExportSettings::default();
         export(&scene, &lit, &export_settings, &file)?;
         std::fs::remove_file(&file)?;
         let seconds = clock.elapsed().as_secs_f64();

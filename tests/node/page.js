@@ -2,14 +2,20 @@
 import * as THREE from 'three';
 import { GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
 
-globalThis.takePicture = async ({ camera, target, size: [width, height], fov }) => {
-  const { scene } = await new GLTFLoader().loadAsync('/scene.glb');
+globalThis.takePicture = async ({ camera, target, size: [width, height], fov, points }) => {
+  const { scene, cameras } = await new GLTFLoader().loadAsync('/scene.glb');
   const box = new THREE.Box3().setFromObject(scene);
-  const eye = new THREE.PerspectiveCamera(fov, width / height, 1e-3 * diagonal(box), 10 * diagonal(box));
+  scene.updateMatrixWorld(true);
+  const eye = points ? cameras[0] : new THREE.PerspectiveCamera(fov, width / height, 1e-3 * diagonal(box), 10 * diagonal(box));
   const from = camera ? vector(camera) : insideEnd(box);
   const to = target ? vector(target) : middle(box);
-  eye.position.copy(from);
-  eye.lookAt(to);
+  if (points) {
+    eye.aspect = width / height;
+    eye.updateProjectionMatrix();
+  } else {
+    eye.position.copy(from);
+    eye.lookAt(to);
+  }
 
   const renderer = new THREE.WebGLRenderer({ antialias: true, preserveDrawingBuffer: true });
   renderer.outputColorSpace = THREE.SRGBColorSpace;
@@ -18,7 +24,13 @@ globalThis.takePicture = async ({ camera, target, size: [width, height], fov }) 
   renderer.setClearColor(0x202020);
   renderer.render(scene, eye);
   const url = renderer.domElement.toDataURL('image/png');
-  return { url, camera: from.toArray(), target: to.toArray() };
+  const gl = renderer.getContext();
+  const found = points?.map(({ x, y }) => {
+    const pixel = new Uint8Array(4);
+    gl.readPixels(x, height - 1 - y, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel);
+    return [...pixel.subarray(0, 3)];
+  });
+  return { url, camera: from.toArray(), target: to.toArray(), found };
 };
 
 function vector(numbers) {

@@ -1,6 +1,7 @@
 // A picture of a lit GLB, by three.js in a headless browser:
 //   node picture.mjs FILE.glb OUT.png [--camera x,y,z --target x,y,z --size 900x600 --fov 75]
 // Without a camera: from inside one end of the scene along its longest horizontal axis, as suits a closed room.
+// With --expect POINTS.json, as expected.mjs writes it: from the file's first camera, and every point's colour must be the expected one.
 // Colours are linear inside and sRGB in the picture, without tone mapping. Everything is served from loopback.
 // CHROMIUM names the browser; /usr/bin/chromium where it is not set.
 import { createServer } from 'node:http';
@@ -9,7 +10,11 @@ import path from 'node:path';
 import { parseArgs } from 'node:util';
 import { chromium } from 'playwright-core';
 
-const USAGE = 'usage: node picture.mjs FILE.glb OUT.png [--camera x,y,z --target x,y,z --size 900x600 --fov 75]';
+const USAGE =
+  'usage: node picture.mjs FILE.glb OUT.png [--camera x,y,z --target x,y,z --size 900x600 --fov 75 | --expect POINTS.json]';
+
+// Largest difference of a channel from what is expected, of 255: rounding of the picture, of the texture and in between.
+const TOLERANCE = 2;
 
 const BROWSER_FLAGS = [
   '--headless',
@@ -31,6 +36,7 @@ const { values: options, positionals } = parseArgs({
     target: { type: 'string' },
     size: { type: 'string', default: '900x600' },
     fov: { type: 'string', default: '75' },
+    expect: { type: 'string' },
   },
 });
 if (positionals.length !== 2) {
@@ -44,6 +50,12 @@ const view = {
   size: numbers(options.size, 'x', 2),
   fov: numbers(options.fov, ',', 1)[0],
 };
+
+const expected = options.expect && JSON.parse(await readFile(options.expect));
+if (expected) {
+  view.size = [expected.width, expected.height];
+  view.points = expected.points;
+}
 
 function numbers(text, separator, count) {
   if (text === undefined) return undefined;
@@ -76,6 +88,26 @@ const server = createServer(async (request, response) => {
     response.writeHead(404).end();
   }
 });
+// As the picture holds it: sRGB of 255.
+function encoded(linear) {
+  const value = Math.min(Math.max(linear, 0), 1);
+  return 255 * (value <= 0.0031308 ? 12.92 * value : 1.055 * value ** (1 / 2.4) - 0.055);
+}
+
+function compare(points, found) {
+  let worst = 0;
+  let wrong = 0;
+  points.forEach(({ x, y, node, colour }, i) => {
+    const off = Math.max(...colour.map((value, channel) => Math.abs(encoded(value) - found[i][channel])));
+    worst = Math.max(worst, off);
+    if (off > TOLERANCE && ++wrong <= 5) {
+      console.error(`${node} at ${x},${y}: ${found[i]}, not ${colour.map((value) => encoded(value).toFixed(1))}`);
+    }
+  });
+  console.log(`${points.length} points, ${wrong} wrong, largest difference ${worst.toFixed(1)} of 255`);
+  if (wrong > 0 || points.length === 0) process.exitCode = 1;
+}
+
 try {
   await readFile(scene); // A missing file is told by name before a browser starts.
 } catch (error) {
@@ -94,9 +126,10 @@ try {
   page.on('pageerror', (error) => console.error(`page: ${error.message}`));
   await page.goto(`http://127.0.0.1:${server.address().port}/`);
   await page.waitForFunction(() => globalThis.takePicture, { timeout: 30_000 });
-  const { url, camera, target } = await page.evaluate((view) => globalThis.takePicture(view), view);
+  const { url, camera, target, found } = await page.evaluate((view) => globalThis.takePicture(view), view);
   await writeFile(out, Buffer.from(url.split(',')[1], 'base64'));
   console.log(`${out}: camera ${camera.join(',')}, target ${target.join(',')}`);
+  if (expected) compare(expected.points, found);
 } finally {
   await browser.close();
   server.close();

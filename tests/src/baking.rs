@@ -22,7 +22,7 @@ pub fn imported(glb: &[u8]) -> Scene {
 /// When it cannot be baked.
 #[must_use]
 pub fn baked_by(scene: &Scene, settings: &BakeSettings, threads: usize) -> Baked {
-    let mut cluster = Cluster::start(&Workers::Embedded { threads }).expect("threads can be started");
+    let mut cluster = Cluster::start(&Workers::Embedded { threads }.into()).expect("threads can be started");
     let baked = bake(scene, settings, &mut cluster, &mut |_| ()).unwrap_or_else(|error| panic!("{error}"));
     cluster.shutdown();
     baked

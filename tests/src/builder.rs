@@ -69,12 +69,14 @@ struct Part {
 /// A scene in the making.
 ///
 /// Every part is a node with a mesh and a material of the same name, in the order in which they are added, so that the
-/// surfaces of the imported scene stand in the same order. Point lights are nodes after them.
+/// surfaces of the imported scene stand in the same order. Lights are nodes after them.
 #[derive(Debug, Clone, Default)]
 pub struct SceneBuilder {
     parts: Vec<Part>,
-    /// Position and radiant intensity, W/sr.
-    point_lights: Vec<(DVec3, DVec3)>,
+    /// Lights as KHR_lights_punctual has them.
+    lights: Vec<Value>,
+    /// Nodes that show one of them: where they stand, and which it is.
+    lit_nodes: Vec<(DMat4, usize)>,
 }
 
 impl SceneBuilder {
@@ -103,14 +105,14 @@ impl SceneBuilder {
         self
     }
 
-    /// Places all parts and point lights once more, on top of where they are. The lights' intensity does not change.
+    /// Places all parts and lights once more, on top of where they are. The lights' intensity does not change.
     #[must_use]
     pub fn all_placed(mut self, transform: DMat4) -> Self {
         for part in &mut self.parts {
             part.transform = transform * part.transform;
         }
-        for (position, _) in &mut self.point_lights {
-            *position = transform.transform_point3(*position);
+        for (place, _) in &mut self.lit_nodes {
+            *place = transform * *place;
         }
         self
     }
@@ -120,14 +122,32 @@ impl SceneBuilder {
     pub fn reversed(mut self) -> Self {
         self.parts.reverse();
         self.parts.iter_mut().for_each(|part| part.polygons.reverse());
-        self.point_lights.reverse();
+        self.lit_nodes.reverse();
         self
     }
 
     /// Adds an isotropic point light.
     #[must_use]
-    pub fn point_light(mut self, position: DVec3, intensity: f64) -> Self {
-        self.point_lights.push((position, DVec3::splat(intensity)));
+    pub fn point_light(self, position: DVec3, intensity: f64) -> Self {
+        let light = json!({ "type": "point", "intensity": intensity, "color": [1.0, 1.0, 1.0] });
+        self.light(light, DMat4::from_translation(position))
+    }
+
+    /// Adds a light, as KHR_lights_punctual has it, at a node of its own; it shines along the node's -Z axis.
+    #[must_use]
+    pub fn light(mut self, light: Value, place: DMat4) -> Self {
+        self.lights.push(light);
+        self.same_light(place)
+    }
+
+    /// Adds one more node with the light that was added last.
+    ///
+    /// # Panics
+    /// When there is none.
+    #[must_use]
+    pub fn same_light(mut self, place: DMat4) -> Self {
+        let light = self.lights.len().checked_sub(1).expect("a light was added before it is shown again");
+        self.lit_nodes.push((place, light));
         self
     }
 
@@ -175,19 +195,18 @@ impl SceneBuilder {
             "buffers": [{ "byteLength": binary.len() }],
         });
         let mut extensions = vec!["KHR_materials_emissive_strength"];
-        if !self.point_lights.is_empty() {
+        if !self.lights.is_empty() {
             extensions.push("KHR_lights_punctual");
-            let mut lights = vec![];
-            for (position, intensity) in &self.point_lights {
-                nodes.push(json!({
-                    "translation": position.to_array(),
-                    "extensions": { "KHR_lights_punctual": { "light": lights.len() } },
-                }));
-                let strength = intensity.max_element();
-                let colour = (*intensity / strength).to_array();
-                lights.push(json!({ "type": "point", "intensity": strength, "color": colour }));
+            for (place, light) in &self.lit_nodes {
+                let mut node = json!({ "extensions": { "KHR_lights_punctual": { "light": light } } });
+                if self.lights[*light]["type"] == "point" {
+                    node["translation"] = json!(place.w_axis.truncate().to_array());
+                } else {
+                    node["matrix"] = json!(place.to_cols_array());
+                }
+                nodes.push(node);
             }
-            document["extensions"] = json!({ "KHR_lights_punctual": { "lights": lights } });
+            document["extensions"] = json!({ "KHR_lights_punctual": { "lights": self.lights } });
         }
         document["extensionsUsed"] = json!(extensions);
         document["scenes"] = json!([{ "nodes": (0..nodes.len()).collect::<Vec<_>>() }]);

@@ -4,22 +4,30 @@
 //! |---|---|
 //! | [`cases`] | the cases of `references/form_factors.json` |
 //! | [`builder`] | small scenes, as the bytes of a GLB |
+//! | [`painting`] | textures and vertex colours for their parts |
 //! | [`shapes`] | polygons to build them from |
 //! | [`building`] | buildings of any number of rooms |
 //! | [`city`] | a city of boxes, of as many facets as asked for |
 //! | [`baking`] | such a scene baked, and figures of the result |
 //! | [`measured`] | the three scenes baked and scored |
+//! | [`scenes`] | a furnished room, a house and a Cornell box with textures, as they stand in `tests/scenes` |
 //! | [`rooms_only`] | rows of a building whose rooms do not see each other: what a bake costs beside visibility |
+//! | [`dirty`] | a furnished room as careless tools write it |
+//! | [`certificates`] | certificates of an authority of the test's own |
 //! | [`programs`] | the binaries of the workspace as processes |
 
 pub mod baking;
 pub mod builder;
 pub mod building;
 pub mod cases;
+pub mod certificates;
 pub mod city;
+pub mod dirty;
 pub mod measured;
+pub mod painting;
 pub mod programs;
 pub mod rooms_only;
+pub mod scenes;
 pub mod shapes;
 
 use std::path::PathBuf;

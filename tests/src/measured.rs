@@ -31,8 +31,7 @@ pub fn measured(name: &str, settings: &BakeSettings) -> Measured {
     let baked = baked(&scene, settings);
     let number = NUMBER.fetch_add(1, Ordering::Relaxed);
     let lit: PathBuf = std::env::temp_dir().join(format!("halflight-{}-{number}.glb", std::process::id()));
-    let export_settings =
-        ExportSettings { exposure: None, unit: "W/m^2".into(), extras: serde_json::Value::Null };
+    let export_settings = ExportSettings::default();
     export(&scene, &baked.lit, &export_settings, &lit).unwrap_or_else(|error| panic!("{error}"));
     let score = score(&lit, &data(&format!("references/{name}.reference.csv")), &path);
     let _ = std::fs::remove_file(&lit);

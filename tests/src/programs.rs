@@ -1,8 +1,15 @@
 //! The binaries of the workspace as processes. What is started here ends here.
 
+use std::fs;
 use std::io::{BufRead, BufReader};
-use std::path::PathBuf;
-use std::process::{Child, ChildStdout, Command, Stdio};
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStdout, Command, ExitStatus, Stdio};
+use std::sync::mpsc::{self, RecvTimeoutError};
+use std::time::Duration;
+
+pub use rustix::process::Signal;
+use rustix::process::{Pid, kill_process};
+use tempfile::TempDir;
 
 /// Where a binary of this workspace is: cargo puts it into the folder above the test's own.
 ///
@@ -38,8 +45,18 @@ impl WorkerProcess {
     /// When it cannot be started, or does not say where it listens.
     #[must_use]
     pub fn start(threads: usize) -> Self {
+        Self::start_at("127.0.0.1:0", threads, &[])
+    }
+
+    /// The same on a given address, with more arguments.
+    ///
+    /// # Panics
+    /// As [`Self::start`].
+    #[must_use]
+    pub fn start_at(address: &str, threads: usize, arguments: &[&str]) -> Self {
         let mut child = Command::new(binary("worker"))
-            .args(["--listen", "127.0.0.1:0", "--threads", &threads.to_string()])
+            .args(["--listen", address, "--threads", &threads.to_string()])
+            .args(arguments)
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
             .stderr(Stdio::null())
@@ -54,16 +71,147 @@ impl WorkerProcess {
         Self { child, address, _output: output }
     }
 
+    /// Sends the process a signal.
+    ///
+    /// # Panics
+    /// When the process has ended and somebody has waited for it.
+    pub fn signal(&self, signal: Signal) {
+        send(&self.child, signal);
+    }
+
     /// Ends the process at once, as a machine that loses its power.
     pub fn kill(&mut self) {
         // It may have ended by itself.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
+
+    /// Waits until the process has ended by itself.
+    ///
+    /// # Panics
+    /// When the system does not say.
+    pub fn wait(&mut self) -> ExitStatus {
+        self.child.wait().expect("a child can be waited for")
+    }
 }
 
 impl Drop for WorkerProcess {
     fn drop(&mut self) {
         self.kill();
+    }
+}
+
+/// Sends a child a signal.
+///
+/// # Panics
+/// When the child has ended and somebody has waited for it.
+fn send(child: &Child, signal: Signal) {
+    kill_process(Pid::from_child(child), signal).expect("the process is there until it is waited for");
+}
+
+/// How long a bake may say nothing before it counts as hung.
+const HANGS: Duration = Duration::from_secs(180);
+
+/// A `coordinator solve` process on its way; ends when dropped.
+pub struct Solving {
+    child: Child,
+    lines: mpsc::Receiver<String>,
+    said: Vec<String>,
+    folder: TempDir,
+}
+
+/// What came of it.
+pub struct Solved {
+    /// Whether it says that all is well.
+    pub success: bool,
+    /// The lit file, where there is one.
+    pub lit: Option<Vec<u8>>,
+    /// The report; null where there is none.
+    pub report: serde_json::Value,
+    /// All that it wrote to standard error.
+    pub said: String,
+}
+
+impl Solving {
+    /// Starts to bake a scene.
+    ///
+    /// # Panics
+    /// When the coordinator cannot be started.
+    #[must_use]
+    pub fn start(scene: &Path, arguments: &[&str]) -> Self {
+        let folder = tempfile::tempdir().expect("there is room for a folder");
+        let mut child = Command::new(binary("coordinator"))
+            .arg("solve")
+            .arg(scene)
+            .arg("-o")
+            .arg(folder.path().join("lit.glb"))
+            .arg("--report")
+            .arg(folder.path().join("report.json"))
+            .args(arguments)
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("the coordinator can be started");
+        let output = BufReader::new(child.stderr.take().expect("standard error is a pipe"));
+        let (sender, lines) = mpsc::channel();
+        std::thread::spawn(move || {
+            // The test may have ended.
+            output.lines().map_while(Result::ok).try_for_each(|line| sender.send(line))
+        });
+        Self { child, lines, said: vec![], folder }
+    }
+
+    /// Waits until it says something with this text in it, now or before.
+    ///
+    /// # Panics
+    /// When it ends without, or says nothing for very long.
+    pub fn wait_for(&mut self, text: &str) {
+        while !self.said.iter().any(|line| line.contains(text)) {
+            match self.lines.recv_timeout(HANGS) {
+                Ok(line) => self.said.push(line),
+                Err(error) => panic!("{text:?} is missing ({error}) in:\n{}", self.said.join("\n")),
+            }
+        }
+    }
+
+    /// Sends the process a signal.
+    ///
+    /// # Panics
+    /// When the process has ended and somebody has waited for it.
+    pub fn signal(&self, signal: Signal) {
+        send(&self.child, signal);
+    }
+
+    /// Waits until the bake has ended.
+    ///
+    /// # Panics
+    /// When it says nothing for very long.
+    #[must_use]
+    pub fn finish(mut self) -> Solved {
+        loop {
+            match self.lines.recv_timeout(HANGS) {
+                Ok(line) => self.said.push(line),
+                Err(RecvTimeoutError::Disconnected) => break,
+                Err(RecvTimeoutError::Timeout) => panic!("it hangs, after:\n{}", self.said.join("\n")),
+            }
+        }
+        let status = self.child.wait().expect("a child can be waited for");
+        let read = |name: &str| fs::read(self.folder.path().join(name)).ok();
+        let report = read("report.json").map(|json| serde_json::from_slice(&json).expect("reports are JSON"));
+        Solved {
+            success: status.success(),
+            lit: read("lit.glb"),
+            report: report.unwrap_or_default(),
+            said: self.said.join("\n"),
+        }
+    }
+}
+
+impl Drop for Solving {
+    fn drop(&mut self) {
+        // It may have ended by itself.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
     }
 }

@@ -1,24 +1,94 @@
 //! Computes rows: pure, the same bits for the same request on every machine.
 
+use glam::DVec3;
+use std::sync::OnceLock;
+
 use shared::form_factor::PreparedPolygon;
 use shared::geometry::ConvexPolygon;
+use shared::hemisphere::{SeenPolygons, seen_from};
 use shared::occluder::Occluder;
 use shared::protocol::RowStatistics;
-use shared::replica::{Receiver, Receivers};
-use shared::row::{Precision, Shape, Shooter};
-use shared::visibility::{ReceiverGroups, VisibilityKernel, pair_seed};
+use shared::replica::{Receiver, Receivers, ScenePolygons};
+use shared::row::{Hemisphere, Precision, Rounding, Row, Shape, Shooter};
+use shared::visibility::{
+    MANY_POLYGONS, ManyPolygons, Panes, ReceiverGroups, View, VisibilityKernel, pair_seed,
+};
 
-/// A scene replica made ready.
+/// A scene replica made ready. What a job needs of it is built by the first that does.
 pub struct Scene {
-    occluder: Occluder,
+    replica: ScenePolygons,
+    occluder: OnceLock<Occluder>,
+    panes: OnceLock<Option<Panes>>,
+    seen: OnceLock<SeenPolygons>,
 }
 
 impl Scene {
-    /// Builds the BVH. The same polygons give the same bits everywhere.
+    /// Of polygons that stop all light. The same polygons give the same bits everywhere.
     #[must_use]
     pub fn new(polygons: &[ConvexPolygon]) -> Self {
-        Self { occluder: Occluder::new(polygons) }
+        ScenePolygons { polygons: polygons.to_vec(), opacities: vec![] }.into()
     }
+
+    /// Number of polygons.
+    #[must_use]
+    pub fn polygons(&self) -> usize {
+        self.replica.polygons.len()
+    }
+
+    /// The polygons that stop all light.
+    fn occluder(&self) -> &Occluder {
+        self.occluder.get_or_init(|| {
+            let ScenePolygons { polygons, opacities } = &self.replica;
+            if opacities.is_empty() {
+                return Occluder::new(polygons);
+            }
+            let opaque = polygons.iter().zip(opacities).filter(|(_, opacity)| **opacity >= 1.0);
+            Occluder::new(&opaque.map(|(polygon, _)| polygon.clone()).collect::<Vec<_>>())
+        })
+    }
+
+    /// The polygons that stop a part of the light, where there are any.
+    fn panes(&self) -> Option<&Panes> {
+        let panes = self.panes.get_or_init(|| {
+            let ScenePolygons { polygons, opacities } = &self.replica;
+            let panes = polygons.iter().zip(opacities).filter(|(_, opacity)| (0.0..1.0).contains(*opacity));
+            let (polygons, opacities): (Vec<_>, Vec<_>) =
+                panes.map(|(polygon, opacity)| (polygon.clone(), *opacity)).unzip();
+            (!polygons.is_empty()).then(|| Panes::new(&polygons, &opacities))
+        });
+        panes.as_ref()
+    }
+
+    /// The polygons as what is seen.
+    fn seen(&self) -> &SeenPolygons {
+        self.seen.get_or_init(|| SeenPolygons::new(&self.replica.polygons, &self.replica.opacities))
+    }
+}
+
+impl From<ScenePolygons> for Scene {
+    fn from(replica: ScenePolygons) -> Self {
+        Self { replica, occluder: OnceLock::new(), panes: OnceLock::new(), seen: OnceLock::new() }
+    }
+}
+
+/// The row of a receiver over all polygons of a scene.
+#[must_use]
+pub fn compute_hemisphere(
+    scene: &Scene,
+    hemisphere: &Hemisphere,
+    key: u64,
+    precision: &Precision,
+) -> (Row, RowStatistics) {
+    let seed = pair_seed(precision.seed, key, 0);
+    let seen = seen_from(scene.seen(), &hemisphere.receiver, hemisphere.rays, seed);
+    let statistics = RowStatistics {
+        rays: seen.rays,
+        pairs: scene.polygons() as u64,
+        factors: seen.factors.len() as u64,
+        factor_sum: seen.factors.iter().map(|(_, factor)| f64::from(*factor)).sum(),
+        ..RowStatistics::default()
+    };
+    (Row::of_some(scene.polygons(), &seen.factors), statistics)
 }
 
 /// A receiver replica made ready.
@@ -37,7 +107,7 @@ impl ReceiverSet {
     }
 }
 
-/// Computes the row of one shooter over these receivers; `first_key` is the key of the first of them.
+/// Computes the row of one shooter over these receivers, rounded as `precision` says; `first_key` is the key of the first of them.
 #[must_use]
 pub fn compute_row(
     scene: &Scene,
@@ -48,36 +118,71 @@ pub fn compute_row(
 ) -> (Vec<f32>, RowStatistics) {
     let mut statistics = RowStatistics::default();
     let receivers = groups.receivers();
-    let row = match &shooter.shape {
+    let rounding = Rounding::new(precision.factor_rounding);
+    let seed = |index: usize| pair_seed(precision.seed, shooter.key, first_key + index as u64);
+    let row: Vec<f64> = match &shooter.shape {
+        Shape::Polygons(polygons) if polygons.len() >= MANY_POLYGONS => {
+            let prepared = polygons.iter().map(PreparedPolygon::new).collect();
+            let mut many = ManyPolygons::new(prepared, scene.occluder(), scene.panes(), precision);
+            let factor = |(index, receiver)| many.factor(receiver, seed(index), &mut statistics);
+            receivers.iter().enumerate().map(factor).collect()
+        }
         Shape::Polygons(polygons) => {
-            let mut kernel = VisibilityKernel::new(&scene.occluder, precision);
+            let mut kernel = VisibilityKernel::new(scene.occluder(), precision);
             let mut factors = vec![0.0; receivers.len()];
-            let seed = |index: usize| pair_seed(precision.seed, shooter.key, first_key + index as u64);
             for polygon in polygons.iter().map(PreparedPolygon::new) {
-                kernel.add_form_factors(groups, &polygon, seed, &mut factors, &mut statistics);
+                match scene.panes() {
+                    None => kernel.add_form_factors(groups, &polygon, seed, &mut factors, &mut statistics),
+                    Some(panes) => {
+                        let mut own = vec![0.0; receivers.len()];
+                        kernel.add_form_factors(groups, &polygon, seed, &mut own, &mut statistics);
+                        for (index, (factor, own)) in factors.iter_mut().zip(own).enumerate() {
+                            if own > 0.0 {
+                                let view = View { receiver: &receivers[index], polygon: &polygon };
+                                let dimmed = panes.before(&view, scene.occluder(), seed(index));
+                                statistics.rays += u64::from(dimmed.rays);
+                                statistics.sampling_variance += own * own * dimmed.variance;
+                                *factor += own * dimmed.fraction;
+                            }
+                        }
+                    }
+                }
             }
-            factors.into_iter().map(|factor| factor as f32).collect()
+            factors
         }
         Shape::Point(light) => {
             let weight = |_| 1.0;
             receivers.iter().map(|r| point_light_factor(scene, r, *light, weight, &mut statistics)).collect()
         }
         Shape::PlanarPoint(light) => {
-            let weight = |direction: glam::DVec3| 2.0 * direction.y.abs();
+            let weight = |direction: DVec3| 2.0 * direction.y.abs();
             receivers.iter().map(|r| point_light_factor(scene, r, *light, weight, &mut statistics)).collect()
         }
+        Shape::Spot(spot) => {
+            let weight = |direction: DVec3| spot.attenuation(-direction.dot(spot.direction));
+            receivers
+                .iter()
+                .map(|r| point_light_factor(scene, r, spot.position, weight, &mut statistics))
+                .collect()
+        }
+        Shape::Directional(along) => {
+            receivers.iter().map(|r| directional_factor(scene, r, *along, &mut statistics)).collect()
+        }
+        // Its row is over polygons, not over receivers: a job that mixes both is refused.
+        Shape::Hemisphere(_) => vec![0.0; receivers.len()],
     };
-    (row, statistics)
+    let rounded = |(index, factor)| if factor == 0.0 { 0.0 } else { rounding.apply(factor, seed(index)) };
+    (row.into_iter().enumerate().map(rounded).collect(), statistics)
 }
 
 /// V w cos / r^2: what a point light of unit intensity, times `weight` of the direction to it, gives a receiver.
 fn point_light_factor(
     scene: &Scene,
     receiver: &Receiver,
-    light: glam::DVec3,
-    weight: impl Fn(glam::DVec3) -> f64,
+    light: DVec3,
+    weight: impl Fn(DVec3) -> f64,
     statistics: &mut RowStatistics,
-) -> f32 {
+) -> f64 {
     statistics.pairs += 1;
     let to_light = light - receiver.position;
     let squared = to_light.length_squared();
@@ -86,13 +191,48 @@ fn point_light_factor(
     if cosine.is_nan() || cosine <= 0.0 {
         return 0.0;
     }
+    let weight = weight(to_light / squared.sqrt());
+    if weight <= 0.0 {
+        return 0.0;
+    }
     statistics.factors += 1;
-    if !scene.occluder.is_empty() {
+    if scene.polygons() > 0 {
         statistics.rays += 1;
-        if scene.occluder.blocks(receiver.position, light, [receiver.plane; 2]) {
+        if scene.occluder().blocks(receiver.position, light, [receiver.plane; 2]) {
             statistics.occluded_pairs += 1;
             return 0.0;
         }
     }
-    (weight(to_light / squared.sqrt()) * cosine / squared).min(f64::from(f32::MAX)) as f32
+    let through = scene.panes().map_or(1.0, |panes| {
+        statistics.rays += 1;
+        panes.between(receiver.position, light, [receiver.plane; 2])
+    });
+    weight * cosine / squared * through
+}
+
+/// V cos: what light that travels along a unit vector, 1 on a surface across it, gives a receiver.
+fn directional_factor(
+    scene: &Scene,
+    receiver: &Receiver,
+    along: DVec3,
+    statistics: &mut RowStatistics,
+) -> f64 {
+    statistics.pairs += 1;
+    let cosine = -receiver.normal.dot(along);
+    if cosine.is_nan() || cosine <= 0.0 {
+        return 0.0;
+    }
+    statistics.factors += 1;
+    if scene.polygons() > 0 {
+        statistics.rays += 1;
+        if scene.occluder().blocks_from_far(receiver.position, along, receiver.plane) {
+            statistics.occluded_pairs += 1;
+            return 0.0;
+        }
+    }
+    let through = scene.panes().map_or(1.0, |panes| {
+        statistics.rays += 1;
+        panes.from_far(receiver.position, along, receiver.plane)
+    });
+    cosine * through
 }

@@ -1,26 +1,79 @@
 //! One job: checked against the replicas, then computed.
 
 use std::sync::Arc;
-use std::time::Instant;
 
+use shared::picture::TileError;
 use shared::protocol::worker_message::Body;
-use shared::protocol::{FailureReason, Finished, JobFailed, MAX_MESSAGE_BYTES, RowJob};
+use shared::protocol::{
+    FailureReason, Finished, JobFailed, MAX_MESSAGE_BYTES, RowJob, RowStatistics, digest_of_rows,
+};
 use shared::replica::Digest;
-use shared::row::{RequestError, Row, RowRequest, encode_row};
+use shared::row::{
+    Hemisphere, RequestError, Row, RowRequest, Shape, Shooter, encode_row, longest_encoded_row,
+};
 use shared::visibility::ReceiverGroups;
+use tokio::time::Instant;
 
-use crate::engine::{ReceiverSet, Scene, compute_row};
+use crate::engine::{ReceiverSet, Scene, compute_hemisphere, compute_row};
 use crate::pool::Panicked;
 use crate::store::{Replica, ReplicaStore};
+
+/// Rays that a job may take at most: pairs of a receiver and a polygon, times the rays that a pair may have. A bake's jobs have
+/// some 10^10 of them in the worst case, and cast few; this many are far from any use, and all that whoever may call can keep a
+/// thread busy with at a time.
+const MOST_RAYS: u64 = 1 << 42;
 
 /// A job that can be computed: it holds all that it needs.
 pub struct Job {
     id: u64,
     request: RowRequest,
     scene: Arc<Scene>,
-    receivers: Arc<ReceiverSet>,
-    /// Key of the first receiver of the range.
-    first_key: u64,
+    receivers: Over,
+}
+
+/// What the rows of a job are over.
+enum Over {
+    /// Receivers.
+    Receivers {
+        /// All of the set.
+        receivers: Arc<ReceiverSet>,
+        /// Key of the first of the range.
+        first_key: u64,
+    },
+    /// The polygons of the scene.
+    Polygons,
+}
+
+/// Most bytes that a factor of a hemisphere takes in its row.
+const BYTES_PER_RAY: u64 = 32;
+
+/// Whether the rows are those of hemispheres: all are, or none.
+fn is_of_hemispheres(request: &RowRequest) -> Result<bool, JobError> {
+    let is_hemisphere = |shooter: &Shooter| matches!(shooter.shape, Shape::Hemisphere(_));
+    let count = request.shooters.iter().filter(|shooter| is_hemisphere(shooter)).count();
+    match count {
+        0 => Ok(false),
+        _ if count == request.shooters.len() && request.receivers == request.scene => Ok(true),
+        _ => {
+            Err(RequestError::Invalid("rows of hemispheres are over the scene's polygons, all of a job")
+                .into())
+        }
+    }
+}
+
+fn out_of_range(request: &RowRequest, held: usize) -> JobError {
+    let (first, count) = (request.first_receiver, request.receiver_count);
+    JobError::Range { first, count, replica: request.receivers, held }
+}
+
+/// The range must lie within what is held; that of hemispheres is all of it.
+fn check_range(request: &RowRequest, held: usize) -> Result<(), JobError> {
+    let end = u64::from(request.first_receiver) + u64::from(request.receiver_count);
+    let is_whole = request.first_receiver == 0 && end == held as u64;
+    if end <= held as u64 && (is_whole || request.receivers != request.scene) {
+        return Ok(());
+    }
+    Err(out_of_range(request, held))
 }
 
 /// Why a job is not computed.
@@ -29,6 +82,9 @@ pub enum JobError {
     /// The message is not a request for rows.
     #[error(transparent)]
     Request(#[from] RequestError),
+    /// The message is not a request for a tile.
+    #[error(transparent)]
+    Tile(#[from] TileError),
     /// A replica is not here, or not any more.
     #[error("replica {0} is not loaded")]
     UnknownReplica(Digest),
@@ -53,9 +109,20 @@ pub enum JobError {
         /// Largest length of the rows together.
         bytes: u64,
     },
+    /// The rows would take a thread too long.
+    #[error(
+        "this job may take {rays} rays, and one may take {MOST_RAYS}: cut the job, or ask for fewer rays"
+    )]
+    TooLong {
+        /// Largest number of rays.
+        rays: u64,
+    },
     /// The computation panicked.
     #[error(transparent)]
     Panicked(#[from] Panicked),
+    /// The coordinator took it back before it was begun.
+    #[error("the job was cancelled before it was begun")]
+    Cancelled,
 }
 
 impl JobError {
@@ -64,10 +131,14 @@ impl JobError {
     pub fn to_message(&self, job_id: u64) -> JobFailed {
         let reason = match self {
             Self::UnknownReplica(_) => FailureReason::UnknownReplica,
-            Self::Request(_) | Self::WrongKind(_) | Self::Range { .. } | Self::TooLarge { .. } => {
-                FailureReason::InvalidJob
-            }
+            Self::Request(_)
+            | Self::Tile(_)
+            | Self::WrongKind(_)
+            | Self::Range { .. }
+            | Self::TooLarge { .. }
+            | Self::TooLong { .. } => FailureReason::InvalidJob,
             Self::Panicked(_) => FailureReason::Internal,
+            Self::Cancelled => FailureReason::Cancelled,
         };
         JobFailed { job_id, reason: reason.into(), message: self.to_string() }
     }
@@ -85,60 +156,113 @@ impl Job {
             Some(_) => return Err(JobError::WrongKind(request.scene)),
             None => return Err(JobError::UnknownReplica(request.scene)),
         };
-        let receivers = match store.get(request.receivers) {
-            Some(Replica::Receivers(receivers)) => receivers,
-            Some(_) => return Err(JobError::WrongKind(request.receivers)),
-            None => return Err(JobError::UnknownReplica(request.receivers)),
+        let receivers = if is_of_hemispheres(&request)? {
+            check_range(&request, scene.polygons())?;
+            Over::Polygons
+        } else {
+            let receivers = match store.get(request.receivers) {
+                Some(Replica::Receivers(receivers)) => receivers,
+                Some(_) => return Err(JobError::WrongKind(request.receivers)),
+                None => return Err(JobError::UnknownReplica(request.receivers)),
+            };
+            check_range(&request, receivers.groups.receivers().len())?;
+            // The keys of the range must exist too, whatever the replica claims as its first.
+            let first_key = receivers
+                .first_key
+                .checked_add(u64::from(request.first_receiver))
+                .filter(|key| key.checked_add(u64::from(request.receiver_count)).is_some())
+                .ok_or_else(|| out_of_range(&request, receivers.groups.receivers().len()))?;
+            Over::Receivers { receivers, first_key }
         };
-        let (first, count) = (request.first_receiver, request.receiver_count);
-        let held = receivers.groups.receivers().len();
-        // The keys of the range must exist too, whatever the replica claims as its first.
-        let first_key = receivers
-            .first_key
-            .checked_add(u64::from(first))
-            .filter(|key| key.checked_add(u64::from(count)).is_some());
-        let (true, Some(first_key)) = (u64::from(first) + u64::from(count) <= held as u64, first_key) else {
-            return Err(JobError::Range { first, count, replica: request.receivers, held });
+        let rays_of = |shooter: &Shooter| match &shooter.shape {
+            Shape::Hemisphere(hemisphere) => hemisphere.rays,
+            _ => 0,
         };
-        // Four bytes for a receiver that sees the shooter, up to nine for 32 of them, and some for the fields around each row.
-        let row = u64::from(count) * (4 * 32 + 9) / 32 + 32;
+        let most_rays = request.shooters.iter().map(rays_of).max().unwrap_or(0);
+        // Some bytes for the fields around each row.
+        let row = match &receivers {
+            Over::Receivers { .. } => longest_encoded_row(request.receiver_count) + 32,
+            // Each of the rays meets a polygon at most, in a group of its own.
+            Over::Polygons => {
+                longest_encoded_row(request.receiver_count)
+                    .min(u64::from(Hemisphere::MOST_RAYS.min(most_rays)) * BYTES_PER_RAY)
+                    + 32
+            }
+        };
         let bytes = row.saturating_mul(request.shooters.len() as u64);
         if bytes > MAX_MESSAGE_BYTES as u64 - 1024 {
             return Err(JobError::TooLarge { bytes });
         }
-        Ok(Self { id: message.job_id, request, scene, receivers, first_key })
+        let polygons: usize = request.shooters.iter().map(|shooter| shooter.shape.polygons()).sum();
+        let rays = match &receivers {
+            Over::Receivers { .. } => u64::from(request.receiver_count)
+                .saturating_mul(polygons as u64)
+                .saturating_mul(request.precision.maximum_rays.into()),
+            Over::Polygons => (polygons as u64).saturating_mul(most_rays.into()),
+        };
+        if rays > MOST_RAYS {
+            return Err(JobError::TooLong { rays });
+        }
+        Ok(Self { id: message.job_id, request, scene, receivers })
+    }
+
+    /// What it asks for.
+    #[must_use]
+    pub fn request(&self) -> &RowRequest {
+        &self.request
     }
 
     /// Computes the rows, on the calling thread.
     #[must_use]
+    #[tracing::instrument(name = "job", skip_all, fields(
+        job = self.id,
+        rows = self.request.shooters.len(),
+        receivers = self.request.receiver_count,
+    ))]
     pub fn compute(&self) -> Finished {
-        let all = self.receivers.groups.receivers();
-        let first = self.request.first_receiver as usize;
-        let range = first..first + self.request.receiver_count as usize;
         let part;
-        let groups = if range == (0..all.len()) {
-            &self.receivers.groups
-        } else {
-            part = ReceiverGroups::new(all[range].to_vec());
-            &part
+        let compute: &dyn Fn(&Shooter) -> (Row, RowStatistics) = match &self.receivers {
+            Over::Receivers { receivers, first_key } => {
+                let all = receivers.groups.receivers();
+                let first = self.request.first_receiver as usize;
+                let range = first..first + self.request.receiver_count as usize;
+                let groups = if range == (0..all.len()) {
+                    &receivers.groups
+                } else {
+                    part = ReceiverGroups::new(all[range].to_vec());
+                    &part
+                };
+                &move |shooter| {
+                    let (row, statistics) =
+                        compute_row(&self.scene, groups, *first_key, shooter, &self.request.precision);
+                    (Row::new(&row), statistics)
+                }
+            }
+            Over::Polygons => &|shooter| match &shooter.shape {
+                Shape::Hemisphere(hemisphere) => {
+                    compute_hemisphere(&self.scene, hemisphere, shooter.key, &self.request.precision)
+                }
+                // Checked when the job was read.
+                _ => (Row::of_some(self.scene.polygons(), &[]), RowStatistics::default()),
+            },
         };
         let row = |shooter| {
             let start = Instant::now();
-            let (row, mut statistics) =
-                compute_row(&self.scene, groups, self.first_key, shooter, &self.request.precision);
+            let (row, mut statistics) = compute(shooter);
             statistics.busy_nanoseconds = start.elapsed().as_nanos().try_into().unwrap_or(u64::MAX);
-            (encode_row(&Row::new(&row)), statistics)
+            (encode_row(&row), statistics)
         };
-        let (rows, statistics) = self.request.shooters.iter().map(row).unzip();
-        Finished { job_id: self.id, rows, statistics }
+        let (rows, statistics): (Vec<_>, _) = self.request.shooters.iter().map(row).unzip();
+        let digest = digest_of_rows(&rows).to_bytes();
+        Finished { job_id: self.id, rows, statistics, digest }
     }
 }
 
 /// The answer to a job.
 #[must_use]
-pub fn answer(job_id: u64, result: Result<Finished, JobError>) -> Body {
+pub fn answer(job_id: u64, result: Result<Body, JobError>) -> Body {
     match result {
-        Ok(finished) => Body::Finished(finished),
+        Ok(answer) => answer,
         Err(error) => Body::Failed(error.to_message(job_id)),
     }
 }
@@ -172,6 +296,7 @@ mod tests {
                 minimum_rays: 1,
                 maximum_rays: 64,
                 seed: 1,
+                factor_rounding: 0.0,
                 ..Precision::DEFAULT
             },
         };

@@ -6,32 +6,49 @@
 //! | [`store`] | the replicas that the worker holds |
 //! | [`upload`] | checks a replica on its way in |
 //! | [`job`] | checks and computes one job |
+//! | [`picture`] | computes tiles of pictures: pure |
+//! | [`tile`] | checks and computes one tile of a picture |
 //! | [`pool`] | the threads that compute |
+//! | [`metrics`] | figures for Prometheus |
+//! | [`incoming`] | connections from outside, up to the point where HTTP/2 begins |
+//! | [`health`] | whether the worker serves, for those who ask, and what it speaks |
 //! | `session`, `service` | the conversation with a coordinator |
 //!
 //! [`serve`] runs a worker on whatever connections it is given: sockets in the `worker` binary, memory in a coordinator
 //! that starts its own.
 
 pub mod engine;
+pub mod health;
+pub mod incoming;
 pub mod job;
+pub mod metrics;
+pub mod picture;
 pub mod pool;
 mod service;
 mod session;
 pub mod store;
+pub mod tile;
 pub mod upload;
 
+use std::convert::Infallible;
+use std::future::pending;
+use std::hash::{BuildHasher, RandomState};
 use std::num::NonZeroUsize;
 use std::time::Duration;
 
 use shared::protocol::MAX_MESSAGE_BYTES;
 use shared::protocol::worker_server::WorkerServer;
+use shared::security::{Guard, Token};
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio_stream::Stream;
 use tokio_util::sync::CancellationToken;
+use tonic::service::InterceptorLayer;
 use tonic::transport::Server;
 use tonic::transport::server::Connected;
 
-use crate::pool::ComputePool;
+use crate::health::Health;
+use crate::metrics::Metrics;
+use crate::pool::{Compute, ComputePool};
 use crate::service::WorkerService;
 
 /// Bytes that may be on their way to the worker, on one connection: an upload then does not wait for each piece to be
@@ -40,6 +57,12 @@ const CONNECTION_WINDOW: u32 = 16 << 20;
 
 /// The same for one call. Smaller, so that an upload cannot use up the window of its whole connection.
 const CALL_WINDOW: u32 = 4 << 20;
+
+/// Calls at the same time on one connection: a session, and the few replicas of a bake.
+const CALLS: u32 = 16;
+
+/// Bytes that the headers of a call may have. Those of a coordinator have some hundred.
+const HEADER_BYTES: u32 = 16 << 10;
 
 /// How often a quiet coordinator is asked for a sign of life, and how long it has to give one. It only frees the
 /// session's memory, so there is no hurry.
@@ -53,15 +76,44 @@ const DRAIN: Duration = Duration::from_secs(20);
 pub struct Settings {
     /// Name for the logs.
     pub name: String,
+    /// Tells this worker from every other, whatever the address that it is reached by: a random number.
+    pub instance: u64,
     /// How many jobs are computed at the same time.
     pub threads: NonZeroUsize,
     /// Encoded size of the replicas held at the same time, in bytes; a single one may have a quarter of it.
     pub replica_bytes: u64,
+    /// Token that every call must carry.
+    pub token: Option<Token>,
+    /// Where it counts what it does.
+    pub metrics: Metrics,
+    /// How jobs are computed.
+    pub compute: Compute,
 }
 
 impl Settings {
     /// Room for replicas where nobody asks for more or less, in bytes.
     pub const DEFAULT_REPLICA_BYTES: u64 = 4 << 30;
+
+    /// A worker of this name, with as much room as where nobody asks for more or less, that demands no token.
+    #[must_use]
+    pub fn new(name: &str, threads: NonZeroUsize) -> Self {
+        Self {
+            name: name.into(),
+            instance: Self::random_instance(),
+            threads,
+            replica_bytes: Self::DEFAULT_REPLICA_BYTES,
+            token: None,
+            metrics: Metrics::default(),
+            compute: Compute::Threads,
+        }
+    }
+
+    /// A number for [`Settings::instance`], another one with each call.
+    #[must_use]
+    pub fn random_instance() -> u64 {
+        // Seeded by the system, for each state anew.
+        RandomState::new().hash_one(())
+    }
 }
 
 /// Why a worker does not serve.
@@ -70,13 +122,16 @@ pub enum ServeError {
     /// The system refused to start the threads.
     #[error("cannot start the computing threads: {0}")]
     Threads(#[from] rayon::ThreadPoolBuildError),
+    /// The protocol cannot be told to those who ask.
+    #[error("cannot offer reflection: {0}")]
+    Reflection(#[from] tonic_reflection::server::Error),
     /// The server failed.
     #[error("cannot serve: {0}")]
     Transport(#[from] tonic::transport::Error),
 }
 
 /// Serves coordinators on these connections until `shutdown` is cancelled. Jobs being computed then are finished and
-/// answered, those not yet begun are handed back.
+/// answered, those not yet begun are handed back; meanwhile no session is taken, and health checks say so.
 ///
 /// # Errors
 /// When the computing threads cannot be started or the server fails.
@@ -89,23 +144,44 @@ where
     IO: AsyncRead + AsyncWrite + Connected + Unpin + Send + 'static,
     E: Into<Box<dyn std::error::Error + Send + Sync>>,
 {
-    let pool = ComputePool::new(settings.threads.get())?;
-    let service = WorkerServer::new(WorkerService::new(settings, pool, shutdown.clone()))
+    let pool = ComputePool::of(settings.compute, settings.threads)?;
+    let guard = Guard::new(settings.token.clone());
+    let worker = WorkerService::new(settings, pool, shutdown.clone());
+    let sessions = worker.sessions.clone();
+    let service = WorkerServer::new(worker)
         .max_decoding_message_size(MAX_MESSAGE_BYTES)
         .max_encoding_message_size(MAX_MESSAGE_BYTES);
+    let (health, health_service) = Health::new().await;
+    let drained = CancellationToken::new();
+    let draining = async {
+        shutdown.cancelled().await;
+        health.drain().await;
+        sessions.close();
+        sessions.wait().await;
+        health.leave().await;
+        drained.cancel();
+        // Connections end with their calls.
+        pending::<Infallible>().await
+    };
     let serving = Server::builder()
         .initial_connection_window_size(CONNECTION_WINDOW)
         .initial_stream_window_size(CALL_WINDOW)
         .http2_keepalive_interval(Some(KEEP_ALIVE))
         .http2_keepalive_timeout(Some(KEEP_ALIVE))
+        .http2_max_header_list_size(HEADER_BYTES)
+        .max_concurrent_streams(CALLS)
+        .layer(InterceptorLayer::new(guard))
         .add_service(service)
-        .serve_with_incoming_shutdown(incoming, shutdown.clone().cancelled_owned());
+        .add_service(health_service)
+        .add_service(health::reflection()?)
+        .serve_with_incoming_shutdown(incoming, drained.cancelled());
     let too_late = async {
         shutdown.cancelled().await;
         tokio::time::sleep(DRAIN).await;
     };
     tokio::select! {
         result = serving => Ok(result?),
+        never = draining => match never {},
         () = too_late => {
             tracing::warn!("leaving although a session is still open");
             Ok(())

@@ -1,69 +1,96 @@
-//! The `worker` binary: computes rows for any coordinator that calls.
+//! The `worker` binary: computes rows for the coordinators that call.
+
+mod options;
 
 use std::io::Write;
 use std::net::SocketAddr;
-use std::num::NonZeroUsize;
+use std::process::ExitCode;
+use std::time::Duration;
 
 use anyhow::Context;
 use clap::Parser;
+use options::Options;
+use prometheus_client::registry::Registry;
+use shared::security::Tls;
+use shared::telemetry::{Logging, LoggingSettings, MetricsPage};
 use tokio::net::TcpListener;
 use tokio::signal::unix::{SignalKind, signal};
 use tokio_util::sync::CancellationToken;
-use tonic::transport::server::TcpIncoming;
-use tracing_subscriber::EnvFilter;
 use worker::Settings;
+use worker::incoming::incoming;
+use worker::metrics::Metrics;
+
+/// How long what is left of sessions may take after the worker is done.
+const PARTING: Duration = Duration::from_secs(1);
 
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 
-/// Computes rows of form factors for a coordinator. Keeps nothing: stop it at any time.
-#[derive(Parser)]
-#[command(version)]
-struct Arguments {
-    /// Address to listen on; port 0 takes a free one. There is no password: listen only where coordinators are.
-    #[arg(long, env = "WORKER_LISTEN", default_value = "127.0.0.1:7070")]
-    listen: SocketAddr,
-    /// Jobs computed at the same time [default: one for each core].
-    #[arg(long, env = "WORKER_THREADS")]
-    threads: Option<NonZeroUsize>,
-    /// Name in the coordinator's table [default: the address].
-    #[arg(long, env = "WORKER_NAME")]
-    name: Option<String>,
-    /// Room for replicas of scenes, in bytes.
-    #[arg(long, env = "WORKER_REPLICA_BYTES", default_value_t = Settings::DEFAULT_REPLICA_BYTES)]
-    replica_bytes: u64,
+fn main() -> ExitCode {
+    match start(Options::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
 }
 
-fn main() -> anyhow::Result<()> {
-    let arguments = Arguments::parse();
-    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
-    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
-    tokio::runtime::Builder::new_multi_thread()
+fn start(options: Options) -> anyhow::Result<()> {
+    let _logging = Logging::start(&LoggingSettings {
+        program: "worker",
+        format: options.log,
+        default_filter: "info",
+        times: true,
+    })?;
+    let runtime = tokio::runtime::Builder::new_multi_thread()
         // The network needs little; the computing threads are others.
         .worker_threads(2)
         .enable_all()
         .build()
-        .context("cannot start the network threads")?
-        .block_on(run(arguments))
+        .context("cannot start the network threads")?;
+    let outcome = runtime.block_on(run(options));
+    // Whatever a session still waits for, a worker that was told to stop stops.
+    runtime.shutdown_timeout(PARTING);
+    outcome
 }
 
-async fn run(arguments: Arguments) -> anyhow::Result<()> {
-    let listener = TcpListener::bind(arguments.listen)
+async fn run(options: Options) -> anyhow::Result<()> {
+    if let Some(address) = &options.health {
+        return Ok(worker::health::check(address, &options.client()?).await?);
+    }
+    let transport = options.transport()?;
+    let token = options.token()?;
+    transport.allows(options.listen).with_context(|| format!("cannot listen on {}", options.listen))?;
+    let listener = TcpListener::bind(options.listen)
         .await
-        .with_context(|| format!("cannot listen on {}: choose another --listen address", arguments.listen))?;
+        .with_context(|| format!("cannot listen on {}: choose another --listen address", options.listen))?;
     let address = listener.local_addr().context("cannot tell the address")?;
-    let threads = match arguments.threads {
+    let threads = match options.threads {
         Some(threads) => threads,
         None => std::thread::available_parallelism().context("cannot count the cores: give --threads")?,
     };
-    let name = arguments.name.unwrap_or_else(|| address.to_string());
+    let metrics = Metrics::default();
+    let _page = show(&metrics, options.metrics())?;
+    let name = options.name.unwrap_or_else(|| address.to_string());
     let shutdown = stop_on_signal()?;
 
     // For scripts: from this line on, coordinators may call. Where nobody reads it, nobody misses it.
     let _ = writeln!(std::io::stdout(), "worker {name} listens on {address} with {threads} threads");
-    let incoming = TcpIncoming::from(listener).with_nodelay(Some(true));
-    let settings = Settings { name, threads, replica_bytes: arguments.replica_bytes };
+    let incoming = incoming(listener, transport.tls().map(Tls::server));
+    let replica_bytes = options.replica_bytes;
+    let settings = Settings { replica_bytes, token, metrics, ..Settings::new(&name, threads) };
     Ok(worker::serve(incoming, settings, shutdown).await?)
+}
+
+/// Shows figures to Prometheus, where that is asked for.
+fn show(metrics: &Metrics, address: Option<SocketAddr>) -> anyhow::Result<Option<MetricsPage>> {
+    let Some(address) = address else { return Ok(None) };
+    let mut registry = Registry::default();
+    metrics.register(&mut registry);
+    let page = MetricsPage::start(address, registry)
+        .with_context(|| format!("cannot show metrics at {address}: choose another --metrics address"))?;
+    Ok(Some(page))
 }
 
 /// A token that the first SIGTERM or SIGINT cancels; the second one ends the process at once.

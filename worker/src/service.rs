@@ -1,16 +1,20 @@
 //! The gRPC service: sessions with coordinators, and uploads of replicas.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
 use shared::protocol::worker_server::Worker;
 use shared::protocol::{
     CoordinatorMessage, LoadReplicaReply, ReplicaChunk, WorkerMessage, replica_chunk::Body,
 };
-use tokio::sync::mpsc;
+use tokio::sync::{Semaphore, mpsc};
+use tokio::time::timeout;
 use tokio_stream::wrappers::ReceiverStream;
 use tokio_util::sync::CancellationToken;
+use tokio_util::task::TaskTracker;
 use tonic::{Request, Response, Status, Streaming};
 
+use crate::metrics::Metrics;
 use crate::pool::ComputePool;
 use crate::store::ReplicaStore;
 use crate::upload::{Upload, UploadError};
@@ -19,19 +23,29 @@ use crate::{Settings, session};
 /// Answers that may wait for the network before a session stops taking messages in.
 const ANSWERS_AHEAD: usize = 16;
 
+/// Uploads at the same time. Each may be of a quarter of the room for replicas: those under way take no more than those held.
+const UPLOADS: usize = 4;
+
+/// How long an upload may pause before it is broken off.
+const STALL: Duration = Duration::from_secs(30);
+
 /// What all sessions of a worker share. A clone is another handle to the same worker.
 #[derive(Clone)]
 pub(crate) struct WorkerService {
     pub(crate) settings: Arc<Settings>,
     pub(crate) pool: ComputePool,
     pub(crate) shutdown: CancellationToken,
+    /// Sessions that are not over yet.
+    pub(crate) sessions: TaskTracker,
     store: Arc<Mutex<ReplicaStore>>,
+    uploads: Arc<Semaphore>,
 }
 
 impl WorkerService {
     pub(crate) fn new(settings: Settings, pool: ComputePool, shutdown: CancellationToken) -> Self {
         let store = Arc::new(Mutex::new(ReplicaStore::new(settings.replica_bytes)));
-        Self { settings: Arc::new(settings), pool, shutdown, store }
+        let uploads = Arc::new(Semaphore::new(UPLOADS));
+        Self { settings: Arc::new(settings), pool, shutdown, sessions: TaskTracker::new(), store, uploads }
     }
 
     /// The replicas; hold them for a look-up, never across work.
@@ -39,6 +53,51 @@ impl WorkerService {
         // No code that holds the lock leaves the store half changed.
         self.store.lock().unwrap_or_else(PoisonError::into_inner)
     }
+
+    /// Changes what is held.
+    pub(crate) fn change_store(&self, change: impl FnOnce(&mut ReplicaStore)) {
+        let mut store = self.store();
+        change(&mut store);
+        let Metrics { replicas, replica_bytes, .. } = &self.settings.metrics;
+        replicas.set(store.count() as i64);
+        replica_bytes.set(store.bytes().try_into().unwrap_or(i64::MAX));
+    }
+
+    /// Takes a replica in.
+    async fn load(&self, mut chunks: Streaming<ReplicaChunk>) -> Result<LoadReplicaReply, Status> {
+        let Some(ReplicaChunk { body: Some(Body::Header(header)) }) = next(&mut chunks).await? else {
+            return Err(refusal(&UploadError::Order));
+        };
+        let largest = self.store().largest();
+        let mut upload = Upload::begin(&header, largest).map_err(|error| refusal(&error))?;
+        let (digest, length) = (upload.digest(), upload.length());
+        if self.store().get(digest).is_some() {
+            return Ok(LoadReplicaReply { already_held: true, digest: digest.to_bytes() });
+        }
+        // It is never closed.
+        let _place = self.uploads.acquire().await;
+        while let Some(chunk) = next(&mut chunks).await? {
+            let Some(Body::Data(data)) = chunk.body else { return Err(refusal(&UploadError::Order)) };
+            upload.push(&data).map_err(|error| refusal(&error))?;
+        }
+        let replica = self
+            .pool
+            .run(|| upload.finish())
+            .await
+            .map_err(|panicked| Status::internal(format!("replica {digest}: {panicked}")))?
+            .map_err(|error| refusal(&error))?;
+        self.change_store(|store| store.insert(digest, replica, length));
+        self.settings.metrics.uploads.inc();
+        tracing::info!(replica = %digest, bytes = length, "replica loaded");
+        Ok(LoadReplicaReply { already_held: false, digest: digest.to_bytes() })
+    }
+}
+
+/// The next chunk of an upload, if it comes in time.
+async fn next(chunks: &mut Streaming<ReplicaChunk>) -> Result<Option<ReplicaChunk>, Status> {
+    timeout(STALL, chunks.message()).await.unwrap_or_else(|_| {
+        Err(Status::deadline_exceeded(format!("the upload paused for {} seconds", STALL.as_secs())))
+    })
 }
 
 #[tonic::async_trait]
@@ -49,11 +108,14 @@ impl Worker for WorkerService {
         &self,
         request: Request<Streaming<CoordinatorMessage>>,
     ) -> Result<Response<Self::SessionStream>, Status> {
+        if self.shutdown.is_cancelled() {
+            return Err(Status::unavailable("the worker was told to stop"));
+        }
         let coordinator = request.remote_addr();
         let (outbound, answers) = mpsc::channel(ANSWERS_AHEAD);
         let worker = self.clone();
         // The answers' stream goes back before anything is read: the coordinator's call returns with it.
-        tokio::spawn(async move {
+        self.sessions.spawn(async move {
             match session::run(&worker, request.into_inner(), &outbound).await {
                 Ok(()) => tracing::info!(?coordinator, "session over"),
                 Err(status) => {
@@ -70,29 +132,12 @@ impl Worker for WorkerService {
         &self,
         request: Request<Streaming<ReplicaChunk>>,
     ) -> Result<Response<LoadReplicaReply>, Status> {
-        let mut chunks = request.into_inner();
-        let Some(ReplicaChunk { body: Some(Body::Header(header)) }) = chunks.message().await? else {
-            return Err(refusal(&UploadError::Order));
-        };
-        let largest = self.store().largest();
-        let mut upload = Upload::begin(&header, largest).map_err(|error| refusal(&error))?;
-        let (digest, length) = (upload.digest(), upload.length());
-        if self.store().get(digest).is_some() {
-            return Ok(Response::new(LoadReplicaReply { already_held: true }));
+        let loaded = self.load(request.into_inner()).await;
+        if let Err(status) = &loaded {
+            self.settings.metrics.failed_uploads.inc();
+            tracing::warn!(error = status.message(), "upload broken off");
         }
-        while let Some(chunk) = chunks.message().await? {
-            let Some(Body::Data(data)) = chunk.body else { return Err(refusal(&UploadError::Order)) };
-            upload.push(&data).map_err(|error| refusal(&error))?;
-        }
-        let replica = self
-            .pool
-            .run(|| upload.finish())
-            .await
-            .map_err(|panicked| Status::internal(format!("replica {digest}: {panicked}")))?
-            .map_err(|error| refusal(&error))?;
-        self.store().insert(digest, replica, length);
-        tracing::info!(replica = %digest, bytes = length, "replica loaded");
-        Ok(Response::new(LoadReplicaReply { already_held: false }))
+        loaded.map(Response::new)
     }
 }
 

@@ -1,23 +1,32 @@
 //! One session: a coordinator's messages in, answers out.
 
+use std::collections::HashMap;
+use std::time::Duration;
+
 use shared::protocol::coordinator_message::Body as Incoming;
 use shared::protocol::worker_message::Body as Outgoing;
 use shared::protocol::{
-    CoordinatorHello, CoordinatorMessage, Goodbye, KeepAlive, PROTOCOL_VERSION, RowJob, WorkerHello,
+    CancelJob, CoordinatorHello, CoordinatorMessage, Goodbye, KeepAlive, PROTOCOL_VERSION, WorkerHello,
     WorkerMessage,
 };
 use shared::replica::Digest;
+use shared::telemetry::Held;
 use tokio::sync::mpsc;
 use tokio::task::JoinSet;
+use tokio::time::timeout;
 use tokio_util::sync::CancellationToken;
 use tonic::{Status, Streaming};
 
 use crate::job::{Job, JobError, answer};
 use crate::service::WorkerService;
+use crate::tile::Tile;
 
 /// Jobs of one session that may be under way for each thread: more are left in the network until some are answered. Far
 /// above what a coordinator that shares work out sends ahead.
 const JOBS_PER_THREAD: usize = 64;
+
+/// How long a coordinator may take to say hello.
+const HELLO: Duration = Duration::from_secs(10);
 
 type Outbound = mpsc::Sender<Result<WorkerMessage, Status>>;
 
@@ -36,7 +45,9 @@ pub(crate) async fn run(
         // Jobs still queued when the session ends are not worth computing.
         abandoned: worker.shutdown.child_token(),
         jobs: JoinSet::new(),
+        unanswered: HashMap::new(),
     };
+    let _counted = Held::new(&worker.settings.metrics.sessions);
     let _guard = session.abandoned.clone().drop_guard();
     session.converse(inbound).await
 }
@@ -47,7 +58,9 @@ struct Session<'a> {
     /// Jobs that see it cancelled before they start are handed back.
     abandoned: CancellationToken,
     /// Each gives the answer to a job, or nothing where it was handed back.
-    jobs: JoinSet<Option<Outgoing>>,
+    jobs: JoinSet<(u64, Option<Outgoing>)>,
+    /// Cancels each of these jobs, as long as it is not begun.
+    unanswered: HashMap<u64, CancellationToken>,
 }
 
 impl Session<'_> {
@@ -58,9 +71,11 @@ impl Session<'_> {
             threads: settings.threads.get() as u32,
             name: settings.name.clone(),
             software_version: env!("CARGO_PKG_VERSION").into(),
+            instance: settings.instance,
         }))
         .await?;
-        greet(inbound.message().await?)?;
+        let hello = timeout(HELLO, inbound.message()).await;
+        greet(hello.map_err(|_| Status::deadline_exceeded("the coordinator says no hello"))??)?;
 
         let most_jobs = settings.threads.get() * JOBS_PER_THREAD;
         let mut leaving = None;
@@ -74,22 +89,37 @@ impl Session<'_> {
             tokio::select! {
                 Some(job) = self.jobs.join_next() => {
                     // The tasks only wait for the pool, which catches panics.
-                    let answer = job.map_err(|error| Status::internal(error.to_string()))?;
+                    let (id, answer) = job.map_err(|error| Status::internal(error.to_string()))?;
+                    self.unanswered.remove(&id);
                     if let Some(answer) = answer {
+                        settings.metrics.count(&answer);
                         self.send(answer).await?;
                     }
                 }
                 message = inbound.message(), if listening && self.jobs.len() < most_jobs => {
                     match message?.map(|message| message.body) {
-                        Some(Some(Incoming::Job(_))) if leaving.is_some() => {}
-                        Some(Some(Incoming::Job(job))) => self.start(&job),
+                        Some(Some(Incoming::Job(_) | Incoming::Tile(_))) if leaving.is_some() => {}
+                        Some(Some(Incoming::Job(job))) => {
+                            let rows = Job::new(&job, &mut self.worker.store());
+                            self.start(job.job_id, rows, |rows| Outgoing::Finished(rows.compute()));
+                        }
+                        Some(Some(Incoming::Tile(job))) => {
+                            let tile = Tile::new(&job, &mut self.worker.store());
+                            self.start(job.job_id, tile, |tile| Outgoing::Tile(tile.compute()));
+                        }
+                        Some(Some(Incoming::Cancel(CancelJob { job_id }))) => {
+                            // Answered already otherwise: the answer and the cancel crossed.
+                            if let Some(job) = self.unanswered.get(&job_id) {
+                                job.cancel();
+                            }
+                        }
                         Some(Some(Incoming::KeepAlive(KeepAlive { number }))) => {
                             self.send(Outgoing::KeepAlive(KeepAlive { number })).await?;
                         }
                         Some(Some(Incoming::Release(release))) => {
                             let digest = Digest::try_from(release.digest.as_ref())
                                 .map_err(|error| Status::invalid_argument(error.to_string()))?;
-                            self.worker.store().remove(digest);
+                            self.worker.change_store(|store| store.remove(digest));
                         }
                         Some(Some(Incoming::Goodbye(_))) => leaving = Some("as the coordinator wishes"),
                         Some(Some(Incoming::Hello(_)) | None) => {
@@ -108,20 +138,34 @@ impl Session<'_> {
     }
 
     /// Takes a job in; its answer comes out of [`Self::jobs`].
-    fn start(&mut self, message: &RowJob) {
-        let id = message.job_id;
-        let job = match Job::new(message, &mut self.worker.store()) {
+    fn start<J: Send + 'static>(&mut self, id: u64, job: Result<J, JobError>, compute: fn(&J) -> Outgoing) {
+        let job = match job {
             Ok(job) => job,
             Err(error) => {
-                self.jobs.spawn(async move { Some(answer(id, Err(error))) });
+                self.jobs.spawn(async move { (id, Some(answer(id, Err(error)))) });
                 return;
             }
         };
         let abandoned = self.abandoned.clone();
+        let cancelled = abandoned.child_token();
+        self.unanswered.insert(id, cancelled.clone());
         let pool = self.worker.pool.clone();
+        let metrics = self.worker.settings.metrics.clone();
+        let queued = Held::new(&metrics.jobs_queued);
+        let work = move || {
+            drop(queued);
+            let _counted = Held::new(&metrics.jobs_computing);
+            (!cancelled.is_cancelled()).then(|| compute(&job))
+        };
         self.jobs.spawn(async move {
-            let computed = pool.run(move || (!abandoned.is_cancelled()).then(|| job.compute())).await;
-            computed.map_err(JobError::from).transpose().map(|result| answer(id, result))
+            let computed = pool.run(work).await;
+            let result = match computed {
+                Ok(Some(answer)) => Ok(answer),
+                Ok(None) if abandoned.is_cancelled() => return (id, None),
+                Ok(None) => Err(JobError::Cancelled),
+                Err(panicked) => Err(panicked.into()),
+            };
+            (id, Some(answer(id, result)))
         });
     }
 

@@ -3,10 +3,12 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
+use shared::picture::decode_picture;
 use shared::protocol::ReplicaKind;
 use shared::replica::{Digest, ReplicaError, decode_receivers, decode_scene};
 
 use crate::engine::{ReceiverSet, Scene};
+use crate::picture::Picture;
 
 /// A replica made ready for jobs. A clone is another handle to the same one.
 #[derive(Clone)]
@@ -15,21 +17,24 @@ pub enum Replica {
     Scene(Arc<Scene>),
     /// Points at which irradiance is wanted.
     Receivers(Arc<ReceiverSet>),
+    /// A lit scene, behind its BVH.
+    Picture(Arc<Picture>),
 }
 
 impl Replica {
-    /// Decodes a replica and builds what jobs need of it: for a scene the BVH, for receivers
-    /// their groups. This is the expensive step; it happens
+    /// Decodes a replica and builds what jobs need of it: for a scene or a picture the BVH, for
+    /// receivers their groups. This is the expensive step; it happens
     /// once for each upload.
     ///
     /// # Errors
     /// When the bytes are not a replica of this kind.
     pub fn decode(kind: ReplicaKind, bytes: &[u8]) -> Result<Self, ReplicaError> {
         match kind {
-            ReplicaKind::Scene => Ok(Self::Scene(Arc::new(Scene::new(&decode_scene(bytes)?)))),
+            ReplicaKind::Scene => Ok(Self::Scene(Arc::new(decode_scene(bytes)?.into()))),
             ReplicaKind::Receivers => {
                 Ok(Self::Receivers(Arc::new(ReceiverSet::new(decode_receivers(bytes)?))))
             }
+            ReplicaKind::Picture => Ok(Self::Picture(Arc::new(Picture::new(decode_picture(bytes)?)))),
             ReplicaKind::Unspecified => Err(ReplicaError::Inconsistent("the kind of the replica is missing")),
         }
     }
@@ -64,6 +69,18 @@ impl ReplicaStore {
     #[must_use]
     pub fn largest(&self) -> u64 {
         self.capacity / 4
+    }
+
+    /// How many replicas are held.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        self.entries.len()
+    }
+
+    /// Their encoded size in bytes.
+    #[must_use]
+    pub fn bytes(&self) -> u64 {
+        self.held
     }
 
     /// The replica of this digest, which counts as a use; `None` where it was never loaded, or dropped since.

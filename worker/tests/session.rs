@@ -33,7 +33,8 @@ async fn setup() -> io::Result<Setup> {
     let listener = TcpListener::bind("127.0.0.1:0").await?;
     let address = format!("http://{}", listener.local_addr()?);
     let shutdown = CancellationToken::new();
-    let settings = Settings { name: "test".into(), threads: NonZeroUsize::MIN, replica_bytes: 4 << 20 };
+    let settings =
+        Settings { instance: 1, replica_bytes: 4 << 20, ..Settings::new("test", NonZeroUsize::MIN) };
     let serving = tokio::spawn(worker::serve(TcpListenerStream::new(listener), settings, shutdown.clone()));
     let client = WorkerClient::connect(address).await.map_err(io::Error::other)?;
     let client = client.max_decoding_message_size(MAX_MESSAGE_BYTES);

@@ -10,6 +10,7 @@ use glam::DVec3;
 use shared::geometry::PlaneId;
 use shared::replica::{Receiver, Receivers};
 
+use super::light::LightSource;
 use super::{Bake, BakeError, light};
 use crate::scene::{Facet, Scene, Side, SourceTriangle};
 
@@ -41,6 +42,7 @@ struct BackPoint {
 
 impl Bake<'_, '_> {
     /// Warnings of surfaces that lose light on their backs. Needs the solution.
+    #[tracing::instrument(skip_all)]
     pub(super) fn look_behind(&mut self) -> Result<Vec<String>, BakeError> {
         let balance = self.balance();
         let emitted: f64 = balance.emitted.iter().sum();
@@ -63,7 +65,7 @@ impl Bake<'_, '_> {
         for (index, (count, sum)) in backs.into_iter().enumerate().filter(|(_, (count, _))| *count > 0.0) {
             let back = (sum / count).element_sum();
             let (area, front) = fronts[index];
-            let lost = back * area * square_unit / emitted;
+            let lost = back * area * square_unit * self.scene.surfaces[index].opacity / emitted;
             let flipped = back > 0.0 && front.element_sum() < DARK_FRONT * back;
             if flipped || lost >= MUCH && !is_closed(&self.scene.surfaces[index].facets) {
                 let cure = if flipped {
@@ -84,12 +86,16 @@ impl Bake<'_, '_> {
 
     fn irradiance_at(&mut self, points: &[BackPoint]) -> Result<Vec<DVec3>, BakeError> {
         let receivers = points.iter().map(|point| point.receiver).collect();
-        let set = self.office.publish_receivers(&Receivers { first_key: FIRST_KEY, receivers });
-        let direct = light::irradiance(&self.sources, set, self.office, |_, _, _| ())?;
+        let receivers = Receivers { first_key: FIRST_KEY, receivers };
+        let set = self.office.publish_receivers(&receivers);
+        // The sun on a roof, and the sky under a floor, are no light that the scene has and loses.
+        let inside: Vec<LightSource> =
+            self.sources.iter().filter(|source| !source.is_outside()).cloned().collect();
+        let direct = light::irradiance(&inside, set, self.office, |_, _, _| ())?;
         let mut gathered = self.channels.gathering(set.count());
-        self.office.each_row(self.rows.shooters(), set, |share, row, _| {
-            gathered.add(row, self.radiosity[share]);
-        })?;
+        let radiosity = &self.radiosity;
+        self.rows
+            .each_over(self.office, set, &receivers, |share, row| gathered.add(row, radiosity[share]))?;
         self.office.release_receivers(set);
         Ok(direct.iter().zip(gathered.into_irradiance()).map(|(direct, light)| *direct + light).collect())
     }

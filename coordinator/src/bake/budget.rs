@@ -26,11 +26,20 @@ pub struct ErrorBudget {
 /// Rows are stored in f32.
 const STORED: f64 = f32::EPSILON as f64 / 2.0;
 
+/// Standard deviation of a rounded factor, at most, over the largest error that rounding may have: sqrt(1/6) for a place at random
+/// between two numbers, times sqrt(.75 / ln 4) for where factors lie between two powers of two.
+const ROUNDED: f64 = 0.3;
+
+/// Error of the light from one shooter, when factors are rounded so. That from several cancels in part.
+#[must_use]
+pub fn rounding_error(factor_rounding: f64) -> f64 {
+    STORED.max(ROUNDED * factor_rounding)
+}
+
 impl ErrorBudget {
-    /// Adds up the parts; `form_factors` without rounding.
+    /// Adds up the parts.
     #[must_use]
     pub fn new(unshot: f64, visibility: f64, form_factors: f64, receivers: f64, shooters: f64) -> Self {
-        let form_factors = form_factors + STORED;
         let mesh = receivers.hypot(shooters);
         let total = mesh.hypot(visibility).hypot(form_factors).hypot(unshot);
         Self { unshot, visibility, form_factors, mesh, receivers, shooters, total }

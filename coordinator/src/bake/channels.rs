@@ -21,11 +21,14 @@ impl Channels {
     pub fn needed(scene: &Scene) -> Self {
         let is_grey = |rgb: DVec3| rgb == DVec3::splat(rgb.x);
         let exitances = scene.surfaces.iter().map(|surface| surface.exitance);
-        let intensities = scene.point_lights.iter().map(|light| light.intensity);
-        let mut lights = exitances.chain(intensities).filter(|light| *light != DVec3::ZERO);
+        let intensities = scene.lights.iter().map(|light| light.intensity);
+        let mut lights =
+            exitances.chain(intensities).chain([scene.sky]).filter(|light| *light != DVec3::ZERO);
         let colour = lights.next().unwrap_or(DVec3::ONE).normalize();
         let is_same = |light: DVec3| (light.normalize() - colour).length() <= ONE_COLOUR;
-        let is_grey_scene = scene.surfaces.iter().all(|surface| is_grey(surface.reflectance));
+        let varies = || scene.surfaces.iter().filter_map(|surface| surface.appearance.as_ref());
+        let is_grey_scene = scene.surfaces.iter().all(|surface| is_grey(surface.reflectance))
+            && varies().all(|appearance| appearance.reflects_grey() && appearance.emits_one_colour());
         if is_grey_scene && lights.all(is_same) { Self::One(colour) } else { Self::Three }
     }
 

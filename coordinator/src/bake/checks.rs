@@ -101,15 +101,16 @@ impl Checks {
             let normals = interpolation(mesh, id, position, |_| DVec3::ZERO);
             let vertex = |id: VertexId| &mesh.vertices[id.index()];
             let normal: DVec3 = normals.iter().map(|(id, weight)| vertex(*id).normal * *weight).sum();
-            let facet =
-                &scene.surfaces[mesh.patch(id).surface as usize].facets[mesh.patch(id).facet as usize];
+            let patch = mesh.patch(id);
+            let surface = &scene.surfaces[patch.surface as usize];
+            let facet = &surface.facets[patch.facet as usize];
             let normal = normal.normalize_or(facet.normal);
             // As for vertices: facets around a smooth point may rise over its horizon.
             let is_smooth = normals.iter().any(|(id, _)| vertex(*id).smooth);
             let lift = if is_smooth { INWARD * mesh.patch(id).area.sqrt() } else { 0.0 };
             CheckPoint {
                 patch: id,
-                reflectance: reflectance(id),
+                reflectance: surface.mean_reflectance(patch.facet, &[position]),
                 receiver: Receiver { position: position + normal * lift, normal, plane: facet.plane },
                 position,
                 weight,

@@ -4,6 +4,7 @@ use glam::DVec3;
 use shared::geometry::ConvexPolygon;
 use shared::row::{Shape, Shooter};
 
+use super::budget::rounding_error;
 use super::checks::{Checks, FIRST};
 use super::refine::NOISE_HIDES;
 use super::{Bake, BakeError, BakeSettings, ErrorBudget, Phase, light, shooting_mesh};
@@ -71,8 +72,10 @@ impl Bake<'_, '_> {
     }
 
     /// Estimates the error of the answer as it stands.
+    #[tracing::instrument(skip_all)]
     fn measure(&mut self) -> Result<(), BakeError> {
         self.office.enter(Phase::Measure, self.mesh.vertices.len());
+        self.patch_looks.learn(self.scene, &self.mesh);
         let fitted = best_fit(&self.mesh, &self.irradiance);
         let prediction = self.predict();
         // Points of their own: the mesh was refined where the guides found errors, and is better there than elsewhere.
@@ -95,9 +98,11 @@ impl Bake<'_, '_> {
         }
         let (gathered, noise_of_leaves) = self.gathered_from_leaves(&checks, &fitted)?;
         let differences = checks.relative(checks.differences(&gathered).into_iter());
-        let shooters = without_noise(differences, noise.hypot(noise_of_leaves))
-            / (1.0 - RETURNING * self.mean_reflectance());
-        let form_factors = self.office.factor_error();
+        // The same rays meet shares and leaves where they are those of hemispheres.
+        let noise_of_both = if self.is_gathered { 0.0 } else { noise.hypot(noise_of_leaves) };
+        let shooters =
+            without_noise(differences, noise_of_both) / (1.0 - RETURNING * self.mean_reflectance());
+        let form_factors = self.office.factor_error() + rounding_error(self.settings.factor_rounding);
         let visibility = noise * INTERPOLATED_NOISE.sqrt();
         let unshot = self.residual / (1.0 - RETURNING * self.mean_reflectance());
         self.error = ErrorBudget::new(unshot, visibility, form_factors, receivers, shooters);
@@ -110,12 +115,13 @@ impl Bake<'_, '_> {
         if checks.count() == 0 {
             return Ok(());
         }
-        let set = self.office.publish_receivers(&checks.receivers(checks.count()));
+        let receivers = checks.receivers(checks.count());
+        let set = self.office.publish_receivers(&receivers);
         checks.set_direct(light::irradiance(&self.sources, set, self.office, |_, _, _| ())?);
         let mut gathered = self.channels.gathering(set.count());
-        self.office.each_row(self.rows.shooters(), set, |share, row, _| {
-            gathered.add(row, self.radiosity[share]);
-        })?;
+        let radiosity = &self.radiosity;
+        self.rows
+            .each_over(self.office, set, &receivers, |share, row| gathered.add(row, radiosity[share]))?;
         checks.set_gathered(gathered);
         self.office.release_receivers(set);
         Ok(())
@@ -127,7 +133,7 @@ impl Bake<'_, '_> {
         let sources =
             self.sources.iter().map(|source| source.strength).zip(self.guide_variances.iter().copied());
         let shares = self.radiosity.iter().copied().zip(self.rows.variances(guides));
-        self.guides.noise(shares.chain(sources), self.guides.count())
+        self.guides.noise(shares.chain(sources), self.guides.count()).hypot(self.ray_noise)
     }
 
     /// What the leaves of the refined mesh give the first check points, each with its own mean radiosity; and the noise of it.
@@ -140,12 +146,16 @@ impl Bake<'_, '_> {
         if count == 0 {
             return Ok((vec![], 0.0));
         }
+        if self.is_gathered {
+            return Ok((self.seen_of_leaves(&checks.receivers(count), irradiance)?, 0.0));
+        }
         let (mut shooters, mut radiosities) = (vec![], vec![]);
         for (id, patch) in self.mesh.leaves() {
             let mean = patch.corners.iter().map(|corner| irradiance[corner.index()]).sum::<DVec3>()
                 / patch.corners.len() as f64;
             let surface = &self.scene.surfaces[patch.surface as usize];
-            if surface.reflectance * mean == DVec3::ZERO {
+            let reflected = self.patch_looks.of(self.scene, &self.mesh, id).reflectance * mean;
+            if reflected == DVec3::ZERO {
                 continue;
             }
             let corners = patch.corners.iter().map(|corner| self.mesh.position(*corner)).collect();
@@ -154,7 +164,7 @@ impl Bake<'_, '_> {
                 key: FIRST_LEAF_KEY + u64::from(id.0),
                 shape: Shape::Polygons(vec![polygon]),
             });
-            radiosities.push(surface.reflectance * mean);
+            radiosities.push(reflected);
         }
         let set = self.office.publish_receivers(&checks.receivers(count));
         let mut gathered = self.channels.gathering(count);
@@ -168,7 +178,7 @@ impl Bake<'_, '_> {
     }
 
     /// Reflected flux over incident flux.
-    fn mean_reflectance(&self) -> f64 {
+    pub(super) fn mean_reflectance(&self) -> f64 {
         let (mut reflected, mut incident) = (0.0, 0.0);
         for (share, radiosity) in self.energies.iter().zip(&self.radiosity) {
             reflected += radiosity.element_sum() * share.area;
@@ -223,7 +233,7 @@ impl Bake<'_, '_> {
             (error.receivers, self.mesh_obstacle.map_or("interpolation between the vertices".to_owned(), |cure| format!("interpolation between the vertices: {cure}"))),
             (error.shooters, "the size of the shooting patches: raise --max-vertices, or give a finer --shooter-edge with --mesh-error".to_owned()),
             (error.visibility, "sampled visibility: raise --rays or --exact-occluders".to_owned()),
-            (error.form_factors, "the arithmetic of form factors: lower --form-factor-error".to_owned()),
+            (error.form_factors, "the arithmetic of form factors: lower --form-factor-error and --factor-rounding".to_owned()),
             (error.unshot, "unshot light: lower --threshold".to_owned()),
         ];
         let (_, part) = if self.settings.error.is_some() {

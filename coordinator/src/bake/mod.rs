@@ -9,6 +9,7 @@
 //! | refine | patches are divided where interpolation is wrong; new vertices only receive |
 //! | settle | shares take the mean radiosity of the refined mesh; sweeps again |
 //! | measure | the answer is compared with light gathered at random points |
+//! | groups | the light of each group of sources is solved for by itself |
 //! | look behind | light that falls on the backs of one-sided surfaces is reported |
 //!
 //! Where an error is asked for, refining, settling and measuring are repeated until it is met, or all of it with finer shooters or
@@ -21,31 +22,38 @@ mod behind;
 mod budget;
 mod channels;
 mod checks;
+mod emitters;
+mod layers;
 mod light;
 mod measure;
 pub(crate) mod occluders;
+mod pieces;
+mod receiver_rows;
 mod receivers;
 mod refine;
+mod reflection;
 mod report;
 mod rows;
 mod settings;
 mod settle;
 mod share_rows;
 mod shoot;
+mod sky;
 
 use std::time::Instant;
 
 use glam::DVec3;
 use serde::Serialize;
-use shared::replica::encode_scene;
+use shared::replica::{Receivers, encode_translucent_scene};
 use shared::row::{Row, Shape, Shooter};
 
 pub use budget::ErrorBudget;
+pub use layers::{LightGroup, LightPart, check_groups};
 pub use report::{BakeReport, Model};
 pub use rows::{BakeError, RowService};
-pub use settings::BakeSettings;
+pub use settings::{BakeSettings, RowsOf};
 
-use crate::lit::LitMesh;
+use crate::lit::{LitLayer, LitMesh};
 use crate::mesh::{Mesh, Share, VertexId, triangulate};
 use crate::scene::Scene;
 use crate::solver::ShareEnergy;
@@ -53,8 +61,9 @@ use crate::solver::cache::SetId;
 use crate::solver::fit::best_fit;
 use channels::Channels;
 use checks::Checks;
-use light::LightSource;
+use light::{LightSource, Origin};
 use receivers::receivers;
+use reflection::{MeanLook, PatchLooks};
 use rows::RowOffice;
 use share_rows::{COARSE, ShareRows};
 
@@ -71,6 +80,27 @@ pub enum Phase {
     Measure,
     /// Last sweeps and triangles.
     Settle,
+    /// Light by groups of its sources.
+    Groups,
+}
+
+impl Phase {
+    /// All of them, in the order in which they come first.
+    pub const ALL: [Self; 6] =
+        [Self::Light, Self::Shoot, Self::Refine, Self::Measure, Self::Settle, Self::Groups];
+
+    /// What it is called in a line of progress.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Light => "light",
+            Self::Shoot => "shoot",
+            Self::Refine => "refine",
+            Self::Measure => "measure",
+            Self::Settle => "settle",
+            Self::Groups => "groups",
+        }
+    }
 }
 
 /// How far a bake has come.
@@ -102,19 +132,22 @@ pub struct Baked {
 ///
 /// # Errors
 /// When the rows cannot be had, or the scene gives no mesh.
+#[tracing::instrument(skip_all)]
 pub fn bake(
     scene: &Scene,
     settings: &BakeSettings,
     service: &mut dyn RowService,
     progress: &mut dyn FnMut(&Progress),
 ) -> Result<Baked, BakeError> {
+    check_groups(scene, &settings.groups)?;
     let blockers = occluders::occluders(scene);
-    let mut office = RowOffice::new(service, progress, encode_scene(&blockers));
+    let mut office =
+        RowOffice::new(service, progress, encode_translucent_scene(&blockers.polygons, &blockers.opacities));
     let mut settings = settings.clone();
     let mut spent = Spent::default();
     loop {
         let mut bake = Bake::new(scene, &settings, &mut office, spent)?;
-        bake.occluders = blockers.len();
+        bake.occluders = blockers.polygons.len();
         bake.light()?;
         bake.shoot()?;
         bake.meet_error()?;
@@ -125,7 +158,8 @@ pub fn bake(
             }
             None => {
                 let lost_behind = bake.look_behind()?;
-                return Ok(bake.finish(lost_behind));
+                let layers = bake.layers()?;
+                return Ok(bake.finish(lost_behind, layers));
             }
         }
     }
@@ -141,6 +175,9 @@ struct Spent {
     seconds: Vec<(&'static str, f64)>,
 }
 
+/// Keys of the guides' twins, above those of the guides.
+const TWIN_KEYS: u64 = 1 << 34;
+
 /// Measured interpolation error over the predicted one, to begin with: .6 to .75 in rooms of all sorts.
 const FOUND_PER_PREDICTED: f64 = 0.68;
 
@@ -151,9 +188,13 @@ struct Bake<'a, 'b> {
     channels: Channels,
     office: &'a mut RowOffice<'b>,
     mesh: Mesh,
-    /// Reflectance of each surface.
+    /// Mean reflectance of each surface.
     reflectance: Vec<DVec3>,
     shares: Vec<Share>,
+    /// What each share reflects, emits and takes.
+    looks: Vec<MeanLook>,
+    /// The same of patches.
+    patch_looks: PatchLooks,
     energies: Vec<ShareEnergy>,
     sources: Vec<LightSource>,
     /// Rows of the shares over all vertices so far, and over the guides.
@@ -164,6 +205,12 @@ struct Bake<'a, 'b> {
     guides: Checks,
     /// The guides as receivers, where there are any.
     guide_set: Option<SetId>,
+    /// The guides once more, with other rays, where rows are those of receivers.
+    guide_twins: Option<SetId>,
+    /// Relative standard error of the irradiance at a point from the rays of its hemisphere.
+    ray_noise: f64,
+    /// Whether rows are those of receivers.
+    is_gathered: bool,
     /// Variance of the row of each light source over the guides, summed over it.
     guide_variances: Vec<f64>,
     /// Irradiance from the light sources, per vertex.
@@ -179,8 +226,10 @@ struct Bake<'a, 'b> {
     /// Irradiance, per vertex.
     irradiance: Vec<DVec3>,
     occluders: usize,
-    /// Flux that the shares get from point lights, in frame units.
-    from_point_lights: DVec3,
+    /// Flux that the shares get from point and spot lights, in frame units.
+    from_lights: DVec3,
+    /// Flux that the shares get from outside of the scene, from directional lights and the sky, in frame units.
+    from_outside: DVec3,
     row_sums: Vec<f64>,
     unshot: DVec3,
     unshot_bound: f64,
@@ -212,14 +261,17 @@ impl<'a, 'b> Bake<'a, 'b> {
         }
         let plane_of =
             |surface: u32, facet: u32| scene.surfaces[surface as usize].facets[facet as usize].plane;
-        let shares = mesh.shares(plane_of);
+        let is_gathered = receiver_rows::suit(scene, settings);
+        let shares = if is_gathered { mesh.leaf_shares(plane_of) } else { mesh.shares(plane_of) };
         let reflectance: Vec<DVec3> = scene.surfaces.iter().map(|surface| surface.reflectance).collect();
+        let looks = reflection::of_shares(scene, &mesh, &shares);
         let energies = shares
             .iter()
-            .map(|share| ShareEnergy {
+            .zip(&looks)
+            .map(|(share, look)| ShareEnergy {
                 receiver: share.vertex.index(),
                 area: share.area,
-                reflectance: reflectance[share.surface as usize],
+                reflectance: look.reflectance,
             })
             .collect();
         let shooter = |(key, share): (usize, &Share)| Shooter {
@@ -227,10 +279,16 @@ impl<'a, 'b> Bake<'a, 'b> {
             shape: Shape::Polygons(share.polygons.clone()),
         };
         let shooters: Vec<Shooter> = shares.iter().enumerate().map(shooter).collect();
-        let sources = light::sources(scene, settings, shooters.len() as u64);
+        let sources = light::sources(scene, &mesh, settings, shooters.len() as u64, is_gathered);
         office.set_precision(settings.precision());
-        let mut rows = ShareRows::new(shooters, settings.row_cache.saturating_mul(1 << 20));
-        let coarse = rows.add_set(office.publish_receivers(&receivers(&mesh, VertexId(0))));
+        let mut rows = if is_gathered {
+            let seen = receiver_rows::seen(scene, &mesh, mesh.leaves().map(|(id, _)| id));
+            ShareRows::seen_as(office.publish_polygons(&seen.polygons, &seen.opacities), shooters)
+        } else {
+            ShareRows::new(shooters, settings.row_cache.saturating_mul(1 << 20))
+        };
+        let rays = receiver_rows::rays(&mesh, VertexId(0), settings, extent(scene));
+        let coarse = rows.add_receivers(office, &receivers(&mesh, VertexId(0)), rays)?;
         let guides = Checks::draw(&mesh, scene, settings, &[], 0);
         let count = shares.len();
         let mut bake = Self {
@@ -240,12 +298,17 @@ impl<'a, 'b> Bake<'a, 'b> {
             office,
             mesh,
             reflectance,
+            looks,
+            patch_looks: PatchLooks::default(),
             energies,
             sources,
             rows,
             vertex_sets: vec![coarse],
             guides,
             guide_set: None,
+            guide_twins: None,
+            ray_noise: 0.0,
+            is_gathered,
             guide_variances: vec![],
             direct: vec![],
             exposed: vec![],
@@ -254,7 +317,8 @@ impl<'a, 'b> Bake<'a, 'b> {
             radiosity: vec![DVec3::ZERO; count],
             irradiance: vec![],
             occluders: 0,
-            from_point_lights: DVec3::ZERO,
+            from_lights: DVec3::ZERO,
+            from_outside: DVec3::ZERO,
             row_sums: vec![],
             unshot: DVec3::ZERO,
             unshot_bound: 0.0,
@@ -287,35 +351,47 @@ impl<'a, 'b> Bake<'a, 'b> {
     }
 
     /// Direct irradiance at the vertices of the shooting mesh and at the guides.
+    #[tracing::instrument(skip_all)]
     fn light(&mut self) -> Result<(), BakeError> {
         self.office.enter(Phase::Light, self.mesh.vertices.len());
         let energies = &self.energies;
-        let mut from_point_lights = DVec3::ZERO;
+        let (mut from_lights, mut from_outside) = (DVec3::ZERO, DVec3::ZERO);
         self.direct =
             light::irradiance(&self.sources, self.rows.set(COARSE), self.office, |source, row, _| {
-                if !matches!(source.shooter.shape, Shape::Polygons(_)) {
-                    let factors = row.to_dense();
-                    let flux = energies.iter().map(|s| s.area * f64::from(factors[s.receiver])).sum::<f64>();
-                    from_point_lights += source.strength * flux;
+                if matches!(source.origin, Origin::Surface(_)) {
+                    return;
                 }
+                let factors = row.to_dense();
+                let flux = energies.iter().map(|s| s.area * f64::from(factors[s.receiver])).sum::<f64>();
+                *if source.is_outside() { &mut from_outside } else { &mut from_lights } +=
+                    source.strength * flux;
             })?;
-        self.from_point_lights = from_point_lights;
+        (self.from_lights, self.from_outside) = (from_lights, from_outside);
         if self.guides.count() > 0 {
-            let set = self.office.publish_receivers(&self.guides.receivers(self.guides.count()));
+            let receivers = self.guides.receivers(self.guides.count());
+            let rays = |_| self.settings.rays_per_hemisphere;
+            let id = self.rows.add_receivers(self.office, &receivers, rays)?;
+            let set = self.rows.set(id);
+            self.guide_set = Some(id);
+            if self.is_gathered {
+                let twins = Receivers { first_key: receivers.first_key + TWIN_KEYS, ..receivers };
+                self.guide_twins = Some(self.rows.add_receivers(self.office, &twins, rays)?);
+            }
             let variances = &mut self.guide_variances;
             let look = |_: &LightSource, _: &Row, variance| variances.push(variance);
             self.guides.set_direct(light::irradiance(&self.sources, set, self.office, look)?);
-            self.guide_set = Some(self.rows.add_set(set));
         }
         self.end_step("light");
         Ok(())
     }
 
-    fn finish(mut self, warnings: Vec<String>) -> Baked {
+    fn finish(mut self, warnings: Vec<String>, layers: Vec<LitLayer>) -> Baked {
+        let shown = self.part_of_whole();
         self.irradiance = best_fit(&self.mesh, &self.irradiance);
         let radiosity = |vertex: VertexId| self.irradiance[vertex.index()];
         let triangles = triangulate(&self.mesh, self.scene.surfaces.len(), radiosity);
-        let lit = receivers::lit_mesh(&self.mesh, &self.irradiance, triangles);
+        let shown = shown.as_deref().unwrap_or(&self.irradiance);
+        let lit = LitMesh { layers, ..receivers::lit_mesh(&self.mesh, shown, triangles) };
         self.end_step("export mesh");
         let mut report = self.report();
         report.warnings.extend(warnings);
@@ -326,7 +402,7 @@ impl<'a, 'b> Bake<'a, 'b> {
 /// The mesh of the shares. Where an error is asked for and its mesh would have too many vertices, the finest that has not.
 fn shooting_mesh(scene: &Scene, settings: &BakeSettings) -> Mesh {
     let extent = extent(scene);
-    let mut edge = settings.shooter_edge;
+    let mut edge = settings.shooter_edge * receiver_rows::edge_factor(scene, settings);
     loop {
         let mesh = Mesh::new(scene, extent, edge * extent, settings.max_level);
         let fits = mesh.vertices.len() <= settings.max_vertices;

@@ -1,6 +1,9 @@
 //! Refining the receiving side of the mesh.
 
+use std::f64::consts::SQRT_2;
+
 use super::measure::without_noise;
+use super::receiver_rows;
 use super::receivers::receivers;
 use super::{Bake, BakeError, Phase, light};
 use crate::mesh::{PatchId, VertexId};
@@ -24,9 +27,11 @@ const MOST_PER_ROUND: f64 = 0.8;
 
 impl Bake<'_, '_> {
     /// Divides patches where interpolation is wrong, round by round, until its error is expected to be under `limit`.
+    #[tracing::instrument(skip_all)]
     pub(super) fn refine(&mut self, limit: f64) -> Result<(), BakeError> {
         let shortest_edge = super::extent(self.scene) * 2.0_f64.powi(-(self.settings.max_level as i32));
         self.mesh_obstacle = None;
+        self.divide_long()?;
         loop {
             let prediction = self.predict();
             let noise = NOISE_SEEN * self.noise();
@@ -63,6 +68,28 @@ impl Bake<'_, '_> {
         Ok(())
     }
 
+    /// Divides patches until none is longer than was asked for, or there are as many vertices as may be.
+    fn divide_long(&mut self) -> Result<(), BakeError> {
+        // A patch's diagonals, too, may become edges of triangles.
+        let longest = |edge: f64| edge / self.scene.frame.scale / SQRT_2;
+        let Some(longest) = self.settings.max_edge.map(longest) else { return Ok(()) };
+        loop {
+            let leaves = self.mesh.leaves().map(|(id, _)| id);
+            let mut long: Vec<PatchId> = leaves.filter(|id| self.mesh.size(*id) > longest).collect();
+            long.truncate(self.settings.max_vertices.saturating_sub(self.mesh.vertices.len()) / 5);
+            if long.is_empty() {
+                return Ok(());
+            }
+            let first = VertexId(self.mesh.vertices.len() as u32);
+            self.mesh.sort_by_place(&mut long);
+            for id in long {
+                self.mesh.divide(id);
+            }
+            self.spent.rounds += 1;
+            self.receive(first)?;
+        }
+    }
+
     /// The error of interpolation as vertices and guiding points tell it.
     pub(super) fn predict(&self) -> MeshError {
         let found = self.guides.compare(&self.mesh, &best_fit(&self.mesh, &self.irradiance));
@@ -72,8 +99,9 @@ impl Bake<'_, '_> {
     /// Irradiance of the vertices from `first` on, from every source and share.
     fn receive(&mut self, first: VertexId) -> Result<(), BakeError> {
         self.office.enter(Phase::Refine, self.mesh.vertices.len());
-        let set = self.office.publish_receivers(&receivers(&self.mesh, first));
-        let id = self.rows.add_set(set);
+        let rays = receiver_rows::rays(&self.mesh, first, self.settings, super::extent(self.scene));
+        let id = self.rows.add_receivers(self.office, &receivers(&self.mesh, first), rays)?;
+        let set = self.rows.set(id);
         self.vertex_sets.push(id);
         let direct = light::irradiance(&self.sources, set, self.office, |_, _, _| ())?;
         let mut gathered = self.channels.gathering(set.count());

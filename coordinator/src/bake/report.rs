@@ -2,10 +2,10 @@
 
 use glam::DVec3;
 use serde::Serialize;
-use shared::row::Shape;
 
-use super::light::LightSource;
-use super::{Bake, ErrorBudget};
+use super::light::Origin;
+use super::{Bake, ErrorBudget, RowsOf};
+use crate::scene::{Light, LightKind};
 use crate::solver::balance::{EnergyBalance, RowSums};
 
 /// A vertex whose row sums to more than this is counted as enclosed: what its row lacks is error, not sky.
@@ -28,6 +28,8 @@ pub struct BakeReport {
     pub patches: usize,
     /// Surfaces that can block light.
     pub occluders: usize,
+    /// Whose rows they were.
+    pub rows_of: RowsOf,
     /// Rows made, each over all receivers of a set.
     pub rows: u64,
     /// Times that a row was made again, because it was not kept.
@@ -38,6 +40,8 @@ pub struct BakeReport {
     pub model: Model,
     /// Form factors computed that are not 0 before occlusion.
     pub factors: u64,
+    /// Form factors that are not 0 after occlusion, of all rows that came from workers, those made again included.
+    pub visible_factors: u64,
     /// Rays cast.
     pub rays: u64,
     /// Shots.
@@ -64,7 +68,7 @@ pub struct BakeReport {
     pub seconds: Vec<(&'static str, f64)>,
 }
 
-/// What of the model a scene needed. A pair is a receiver and one polygon that sends light, or a point light.
+/// What of the model a scene needed. A pair is a receiver and one polygon that sends light, or a light without an area.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Model {
     /// Channels of light: 1 where all light has one colour and all surfaces are grey, else 3.
@@ -73,6 +77,12 @@ pub struct Model {
     pub area_lights: usize,
     /// Point lights, each with a row of solid angles.
     pub point_lights: usize,
+    /// Spot lights, each with a row.
+    pub spot_lights: usize,
+    /// Directional lights, each with a row of cosines.
+    pub directional_lights: usize,
+    /// Polygons that the sky is made of, each with a row; 0 without a sky.
+    pub sky: usize,
     /// All pairs.
     pub pairs: u64,
     /// Pairs in one plane or turned away from each other: no form factor.
@@ -97,11 +107,13 @@ impl Bake<'_, '_> {
             shooting_vertices: self.shares.len(),
             patches: self.mesh.leaves().count(),
             occluders: self.occluders,
+            rows_of: if self.is_gathered { RowsOf::Receivers } else { RowsOf::Shooters },
             rows: self.office.rows_made(),
             rows_again: self.office.rows_made_again(),
             row_bytes: self.most_row_bytes,
             model: self.model(),
             factors: statistics.factors,
+            visible_factors: self.office.visible_factors(),
             rays: statistics.rays,
             shots: self.spent.shots,
             sweeps: self.spent.sweeps,
@@ -118,12 +130,16 @@ impl Bake<'_, '_> {
 
     fn model(&self) -> Model {
         let statistics = &self.office.statistics;
-        let is_area = |source: &&LightSource| matches!(source.shooter.shape, Shape::Polygons(_));
-        let area_lights = self.sources.iter().filter(is_area).count();
+        let sources = |counts: fn(&Origin) -> bool| self.sources.iter().filter(|s| counts(&s.origin)).count();
+        let lights =
+            |counts: fn(&LightKind) -> bool| self.scene.lights.iter().filter(|l| counts(&l.kind)).count();
         Model {
             channels: self.channels.count(),
-            area_lights,
-            point_lights: self.sources.len() - area_lights,
+            area_lights: sources(|origin| matches!(origin, Origin::Surface(_))),
+            point_lights: lights(|kind| matches!(kind, LightKind::Point { .. })),
+            spot_lights: lights(|kind| matches!(kind, LightKind::Spot(_))),
+            directional_lights: lights(|kind| matches!(kind, LightKind::Directional { .. })),
+            sky: sources(|origin| *origin == Origin::Sky),
             pairs: statistics.pairs,
             pairs_turned_away: statistics.pairs - statistics.factors,
             pairs_unoccluded: statistics.factors - statistics.occluded_pairs,
@@ -160,25 +176,36 @@ impl Bake<'_, '_> {
         let square_unit = self.scene.frame.scale * self.scene.frame.scale;
         let surfaces = &self.scene.surfaces;
         let (mut emitted, mut absorbed, mut escaped) = (DVec3::ZERO, DVec3::ZERO, DVec3::ZERO);
-        for (_, patch) in self.mesh.leaves() {
+        for (id, patch) in self.mesh.leaves() {
             let surface = &surfaces[patch.surface as usize];
             let corners = patch.corners.iter().map(|corner| self.irradiance[corner.index()]);
             let mean = corners.sum::<DVec3>() / patch.corners.len() as f64;
             emitted += surface.exitance * patch.area;
-            absorbed += (1.0 - surface.reflectance) * mean * patch.area;
+            // The rest passes through.
+            let look = self.patch_looks.of(self.scene, &self.mesh, id);
+            absorbed += (look.opacity - look.reflectance) * mean * patch.area;
         }
         for (index, share) in self.shares.iter().enumerate() {
             if self.row_sums[index] < ENCLOSED {
-                let leaving = surfaces[share.surface as usize].exitance + self.radiosity[index];
+                let leaving = self.looks[index].exitance + self.radiosity[index];
                 escaped += leaving * share.area * (1.0 - self.row_sums[index]);
             }
         }
         let [emitted, absorbed, unshot, escaped] =
             [emitted, absorbed, self.unshot, escaped].map(|f| f * square_unit);
-        let intensity: DVec3 = self.scene.point_lights.iter().map(|light| light.intensity).sum();
-        let from_lights = intensity * 4.0 * std::f64::consts::PI;
-        let past =
-            if self.is_open() { from_lights - self.from_point_lights * square_unit } else { DVec3::ZERO };
-        EnergyBalance::new(emitted + from_lights, absorbed, unshot, escaped + past.max(DVec3::ZERO))
+        let from_lights: DVec3 = self.scene.lights.iter().map(flux).sum();
+        let past = if self.is_open() { from_lights - self.from_lights * square_unit } else { DVec3::ZERO };
+        let emitted = emitted + from_lights + self.from_outside * square_unit;
+        EnergyBalance::new(emitted, absorbed, unshot, escaped + past.max(DVec3::ZERO))
+    }
+}
+
+/// The flux that a light sends out: its intensity times the solid angle that it fills. Of one that is infinitely far only what falls
+/// on the scene counts, and that is known from its row.
+fn flux(light: &Light) -> DVec3 {
+    match light.kind {
+        LightKind::Point { .. } => light.intensity * 4.0 * std::f64::consts::PI,
+        LightKind::Spot(spot) => light.intensity * spot.solid_angle(),
+        LightKind::Directional { .. } => DVec3::ZERO,
     }
 }

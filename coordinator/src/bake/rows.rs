@@ -2,20 +2,33 @@
 
 use std::collections::{BTreeMap, HashMap, VecDeque};
 
+use shared::geometry::ConvexPolygon;
 use shared::protocol::RowStatistics;
-use shared::replica::{Digest, EncodedReplica, Receivers, encode_receivers};
+use shared::replica::{Digest, EncodedReplica, Receivers, encode_receivers, encode_translucent_scene};
 use shared::row::{Precision, Row, RowRequest, Shooter};
 
 use super::{Phase, Progress};
 use crate::cluster::{Cluster, FinishedJob, JobId};
 
-/// A job should have about this many pairs of shooter and receiver: some milliseconds of work, so that the message costs
-/// nothing beside it and the end of a batch does not wait for one worker.
-const PAIRS_PER_JOB: usize = 16_000;
+/// A job should have this many pairs of shooter and receiver at least: some milliseconds of work, so that the end of a batch does
+/// not wait for one worker, and the message costs little beside it.
+const LEAST_PAIRS: usize = 16_000;
+
+/// And no more than this: a message of a megabyte or two.
+const MOST_PAIRS: usize = 512_000;
+
+/// In between a job should take so long: then its message costs next to nothing.
+const JOB_NANOSECONDS: f64 = 25e6;
+
+/// What is left of a batch makes so many jobs for each thread: they become smaller towards its end.
+const JOBS_PER_THREAD: usize = 8;
 
 /// So many jobs are under way at most where rows are asked for in bulk: enough to keep a hundred threads busy, few enough that
 /// rows which wait for their turn take little memory.
 const MOST_UNDER_WAY: usize = 256;
+
+/// A ray of a hemisphere counts as so many pairs.
+const PAIRS_PER_RAY: usize = 4;
 
 /// Form factors are summed up in this unit: 2^-50, far below the rounding of a row.
 const SUM_UNIT: f64 = 1.0 / (1_u64 << 50) as f64;
@@ -28,6 +41,10 @@ pub trait RowService {
     fn release(&mut self, digest: Digest);
     /// Asks for rows; earlier requests are more urgent.
     fn submit(&mut self, requests: Vec<(JobId, RowRequest)>);
+    /// How many jobs are computed at the same time now.
+    fn threads(&self) -> usize {
+        1
+    }
     /// Waits for the next finished job, in any order.
     ///
     /// # Errors
@@ -48,6 +65,10 @@ impl RowService for Cluster {
         Cluster::submit(self, requests);
     }
 
+    fn threads(&self) -> usize {
+        Cluster::threads(self)
+    }
+
     fn next(&mut self) -> Result<FinishedJob, BakeError> {
         Cluster::next(self).map_err(|error| BakeError::Rows(Box::new(error)))
     }
@@ -62,16 +83,30 @@ pub enum BakeError {
     /// The arithmetic went wrong: better no output than a black one.
     #[error("the solution is not finite: please report the scene as a fault of this program")]
     NotFinite,
+    /// A group of lights that the scene does not have.
+    #[error("group {group}: the scene has no light {light}; its lights are: {known}")]
+    UnknownLight {
+        /// The group.
+        group: String,
+        /// The name that is no light's.
+        light: String,
+        /// Those that are.
+        known: String,
+    },
     /// No more rows.
     #[error("rows cannot be computed: {0}")]
     Rows(#[source] Box<dyn std::error::Error + Send + Sync>),
 }
 
-/// A published set of receivers.
+/// A published set that rows are over: of receivers, or of polygons that receivers see.
 #[derive(Debug, Clone, Copy)]
 pub struct ReceiverSet {
     digest: Digest,
     count: usize,
+    /// What a row costs, in pairs of a shooter and a receiver.
+    pairs: usize,
+    /// It is a scene of its own: its polygons are what rows are over.
+    is_scene: bool,
 }
 
 impl ReceiverSet {
@@ -80,9 +115,9 @@ impl ReceiverSet {
         self.count
     }
 
-    /// How many shooters a job over all of them should have.
-    pub fn shooters_per_job(&self) -> usize {
-        (PAIRS_PER_JOB / self.count.max(1)).max(1)
+    /// How many shooters make so many pairs with them, or one.
+    fn shooters(&self, pairs: usize) -> usize {
+        (pairs / self.pairs.max(1)).max(1)
     }
 }
 
@@ -96,14 +131,26 @@ pub struct Wish {
     pub again: Vec<bool>,
 }
 
+/// A job under way.
+struct Asked {
+    /// What the caller calls it.
+    tag: u64,
+    /// Which of its rows were made before.
+    again: Vec<bool>,
+    pairs: usize,
+}
+
 /// Cuts wishes into jobs, keeps account of them and of what they cost.
 pub struct RowOffice<'a> {
     service: &'a mut dyn RowService,
     report: &'a mut dyn FnMut(&Progress),
     scene: Digest,
+    /// Replicas that are published, and for how many sets: two may have the same content.
+    published: HashMap<Digest, usize>,
     precision: Precision,
-    /// What the caller called each job under way, and which of its rows were made before.
-    tags: HashMap<JobId, (u64, Vec<bool>)>,
+    jobs: HashMap<JobId, Asked>,
+    /// Pairs of the jobs that finished, and how long they took.
+    pace: (f64, f64),
     next_job: u64,
     /// Counts of what has been computed so far.
     pub statistics: RowStatistics,
@@ -111,6 +158,7 @@ pub struct RowOffice<'a> {
     /// numbers are the same in all.
     factor_sums: [u128; 2],
     rows_again: u64,
+    visible_factors: u64,
     progress: Progress,
 }
 
@@ -127,12 +175,15 @@ impl<'a> RowOffice<'a> {
             service,
             report,
             scene: digest,
+            published: HashMap::from([(digest, 1)]),
             precision: Precision::DEFAULT,
-            tags: HashMap::new(),
+            jobs: HashMap::new(),
+            pace: (0.0, 0.0),
             next_job: 0,
             statistics: RowStatistics::default(),
             factor_sums: [0; 2],
             rows_again: 0,
+            visible_factors: 0,
             progress: Progress {
                 phase: Phase::Light,
                 unshot: 1.0,
@@ -149,17 +200,47 @@ impl<'a> RowOffice<'a> {
         self.precision = precision;
     }
 
+    /// Rays of a whole hemisphere.
+    pub fn rays_per_hemisphere(&self) -> u32 {
+        self.precision.rays_per_hemisphere
+    }
+
     /// Publishes a set of receivers.
     pub fn publish_receivers(&mut self, receivers: &Receivers) -> ReceiverSet {
         let replica = encode_receivers(receivers);
-        let set = ReceiverSet { digest: replica.digest, count: receivers.receivers.len() };
-        self.service.publish(replica);
+        let count = receivers.receivers.len();
+        let set = ReceiverSet { digest: replica.digest, count, pairs: count, is_scene: false };
+        self.publish(replica);
         set
+    }
+
+    /// Publishes polygons that rows of hemispheres are over, with the opacity of each, or none where all are opaque.
+    pub fn publish_polygons(&mut self, polygons: &[ConvexPolygon], opacities: &[f32]) -> ReceiverSet {
+        let replica = encode_translucent_scene(polygons, opacities);
+        // A ray through the scene takes about as long as some pairs with little between.
+        let pairs = PAIRS_PER_RAY * self.precision.rays_per_hemisphere as usize;
+        let set = ReceiverSet { digest: replica.digest, count: polygons.len(), pairs, is_scene: true };
+        self.publish(replica);
+        set
+    }
+
+    fn publish(&mut self, replica: EncodedReplica) {
+        let sets = self.published.entry(replica.digest).or_default();
+        *sets += 1;
+        if *sets == 1 {
+            self.service.publish(replica);
+        }
     }
 
     /// Lets the workers forget a set of receivers.
     pub fn release_receivers(&mut self, set: ReceiverSet) {
-        self.service.release(set.digest);
+        if let Some(sets) = self.published.get_mut(&set.digest) {
+            *sets -= 1;
+            if *sets == 0 {
+                self.published.remove(&set.digest);
+                self.service.release(set.digest);
+            }
+        }
     }
 
     /// Makes the rows of these shooters over all receivers of a set, and hands them over in their order, each with its index and
@@ -171,9 +252,14 @@ impl<'a> RowOffice<'a> {
         mut take: impl FnMut(usize, &Row, f64),
     ) -> Result<(), BakeError> {
         self.expect_rows(shooters.len() as u64);
-        let mut next = 0;
-        let wish = |some: &[Shooter]| Wish { shooters: some.to_vec(), set, again: vec![false; some.len()] };
-        let wishes = shooters.chunks(set.shooters_per_job()).map(|some| ((), wish(some)));
+        let (mut asked, mut next) = (0, 0);
+        let wishes = |office: &Self| {
+            let count = office.shooters_of_next_job(set, shooters.len() - asked);
+            let some = &shooters[asked..asked + count];
+            asked += count;
+            let wish = Wish { shooters: some.to_vec(), set, again: vec![false; count] };
+            (count > 0).then_some(((), wish))
+        };
         self.in_order(wishes, |(), finished| {
             for (row, statistics) in finished.rows.iter().zip(&finished.statistics) {
                 take(next, row, statistics.sampling_variance);
@@ -182,11 +268,30 @@ impl<'a> RowOffice<'a> {
         })
     }
 
-    /// Has all wishes computed, a bounded number of them at a time, and hands over the answers in the order of the wishes, each
+    /// How many shooters the next job of a batch over a set should have, where so many are left: few messages to begin with, and to
+    /// end with jobs so small that all threads are done at the same time.
+    pub fn shooters_of_next_job(&self, set: ReceiverSet, left: usize) -> usize {
+        let each = left / (JOBS_PER_THREAD * self.threads());
+        each.clamp(set.shooters(LEAST_PAIRS), self.most_shooters(set)).min(left)
+    }
+
+    /// How many shooters a job over a set should have at most.
+    pub fn most_shooters(&self, set: ReceiverSet) -> usize {
+        let (pairs, nanoseconds) = self.pace;
+        let in_time = if nanoseconds > 0.0 { pairs * JOB_NANOSECONDS / nanoseconds } else { 0.0 };
+        set.shooters((in_time as usize).clamp(LEAST_PAIRS, MOST_PAIRS))
+    }
+
+    /// How many jobs are computed at the same time now.
+    pub fn threads(&self) -> usize {
+        self.service.threads().max(1)
+    }
+
+    /// Has wishes computed until there are no more, a bounded number of them at a time, and hands over the answers in the order of the wishes, each
     /// with what was given beside its wish. No other job may be under way.
     pub fn in_order<T>(
         &mut self,
-        mut wishes: impl Iterator<Item = (T, Wish)>,
+        mut wishes: impl FnMut(&Self) -> Option<(T, Wish)>,
         mut take: impl FnMut(T, FinishedJob),
     ) -> Result<(), BakeError> {
         let mut under_way = VecDeque::new();
@@ -194,7 +299,7 @@ impl<'a> RowOffice<'a> {
         let (mut submitted, mut taken) = (0, 0);
         loop {
             while under_way.len() < MOST_UNDER_WAY
-                && let Some((beside, wish)) = wishes.next()
+                && let Some((beside, wish)) = wishes(self)
             {
                 under_way.push_back(beside);
                 self.submit(submitted, wish);
@@ -218,9 +323,10 @@ impl<'a> RowOffice<'a> {
     pub fn submit(&mut self, tag: u64, wish: Wish) {
         let job = JobId(self.next_job);
         self.next_job += 1;
-        self.tags.insert(job, (tag, wish.again));
+        let pairs = wish.shooters.len() * wish.set.pairs;
+        self.jobs.insert(job, Asked { tag, again: wish.again, pairs });
         let request = RowRequest {
-            scene: self.scene,
+            scene: if wish.set.is_scene { wish.set.digest } else { self.scene },
             receivers: wish.set.digest,
             first_receiver: 0,
             receiver_count: wish.set.count as u32,
@@ -234,10 +340,13 @@ impl<'a> RowOffice<'a> {
     pub fn next(&mut self) -> Result<(u64, FinishedJob), BakeError> {
         loop {
             let finished = self.service.next()?;
-            if let Some((tag, again)) = self.tags.remove(&finished.job) {
+            if let Some(Asked { tag, again, pairs }) = self.jobs.remove(&finished.job) {
                 for (row, again) in finished.statistics.iter().zip(again) {
                     self.count(row, again);
                 }
+                self.visible_factors += finished.rows.iter().map(|row| row.count() as u64).sum::<u64>();
+                let busy: u64 = finished.statistics.iter().map(|row| row.busy_nanoseconds).sum();
+                self.pace = (self.pace.0 + pairs as f64, self.pace.1 + busy as f64);
                 (self.report)(&self.progress);
                 return Ok((tag, finished));
             }
@@ -276,6 +385,11 @@ impl<'a> RowOffice<'a> {
     /// Number of times that a row was made again, because it was not kept.
     pub fn rows_made_again(&self) -> u64 {
         self.rows_again
+    }
+
+    /// Number of factors that are not 0, of all rows that came.
+    pub fn visible_factors(&self) -> u64 {
+        self.visible_factors
     }
 
     /// So many more rows will be needed.

@@ -1,16 +1,36 @@
 use serde::Serialize;
 use shared::row::Precision;
 
+use super::layers::{LightGroup, LightPart};
+
+/// Whose rows a bake is made of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RowsOf {
+    /// Those of receivers where the scene is finely tessellated, else those of shooters.
+    #[default]
+    Suiting,
+    /// Of shooters: visibility is computed pair by pair, exactly where little stands between.
+    Shooters,
+    /// Of receivers: rays over each hemisphere. Linear in the number of vertices, and noisy.
+    Receivers,
+}
+
 /// The knobs of a bake.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct BakeSettings {
     /// Relative L2 error of the radiosity that is asked for. The bake then works towards it, with the knobs below as a start:
     /// it refines the mesh on or begins again with finer shooters or more rays, until its estimate says that the error is met.
     pub error: Option<f64>,
+    /// Whose rows it is made of.
+    pub rows: RowsOf,
     /// Longest edge of a shooting patch, relative to the scene's extent.
     pub shooter_edge: f64,
     /// Interpolation error at which refinement ends: relative L2 of the radiosity.
     pub mesh_error: f64,
+    /// No triangle of the answer has a longer edge than this, in the file's units, as far as there are vertices for it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_edge: Option<f64>,
     /// Refinement also ends at this number of vertices.
     pub max_vertices: usize,
     /// Memory for rows in MiB: those that do not fit are made again when they are needed. No part of the answer, and so not
@@ -33,11 +53,19 @@ pub struct BakeSettings {
     pub maximum_rays: u32,
     /// Relative error that a form factor may have before occlusion.
     pub form_factor_error: f64,
+    /// Relative error to which each form factor may be rounded, so that rows take fewer bytes.
+    pub factor_rounding: f64,
     /// Random points at which the answer is measured, at least; scenes with many patches get more. At 0 the error of the mesh
     /// is predicted from the vertices alone.
     pub check_points: usize,
     /// Seed of all rays and of the check points.
     pub seed: u64,
+    /// Which part of the light the output has.
+    #[serde(skip_serializing_if = "LightPart::is_all")]
+    pub only: LightPart,
+    /// Light sources whose light is wanted by itself as well.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub groups: Vec<LightGroup>,
     /// Weigh point lights by the cosine of an imaginary horizontal plane instead of evenly by solid angle.
     pub planar_point_lights: bool,
 }
@@ -91,6 +119,7 @@ impl BakeSettings {
             seed: self.seed,
             exact_occluders: self.exact_occluders,
             form_factor_error: self.form_factor_error,
+            factor_rounding: self.factor_rounding,
         }
     }
 }
@@ -100,20 +129,25 @@ impl Default for BakeSettings {
         let precision = Precision::DEFAULT;
         Self {
             error: None,
+            rows: RowsOf::Suiting,
             shooter_edge: 0.15,
             mesh_error: 0.005,
+            max_edge: None,
             max_vertices: 200_000,
             row_cache: 2048,
             max_level: 12,
             threshold: 1e-6,
-            window: 64,
+            window: 256,
             exact_occluders: precision.exact_occluders,
             rays_per_hemisphere: precision.rays_per_hemisphere,
             minimum_rays: precision.minimum_rays,
             maximum_rays: precision.maximum_rays,
             form_factor_error: precision.form_factor_error,
+            factor_rounding: precision.factor_rounding,
             check_points: 256,
             seed: precision.seed,
+            only: LightPart::All,
+            groups: vec![],
             planar_point_lights: false,
         }
     }

@@ -1,7 +1,9 @@
 //! The last step of the solution: the shares take the mean radiosity of the refined mesh.
 
+use std::ops::Range;
+
 use glam::DVec3;
-use shared::row::Row;
+use shared::row::{GROUP, Row};
 
 use super::{Bake, BakeError, Phase};
 use crate::mesh::{Mesh, PatchId, Share};
@@ -14,32 +16,49 @@ impl Bake<'_, '_> {
     /// Solves again with each share's radiosity taken as the mean over its part of the refined mesh instead of the value at
     /// its vertex: the better figure where a shadow line or a hot spot lies inside the share. No rows are needed but
     /// those that there are, or were.
+    #[tracing::instrument(skip_all)]
     pub(super) fn settle(&mut self) -> Result<(), BakeError> {
         self.office.enter(Phase::Settle, self.mesh.vertices.len());
+        self.solve_settled(self.settings.threshold)?;
+        self.end_step("settle");
+        Ok(())
+    }
+
+    /// The solution over the means of the refined mesh, from the radiosity so far, to a relative accuracy.
+    pub(super) fn solve_settled(&mut self, tolerance: f64) -> Result<(), BakeError> {
         let means = Means::new(&self.mesh, &self.shares, &self.exposed);
+        if self.is_gathered {
+            return self.solve_over_receivers(&means, tolerance);
+        }
         let direct = means.of(&self.direct);
         let guess = std::mem::take(&mut self.radiosity);
         let itself = |(receiver, share): (usize, &ShareEnergy)| ShareEnergy { receiver, ..*share };
         let energies = self.energies.iter().enumerate().map(itself).collect();
-        self.solve(energies, Some(&means), direct, guess)?;
-        self.end_step("settle");
-        Ok(())
+        self.solve(energies, Some(&means), direct, guess, tolerance)
     }
 }
 
 /// The mean over each share's part of the refined mesh, of what its vertices have.
 pub struct Means {
     shares: usize,
-    /// Where the shares of each vertex begin, and where the last ones end.
+    /// Where the weights of each vertex begin, and where the last ones end.
     starts: Vec<u32>,
-    /// By vertex: the shares whose means it is a part of, and how much.
-    weights: Vec<(u32, f64)>,
+    /// By vertex.
+    weights: Vec<Weight>,
+}
+
+/// How much of a vertex is a part of the mean of a share.
+#[derive(Clone, Copy, Default)]
+struct Weight {
+    vertex: u32,
+    share: u32,
+    part: f64,
 }
 
 impl Means {
     /// The means of these shares. A vertex that is not exposed sees no surface: it sends light to none either, like the floor
     /// under a box, and what it has must not dim the mean of a share that lies half in the open.
-    fn new(mesh: &Mesh, shares: &[Share], exposed: &[bool]) -> Self {
+    pub fn new(mesh: &Mesh, shares: &[Share], exposed: &[bool]) -> Self {
         let by_share: Vec<Vec<(usize, f64)>> =
             shares.iter().map(|share| mean_weights(mesh, share, exposed)).collect();
         let mut starts = vec![0; exposed.len() + 1];
@@ -50,46 +69,42 @@ impl Means {
             starts[vertex + 1] += starts[vertex];
         }
         let mut next = starts.clone();
-        let mut weights = vec![(0, 0.0); starts.last().copied().unwrap_or(0) as usize];
+        let mut weights = vec![Weight::default(); starts.last().copied().unwrap_or(0) as usize];
         for (share, own) in (0..).zip(&by_share) {
-            for (vertex, weight) in own {
-                weights[next[*vertex] as usize] = (share, *weight);
+            for (vertex, part) in own {
+                weights[next[*vertex] as usize] = Weight { vertex: *vertex as u32, share, part: *part };
                 next[*vertex] += 1;
             }
         }
         Self { shares: shares.len(), starts, weights }
     }
 
-    fn at(&self, vertex: usize) -> &[(u32, f64)] {
-        &self.weights[self.starts[vertex] as usize..self.starts[vertex + 1] as usize]
+    /// Weights of these vertices.
+    fn of_vertices(&self, vertices: Range<usize>) -> &[Weight] {
+        &self.weights[self.starts[vertices.start] as usize..self.starts[vertices.end] as usize]
     }
 
     /// Mean of each share.
-    fn of(&self, values: &[DVec3]) -> Vec<DVec3> {
+    pub fn of(&self, values: &[DVec3]) -> Vec<DVec3> {
         let mut means = vec![DVec3::ZERO; self.shares];
-        for (vertex, value) in values.iter().enumerate() {
-            self.at(vertex).iter().for_each(|(share, weight)| means[*share as usize] += *value * *weight);
+        for Weight { vertex, share, part } in &self.weights {
+            means[*share as usize] += values[*vertex as usize] * *part;
         }
         means
     }
 
     /// For the means of rows.
     pub fn sums(&self) -> Sums<'_> {
-        Sums {
-            means: self,
-            sums: vec![0.0; self.shares],
-            reached: vec![],
-            is_reached: vec![false; self.shares],
-        }
+        Sums { means: self, sums: vec![0.0; self.shares], reached: vec![false; self.shares.div_ceil(GROUP)] }
     }
 }
 
-/// Sums up means of rows, one row after the other: what a row does not reach costs nothing.
+/// Sums up means of rows, one row after the other: what a row does not reach costs next to nothing.
 pub struct Sums<'a> {
     means: &'a Means,
     sums: Vec<f64>,
-    reached: Vec<u32>,
-    is_reached: Vec<bool>,
+    /// By 32 shares: whether the row reaches one of them.
+    reached: Vec<bool>,
 }
 
 impl Sums<'_> {
@@ -97,24 +112,40 @@ impl Sums<'_> {
     pub fn column(&mut self, rows: &[&Row]) -> Row {
         let mut first = 0;
         for row in rows {
-            row.for_each(|receiver, factor| {
-                for (share, weight) in self.means.at(first + receiver) {
-                    if !std::mem::replace(&mut self.is_reached[*share as usize], true) {
-                        self.reached.push(*share);
-                    }
-                    self.sums[*share as usize] += f64::from(factor) * weight;
+            for (start, mask, own) in row.groups() {
+                let start_vertex = first + start;
+                let end = (start + GROUP).min(row.receivers());
+                // All of the group at once, those in the dark too: they add 0, and their weights need no branch.
+                let mut factors = [0.0; GROUP];
+                spread(mask, own, &mut factors);
+                for Weight { vertex, share, part } in self.means.of_vertices(start_vertex..first + end) {
+                    let factor = factors[(*vertex as usize - start_vertex) % GROUP];
+                    self.sums[*share as usize] += factor * part;
+                    self.reached[*share as usize / GROUP] = true;
                 }
-            });
+            }
             first += row.receivers();
         }
-        self.reached.sort_unstable();
-        let means: Vec<(usize, f32)> =
-            self.reached.iter().map(|share| (*share as usize, self.sums[*share as usize] as f32)).collect();
-        for share in self.reached.drain(..) {
-            self.sums[share as usize] = 0.0;
-            self.is_reached[share as usize] = false;
+        let means = Row::of_groups(&self.sums, &self.reached);
+        for (sums, reached) in self.sums.chunks_mut(GROUP).zip(&mut self.reached) {
+            if std::mem::take(reached) {
+                sums.fill(0.0);
+            }
         }
-        Row::of_some(self.means.shares, &means)
+        means
+    }
+}
+
+/// Puts the factors of a group to their places.
+fn spread(mask: u32, own: &[f32], factors: &mut [f64; GROUP]) {
+    if mask == u32::MAX {
+        factors.iter_mut().zip(own).for_each(|(place, factor)| *place = f64::from(*factor));
+        return;
+    }
+    let mut rest = mask;
+    for factor in own {
+        factors[rest.trailing_zeros() as usize % GROUP] = f64::from(*factor);
+        rest &= rest.wrapping_sub(1);
     }
 }
 

@@ -2,7 +2,8 @@
 
 use std::collections::HashMap;
 
-use shared::row::{Row, Shooter};
+use shared::replica::{Receiver, Receivers};
+use shared::row::{Hemisphere, Row, Shape, Shooter};
 use smallvec::SmallVec;
 
 use super::BakeError;
@@ -27,16 +28,63 @@ pub struct ShareRows {
     cache: RowCache,
     /// By set and share: the variance of the row, once it was made.
     variances: Vec<Vec<Option<f64>>>,
+    /// The shares as polygons, where rows are those of receivers.
+    seen: Option<ReceiverSet>,
 }
 
 impl ShareRows {
     /// No rows yet. So many bytes may be used to keep them.
     pub fn new(shooters: Vec<Shooter>, bytes: usize) -> Self {
-        Self { shooters, sets: vec![], cache: RowCache::new(bytes), variances: vec![] }
+        Self { shooters, sets: vec![], cache: RowCache::new(bytes), variances: vec![], seen: None }
+    }
+
+    /// No rows yet of shares that are seen as these polygons, one each: rows are those of receivers, and all are kept.
+    pub fn seen_as(polygons: ReceiverSet, shooters: Vec<Shooter>) -> Self {
+        Self { seen: Some(polygons), ..Self::new(shooters, usize::MAX) }
+    }
+
+    /// One more set of receivers, with its rows at once where they are those of receivers: of so many rays each.
+    ///
+    /// # Errors
+    /// When rows cannot be had.
+    pub fn add_receivers(
+        &mut self,
+        office: &mut RowOffice,
+        receivers: &Receivers,
+        rays: impl Fn(usize) -> u32,
+    ) -> Result<SetId, BakeError> {
+        let set = office.publish_receivers(receivers);
+        let id = self.add_set(set);
+        let Some(polygons) = self.seen else { return Ok(id) };
+        for (share, row) in (0..).map(ShareId).zip(rows_of_hemispheres(office, polygons, receivers, rays)?) {
+            self.cache.keep(id, share, row);
+            self.made(id, share, 0.0);
+        }
+        Ok(id)
+    }
+
+    /// Hands over the row of each share over receivers that nothing is kept of.
+    ///
+    /// # Errors
+    /// When rows cannot be had.
+    pub fn each_over(
+        &self,
+        office: &mut RowOffice,
+        set: ReceiverSet,
+        receivers: &Receivers,
+        mut take: impl FnMut(usize, &Row),
+    ) -> Result<(), BakeError> {
+        let Some(polygons) = self.seen else {
+            return office.each_row(&self.shooters, set, |share, row, _| take(share, row));
+        };
+        let rays = office.rays_per_hemisphere();
+        let rows = rows_of_hemispheres(office, polygons, receivers, |_| rays)?;
+        rows.iter().enumerate().for_each(|(share, row)| take(share, row));
+        Ok(())
     }
 
     /// One more set of receivers.
-    pub fn add_set(&mut self, set: ReceiverSet) -> SetId {
+    fn add_set(&mut self, set: ReceiverSet) -> SetId {
         self.sets.push(set);
         self.variances.push(vec![None; self.shooters.len()]);
         self.cache.add_set(self.shooters.len())
@@ -64,7 +112,7 @@ impl ShareRows {
 
     /// Lets the workers forget all sets.
     pub fn release(self, office: &mut RowOffice) {
-        self.sets.into_iter().for_each(|set| office.release_receivers(set));
+        self.sets.into_iter().chain(self.seen).for_each(|set| office.release_receivers(set));
     }
 
     /// Asks for the rows of some shares over a set.
@@ -92,9 +140,10 @@ impl ShareRows {
         mut take: impl FnMut(ShareId, Option<&[&Row]>),
     ) -> Result<(), BakeError> {
         let missing = self.missing(sets, &wanted);
-        office.expect_rows(missing.iter().map(|job| job.shares.len() as u64).sum());
+        let mut left: usize = missing.iter().map(|missing| missing.shares.len()).sum();
+        office.expect_rows(left as u64);
         let count = self.shooters.len();
-        let Self { shooters, sets: receivers, cache, variances } = self;
+        let Self { shooters, sets: receivers, cache, variances, .. } = self;
         let mut made: HashMap<(SetId, ShareId), Row> = HashMap::new();
         let mut next = 0;
         // Of these shares no row is missing any more.
@@ -118,15 +167,21 @@ impl ShareRows {
             }
             next = until;
         };
-        let wish = |job: Missing| {
-            let wish = Wish {
-                shooters: job.shares.iter().map(|share| shooters[share.index()].clone()).collect(),
-                set: receivers[job.set.index()],
-                again: job.again.clone(),
-            };
-            (job, wish)
+        let mut missing = missing.into_iter().peekable();
+        let wishes = |office: &RowOffice| {
+            let next = missing.peek_mut()?;
+            let set = receivers[next.set.index()];
+            let most = office.shooters_of_next_job(set, left).min(next.shares.len());
+            let job = Missing { shares: next.shares.drain(..most).collect(), again: vec![], ..*next };
+            let again = next.again.drain(..most).collect();
+            if next.shares.is_empty() {
+                missing.next();
+            }
+            left -= most;
+            let shooters_of_job = job.shares.iter().map(|share| shooters[share.index()].clone()).collect();
+            Some((job, Wish { shooters: shooters_of_job, set, again }))
         };
-        office.in_order(missing.into_iter().map(wish), |job, finished| {
+        office.in_order(wishes, |job, finished| {
             hand_over(job.block, &mut made);
             for ((share, row), statistics) in job.shares.iter().zip(finished.rows).zip(finished.statistics) {
                 variances[job.set.index()][share.index()] = Some(statistics.sampling_variance);
@@ -137,32 +192,60 @@ impl ShareRows {
         Ok(())
     }
 
-    /// Which rows are not kept, cut into jobs, block by block.
+    /// Which rows are not kept, block by block.
     fn missing(&self, sets: &[SetId], wanted: &impl Fn(ShareId) -> bool) -> Vec<Missing> {
         let receivers: usize = sets.iter().map(|set| self.set(*set).count()).sum();
         let block = (PAIRS_PER_BLOCK / receivers.max(1)).clamp(1, LARGEST_BLOCK);
-        let mut jobs = vec![];
+        let mut all = vec![];
         for first in (0..self.shooters.len()).step_by(block) {
             let end = (first + block).min(self.shooters.len());
             let shares = (first..end).map(|index| ShareId(index as u32)).filter(|share| wanted(*share));
             let shares: Vec<ShareId> = shares.collect();
             for set in sets {
                 let is_missing = |share: &ShareId| self.cache.row(*set, *share).is_none();
-                let missing: Vec<ShareId> = shares.iter().copied().filter(is_missing).collect();
-                for some in missing.chunks(self.set(*set).shooters_per_job()) {
+                let shares: Vec<ShareId> = shares.iter().copied().filter(is_missing).collect();
+                if !shares.is_empty() {
                     let made = &self.variances[set.index()];
-                    let again = some.iter().map(|share| made[share.index()].is_some()).collect();
-                    jobs.push(Missing { block: first, set: *set, shares: some.to_vec(), again });
+                    let again = shares.iter().map(|share| made[share.index()].is_some()).collect();
+                    all.push(Missing { block: first, set: *set, shares, again });
                 }
             }
         }
-        jobs
+        all
     }
 }
 
-/// A job for rows that are not kept.
+/// What receivers see of polygons, each with so many rays, as a row for each polygon over all receivers.
+///
+/// # Errors
+/// When rows cannot be had.
+pub fn rows_of_hemispheres(
+    office: &mut RowOffice,
+    polygons: ReceiverSet,
+    receivers: &Receivers,
+    rays: impl Fn(usize) -> u32,
+) -> Result<Vec<Row>, BakeError> {
+    let hemisphere = |(index, receiver): (usize, &Receiver)| {
+        let rays = rays(index).clamp(1, Hemisphere::MOST_RAYS);
+        let shape = Shape::Hemisphere(Hemisphere { receiver: *receiver, rays });
+        Shooter { key: receivers.first_key + index as u64, shape }
+    };
+    let shooters: Vec<Shooter> = receivers.receivers.iter().enumerate().map(hemisphere).collect();
+    let mut by_polygon: Vec<Vec<(u32, f32)>> = vec![vec![]; polygons.count()];
+    office.each_row(&shooters, polygons, |receiver, row, _| {
+        row.for_each(|polygon, factor| by_polygon[polygon].push((receiver as u32, factor)));
+    })?;
+    let row = |factors: Vec<(u32, f32)>| {
+        let factors: Vec<(usize, f32)> =
+            factors.into_iter().map(|(receiver, factor)| (receiver as usize, factor)).collect();
+        Row::of_some(shooters.len(), &factors)
+    };
+    Ok(by_polygon.into_iter().map(row).collect())
+}
+
+/// Rows that are not kept, over one set.
 struct Missing {
-    /// First share of its block.
+    /// First share of their block.
     block: usize,
     set: SetId,
     shares: Vec<ShareId>,

@@ -14,6 +14,7 @@ use rayon::ThreadPoolBuilder;
 use serde_json::{Value, json};
 
 use super::report::new_table;
+use super::scene_options::SceneOptions;
 
 /// Most points that a pair of polygons may be given for a form factor of 1.
 const MOST_POINTS: i64 = 1 << 24;
@@ -25,6 +26,8 @@ pub struct FormFactorArguments {
     /// View factors to write: CSV of from, to, form_factor and standard_error, those above 0.
     #[arg(short, long)]
     output: PathBuf,
+    #[command(flatten)]
+    options: SceneOptions,
     /// Also write the surfaces: CSV of name, area, centre of gravity, open part, standard error and correction of the row.
     #[arg(long, value_name = "FILE")]
     areas: Option<PathBuf>,
@@ -48,7 +51,7 @@ pub struct FormFactorArguments {
 pub fn run(arguments: &FormFactorArguments, threads: NonZeroUsize) -> anyhow::Result<()> {
     let clock = Instant::now();
     let outputs = check_outputs(arguments)?;
-    let options = ImportOptions { needs_light: false, ..ImportOptions::default() };
+    let options = ImportOptions { needs_light: false, ..arguments.options.import_options() };
     let scene = import(&arguments.scene, &options)?;
     for warning in &scene.warnings {
         eprintln!("warning: {warning}");

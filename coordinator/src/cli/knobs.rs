@@ -1,5 +1,5 @@
 use clap::Args;
-use coordinator::bake::BakeSettings;
+use coordinator::bake::{BakeSettings, RowsOf};
 
 /// Knobs of the bake.
 #[derive(Args)]
@@ -8,12 +8,19 @@ pub struct Knobs {
     /// bake's own estimate meets it [default: none; the knobs below decide].
     #[arg(long, value_parser = error, conflicts_with_all = ["shooter_edge", "mesh_error"])]
     error: Option<f64>,
+    /// Whose rows the bake is made of: shooters' (exact pair by pair), receivers' (rays over each hemisphere: linear in the number of
+    /// vertices, for finely tessellated scenes), or what suits the scene.
+    #[arg(long, value_name = "WHOSE", default_value = "suiting", value_parser = rows_of)]
+    rows: RowsOf,
     /// Longest edge of a shooting patch, relative to the scene's extent.
     #[arg(long, default_value_t = BakeSettings::default().shooter_edge, value_parser = proportion)]
     shooter_edge: f64,
     /// Interpolation error at which refinement ends: relative L2 of the radiosity.
     #[arg(long, default_value_t = BakeSettings::default().mesh_error, value_parser = positive)]
     mesh_error: f64,
+    /// Longest edge of the output's triangles, in the file's units, as far as --max-vertices allows [default: none; light decides].
+    #[arg(long, value_name = "LENGTH", value_parser = positive)]
+    max_edge: Option<f64>,
     /// Refinement also ends at this number of vertices.
     #[arg(long, default_value_t = BakeSettings::default().max_vertices)]
     max_vertices: usize,
@@ -36,6 +43,9 @@ pub struct Knobs {
     /// Relative error that a form factor may have before occlusion: distant polygons may then be taken for points.
     #[arg(long, default_value_t = BakeSettings::default().form_factor_error, value_parser = part)]
     form_factor_error: f64,
+    /// Relative error to which each form factor may be rounded, so that rows take fewer bytes on their way from the workers.
+    #[arg(long, default_value_t = BakeSettings::default().factor_rounding, value_parser = rounding)]
+    factor_rounding: f64,
     /// Random points at which the answer is measured, at least. At 0 the error is predicted from the vertices alone.
     #[arg(long, default_value_t = BakeSettings::default().check_points)]
     check_points: usize,
@@ -65,7 +75,10 @@ impl Knobs {
         BakeSettings {
             threshold: self.threshold.unwrap_or(picked.threshold),
             form_factor_error: self.form_factor_error,
+            factor_rounding: self.factor_rounding,
+            max_edge: self.max_edge,
             max_vertices: self.max_vertices,
+            rows: self.rows,
             row_cache: self.row_cache,
             window: self.window,
             exact_occluders: self.exact_occluders,
@@ -92,10 +105,26 @@ fn error(text: &str) -> Result<f64, String> {
     }
 }
 
+fn rows_of(text: &str) -> Result<RowsOf, String> {
+    match text {
+        "suiting" => Ok(RowsOf::Suiting),
+        "shooters" => Ok(RowsOf::Shooters),
+        "receivers" => Ok(RowsOf::Receivers),
+        _ => Err("must be suiting, shooters or receivers".into()),
+    }
+}
+
 fn part(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if (0.0..=0.5).contains(&value) => Ok(value),
         _ => Err("must be a number from 0 to 0.5".into()),
+    }
+}
+
+fn rounding(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if (0.0..=1e-3).contains(&value) => Ok(value),
+        _ => Err("must be a number from 0 to 0.001".into()),
     }
 }
 

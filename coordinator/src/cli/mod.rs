@@ -6,17 +6,18 @@ mod knobs;
 mod machine;
 mod progress;
 mod reference;
+mod render;
 mod report;
+mod scene_options;
 mod solve;
 mod study;
+mod telemetry;
+mod workers;
 
-use std::num::NonZeroUsize;
 use std::path::Path;
 
-use anyhow::Context;
 use clap::{Parser, Subcommand};
-use coordinator::cluster::Workers;
-use tracing_subscriber::EnvFilter;
+use coordinator::metrics::Metrics;
 
 /// Bakes diffuse global illumination into glTF scenes by progressive radiosity.
 #[derive(Parser)]
@@ -25,24 +26,17 @@ pub struct Arguments {
     #[command(subcommand)]
     command: Command,
     #[command(flatten)]
-    workers: WorkerArguments,
-}
-
-#[derive(clap::Args)]
-struct WorkerArguments {
-    /// Workers that compute the rows, as host:port, separated by commas. A name with several addresses stands for all of
-    /// them [default: this process].
-    #[arg(long, env = "COORDINATOR_WORKERS", value_delimiter = ',', global = true)]
-    workers: Vec<String>,
-    /// Jobs computed at the same time when this process computes the rows [default: one for each core].
-    #[arg(long, env = "COORDINATOR_THREADS", global = true, conflicts_with = "workers")]
-    threads: Option<NonZeroUsize>,
+    workers: workers::WorkerArguments,
+    #[command(flatten)]
+    telemetry: telemetry::TelemetryArguments,
 }
 
 #[derive(Subcommand)]
 enum Command {
     /// Bake a glTF file: a lit glTF comes out.
     Solve(solve::SolveArguments),
+    /// Make a picture of a lit file: PNG or EXR.
+    Render(render::RenderArguments),
     /// Compare a lit scene with a path-traced reference.
     Compare(compare::CompareArguments),
     /// Path-trace the radiosity at points of a scene: what a bake can be compared with.
@@ -53,34 +47,18 @@ enum Command {
     Study(study::StudyArguments),
 }
 
-impl WorkerArguments {
-    fn workers(&self) -> anyhow::Result<Workers> {
-        // An empty variable, as compose files have it, names no worker.
-        let named: Vec<String> = self.workers.iter().filter(|worker| !worker.is_empty()).cloned().collect();
-        if !named.is_empty() {
-            return Ok(Workers::Remote(named));
-        }
-        Ok(Workers::Embedded { threads: self.threads()?.get() })
-    }
-
-    fn threads(&self) -> anyhow::Result<NonZeroUsize> {
-        match self.threads {
-            Some(threads) => Ok(threads),
-            None => std::thread::available_parallelism().context("cannot count the cores: give --threads"),
-        }
-    }
-}
-
 /// Carries out what the command line asks for.
 pub fn run(arguments: Arguments) -> anyhow::Result<()> {
-    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("warn"));
-    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).without_time().init();
+    let _logging = arguments.telemetry.log()?;
+    let metrics = Metrics::default();
+    let _page = arguments.telemetry.show(&metrics)?;
     match arguments.command {
-        Command::Solve(solve) => solve::run(&solve, &arguments.workers.workers()?),
+        Command::Solve(solve) => solve::run(&solve, &arguments.workers.cluster(&metrics)?),
+        Command::Render(render) => render::run(&render, &arguments.workers.cluster(&metrics)?),
         Command::Compare(compare) => compare::run(&compare),
         Command::Reference(reference) => reference::run(&reference, arguments.workers.threads()?),
         Command::FormFactors(factors) => form_factors::run(&factors, arguments.workers.threads()?),
-        Command::Study(study) => study::run(&study, &arguments.workers.workers()?),
+        Command::Study(study) => study::run(&study, &arguments.workers.cluster(&metrics)?.workers),
     }
 }
 

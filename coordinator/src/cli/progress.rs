@@ -6,11 +6,14 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 /// Between plain lines of one step, where standard error is not a terminal.
 const PLAIN_INTERVAL: Duration = Duration::from_secs(5);
 
+/// Between two looks of the bar.
+const BAR_INTERVAL: Duration = Duration::from_millis(100);
+
 /// The progress bar; plain lines now and then where there is no terminal.
 pub struct ProgressLine {
     bar: ProgressBar,
     started: Instant,
-    last_plain: Option<(Instant, Phase)>,
+    last: Option<(Instant, Phase)>,
 }
 
 impl ProgressLine {
@@ -22,19 +25,20 @@ impl ProgressLine {
         bar.set_style(
             ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar()),
         );
-        Self { bar, started: Instant::now(), last_plain: None }
+        Self { bar, started: Instant::now(), last: None }
     }
 
     /// Shows how far the bake has come.
     pub fn show(&mut self, progress: &Progress) {
+        // Rows come by the ten thousand, and each would be a line.
+        let interval = if self.bar.is_hidden() { PLAIN_INTERVAL } else { BAR_INTERVAL };
+        let is_due = |(time, phase): (Instant, Phase)| phase != progress.phase || time.elapsed() >= interval;
+        if !self.last.is_none_or(is_due) {
+            return;
+        }
+        self.last = Some((Instant::now(), progress.phase));
         let elapsed = self.started.elapsed().as_secs_f64();
-        let step = match progress.phase {
-            Phase::Light => "light",
-            Phase::Shoot => "shoot",
-            Phase::Refine => "refine",
-            Phase::Measure => "measure",
-            Phase::Settle => "settle",
-        };
+        let step = progress.phase.name();
         let part = progress.rows as f64 / progress.rows_needed.max(1) as f64;
         let left = if part > 0.0 { elapsed * (1.0 - part) / part } else { 0.0 };
         let message = format!(
@@ -47,12 +51,7 @@ impl ProgressLine {
             left,
         );
         if self.bar.is_hidden() {
-            let due =
-                |(time, phase): (Instant, Phase)| phase != progress.phase || time.elapsed() >= PLAIN_INTERVAL;
-            if self.last_plain.is_none_or(due) {
-                self.last_plain = Some((Instant::now(), progress.phase));
-                eprintln!("{step}: {message}");
-            }
+            eprintln!("{step}: {message}");
             return;
         }
         self.bar.set_prefix(step);

@@ -15,6 +15,8 @@ use coordinator::reference::{
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
 
+use super::scene_options::SceneOptions;
+
 #[derive(Args)]
 pub struct ReferenceArguments {
     /// Scene to trace: .glb or .gltf.
@@ -22,6 +24,8 @@ pub struct ReferenceArguments {
     /// Reference to write: CSV of position, normal, primitive, radiosity and standard error.
     #[arg(short, long)]
     output: PathBuf,
+    #[command(flatten)]
+    options: SceneOptions,
     /// Random points, uniform over the area of the reflecting surfaces.
     #[arg(long, default_value = "4000", value_parser = at_least_one)]
     points: NonZeroUsize,
@@ -45,7 +49,7 @@ fn at_least_one(text: &str) -> Result<NonZeroUsize, String> {
 pub fn run(arguments: &ReferenceArguments, threads: NonZeroUsize) -> anyhow::Result<()> {
     let clock = Instant::now();
     check_output(arguments)?;
-    let scene = PlainScene::open(&arguments.scene)?;
+    let scene = PlainScene::open_with(&arguments.scene, &arguments.options.import_options())?;
     for warning in &scene.warnings {
         eprintln!("warning: {warning}");
     }

@@ -2,8 +2,10 @@ use std::time::Duration;
 
 use comfy_table::{Table, presets};
 use coordinator::bake::{BakeReport, BakeSettings};
-use coordinator::cluster::WorkerSummary;
+use coordinator::checkpoint::CheckpointSummary;
+use coordinator::cluster::{ClusterCounts, WorkerSummary};
 use coordinator::export::Exported;
+use coordinator::import::Account;
 use serde_json::json;
 
 use super::progress::short;
@@ -14,6 +16,8 @@ pub struct Summary<'a> {
     pub seconds: f64,
     /// Unit of the irradiance.
     pub unit: &'a str,
+    /// What of the file counts, and what is passed over.
+    pub account: &'a Account,
     /// Triangles dropped on import.
     pub degenerate_triangles: usize,
     /// Largest memory of this process so far; none where the system does not say.
@@ -24,6 +28,10 @@ pub struct Summary<'a> {
     pub exported: &'a Exported,
     /// Of each worker.
     pub workers: &'a [WorkerSummary],
+    /// Of the cluster as a whole.
+    pub cluster: ClusterCounts,
+    /// Of the checkpoint, where there was one.
+    pub checkpoint: Option<&'a CheckpointSummary>,
 }
 
 impl Summary<'_> {
@@ -43,9 +51,14 @@ impl Summary<'_> {
         row(
             "lights",
             format!(
-                "{} area, {} point; {}",
-                model.area_lights,
-                model.point_lights,
+                "{}; {}",
+                counts(&[
+                    (model.area_lights, "area", true),
+                    (model.point_lights, "point", true),
+                    (model.spot_lights, "spot", false),
+                    (model.directional_lights, "directional", false),
+                    (model.sky, "polygons of sky", false),
+                ]),
                 if model.channels == 1 { "all grey: one channel of light" } else { "three channels" }
             ),
         );
@@ -113,7 +126,24 @@ impl Summary<'_> {
         if let Some(bytes) = self.peak_memory_bytes {
             row("peak memory", format!("{}B", short(bytes as f64)));
         }
+        if let Some(checkpoint) = self.checkpoint {
+            let mut text =
+                format!("{} rows from it, {} added", checkpoint.rows_read, checkpoint.rows_written);
+            match &checkpoint.stopped {
+                Some(why) => text += &format!(", {} not: {why}", checkpoint.rows_dropped),
+                None if checkpoint.rows_dropped > 0 => {
+                    text += &format!(", {} not: the disk did not keep up", checkpoint.rows_dropped);
+                }
+                None => {}
+            }
+            row("checkpoint", text);
+        }
         row("exposure", format!("{:.4e} per {}", self.exported.exposure, self.unit));
+        for (name, kinds) in [("modelled", &self.account.modelled), ("ignored", &self.account.ignored)] {
+            if !kinds.is_empty() {
+                row(name, kinds.join(", "));
+            }
+        }
         if self.degenerate_triangles > 0 {
             row("dropped", format!("{} triangles without area", self.degenerate_triangles));
         }
@@ -125,19 +155,29 @@ impl Summary<'_> {
 
     fn worker_table(&self) -> Table {
         let mut table = new_table();
-        table.set_header(["worker", "threads", "jobs", "rows", "rays", "busy", "received"]);
+        table.set_header(["worker", "threads", "jobs", "late", "rows", "rays", "busy", "received", "sent"]);
         for worker in self.workers {
+            let mut name = worker.name.clone();
+            if worker.connections > 1 {
+                name += &format!(" (connected {} times)", worker.connections);
+            }
+            if let Some(why) = &worker.lost {
+                name += &format!(" (lost: {why})");
+            }
             table.add_row([
-                worker
-                    .lost
-                    .as_ref()
-                    .map_or(worker.name.clone(), |why| format!("{} (lost: {why})", worker.name)),
+                name,
                 worker.threads.to_string(),
                 worker.jobs.to_string(),
+                worker.late.to_string(),
                 worker.rows.to_string(),
                 short(worker.rays as f64),
-                format!("{:.2} s", seconds(worker.busy)),
-                format!("{}B", short(worker.bytes_received as f64)),
+                format!("{:.0} % of {:.2} s", 100.0 * busy_share(worker), seconds(worker.connected)),
+                format!(
+                    "{}B ({:.0} a row)",
+                    short(worker.bytes_received as f64),
+                    worker.bytes_received as f64 / worker.rows.max(1) as f64
+                ),
+                format!("{}B", short(worker.bytes_sent as f64)),
             ]);
         }
         table
@@ -151,8 +191,10 @@ impl Summary<'_> {
             .map(|worker| {
                 json!({
                     "name": worker.name, "address": worker.address, "threads": worker.threads, "jobs": worker.jobs,
-                    "rows": worker.rows, "rays": worker.rays, "busy_seconds": seconds(worker.busy),
-                    "bytes_received": worker.bytes_received, "lost": worker.lost,
+                    "late": worker.late, "rows": worker.rows, "rays": worker.rays, "busy_seconds": seconds(worker.busy),
+                    "busy_share": busy_share(worker), "connected_seconds": seconds(worker.connected),
+                    "connections": worker.connections, "bytes_received": worker.bytes_received,
+                    "bytes_sent": worker.bytes_sent, "lost": worker.lost,
                 })
             })
             .collect();
@@ -162,13 +204,34 @@ impl Summary<'_> {
             "exposure": self.exported.exposure,
             "output_vertices": self.exported.vertices,
             "output_triangles": self.exported.triangles,
+            "account": self.account,
             "degenerate_triangles": self.degenerate_triangles,
             "peak_memory_bytes": self.peak_memory_bytes,
             "bake": self.bake,
             "settings": settings,
             "workers": workers,
+            "checkpoint": self.checkpoint.map(|checkpoint| json!({
+                "rows_read": checkpoint.rows_read, "rows_written": checkpoint.rows_written,
+                "rows_dropped": checkpoint.rows_dropped, "bytes": checkpoint.bytes, "stopped": checkpoint.stopped,
+            })),
+            "cluster": {
+                "duplicates": self.cluster.duplicates, "ignored_answers": self.cluster.ignored_answers,
+                "lost_workers": self.cluster.lost_workers,
+            },
         }))
     }
+}
+
+/// Kinds with how many there are of each; `true`: also where there is none.
+fn counts(kinds: &[(usize, &str, bool)]) -> String {
+    let shown = kinds.iter().filter(|(count, _, always)| *always || *count > 0);
+    shown.map(|(count, name, _)| format!("{count} {name}")).collect::<Vec<_>>().join(", ")
+}
+
+/// Part of the time of its threads that a worker computed.
+fn busy_share(worker: &WorkerSummary) -> f64 {
+    let time = seconds(worker.connected) * worker.threads as f64;
+    if time > 0.0 { seconds(worker.busy) / time } else { 0.0 }
 }
 
 fn seconds(duration: Duration) -> f64 {

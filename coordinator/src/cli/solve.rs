@@ -3,23 +3,26 @@ use std::time::Instant;
 
 use anyhow::Context;
 use atomic_write_file::AtomicWriteFile;
-use clap::Args;
-use coordinator::bake::bake;
-use coordinator::cluster::{Cluster, Workers};
-use coordinator::export::{ExportSettings, check_writable, export};
-use coordinator::import::{ImportOptions, import};
+use clap::{Args, ValueEnum};
+use coordinator::bake::{BakeSettings, LightGroup, LightPart, Progress, bake, check_groups};
+use coordinator::checkpoint::{Checkpointed, remove};
+use coordinator::cluster::{Cluster, ClusterSettings};
+use coordinator::export::{Domain, ExportSettings, check_group_names, check_writable, export};
+use coordinator::import::import;
+use glam::DVec3;
 use serde_json::json;
 
 use super::knobs::{Knobs, positive};
 use super::machine::peak_memory_bytes;
 use super::progress::ProgressLine;
 use super::report::Summary;
+use super::scene_options::SceneOptions;
 
 #[derive(Args)]
 pub struct SolveArguments {
     /// Scene to bake: .glb or .gltf.
     scene: PathBuf,
-    /// Lit scene to write: .glb or .gltf.
+    /// Lit scene to write: .glb or .gltf; or .ply, the lit mesh with light as numbers at its vertices.
     #[arg(short, long)]
     output: PathBuf,
     /// Write every figure of the table to this JSON file.
@@ -28,71 +31,191 @@ pub struct SolveArguments {
     /// COLOR_0 per unit of irradiance [default: one at which 5 % of the surface is clipped].
     #[arg(long, value_parser = positive)]
     exposure: Option<f64>,
-    /// Unit of the irradiance, as the scene's lights mean it; written to the output.
-    #[arg(long, default_value = "W/m^2")]
-    unit: String,
+    /// Unit of the irradiance, as the scene's lights mean it; written to the output [default: W/m^2, or lx with --light-unit
+    /// candela].
+    #[arg(long)]
+    unit: Option<String>,
+    #[command(flatten)]
+    options: SceneOptions,
+    /// Which vertices the triangles of the output share: those that are the same in everything, or none, so that tools which work on
+    /// the corners of faces keep creases.
+    #[arg(long, value_enum, default_value_t = OutputDomain::Vertex)]
+    output_domain: OutputDomain,
+    /// Which part of the light the output has: what comes straight from lights, what surfaces have reflected, or both.
+    #[arg(long, value_enum, default_value_t = Only::All)]
+    only: Only,
+    /// Write the light of these sources by itself as well, as the attribute _IRRADIANCE_NAME. Lights are named by their node;
+    /// emissive surfaces by their node or material; the sky is `sky`. May be given several times.
+    #[arg(long = "group", value_name = "NAME=LIGHT,LIGHT", value_parser = group)]
+    groups: Vec<LightGroup>,
+    #[command(flatten)]
+    checkpoint: CheckpointArguments,
     #[command(flatten)]
     knobs: Knobs,
 }
 
+#[derive(Clone, Copy, ValueEnum)]
+enum Only {
+    /// Light without a reflection.
+    Direct,
+    /// Light after a reflection or more.
+    Indirect,
+    /// Both.
+    All,
+}
+
+impl From<Only> for LightPart {
+    fn from(only: Only) -> Self {
+        match only {
+            Only::Direct => Self::Direct,
+            Only::Indirect => Self::Indirect,
+            Only::All => Self::All,
+        }
+    }
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum OutputDomain {
+    /// Shared vertices.
+    Vertex,
+    /// Three vertices to each triangle.
+    Corner,
+}
+
+impl From<OutputDomain> for Domain {
+    fn from(domain: OutputDomain) -> Self {
+        match domain {
+            OutputDomain::Vertex => Self::Vertex,
+            OutputDomain::Corner => Self::Corner,
+        }
+    }
+}
+
+#[derive(Args)]
+struct CheckpointArguments {
+    /// Record finished rows in this file, so that a bake that was ended can go on: run the same command again. Removed when the
+    /// output is written.
+    #[arg(long, value_name = "FILE")]
+    checkpoint: Option<PathBuf>,
+    /// The checkpoint grows to so many MiB; what comes after is computed again by a bake that goes on.
+    #[arg(long, value_name = "MIB", default_value_t = 16 << 10, requires = "checkpoint")]
+    checkpoint_size: u64,
+    /// Keep the checkpoint when the output is written: a bake of the same scene with other light goes faster with it.
+    #[arg(long, requires = "checkpoint")]
+    keep_checkpoint: bool,
+}
+
 /// Bakes one file.
-pub fn run(arguments: &SolveArguments, workers: &Workers) -> anyhow::Result<()> {
+pub fn run(arguments: &SolveArguments, workers: &ClusterSettings) -> anyhow::Result<()> {
     let clock = Instant::now();
     check_writable(&arguments.output)?;
     if let Some(report) = &arguments.report {
         check_report(report)?;
     }
     check_distinct(arguments)?;
-    let scene = import(&arguments.scene, &ImportOptions::default())?;
+    let scene = import(&arguments.scene, &arguments.options.import_options())?;
     for warning in &scene.warnings {
         eprintln!("warning: {warning}");
     }
-    let settings = arguments.knobs.settings();
-    let mut cluster = Cluster::start(workers)?;
+    let settings = BakeSettings {
+        only: arguments.only.into(),
+        groups: arguments.groups.clone(),
+        ..arguments.knobs.settings()
+    };
+    check_groups(&scene, &settings.groups)?;
+    check_group_names(&settings.groups)?;
     let mut line = ProgressLine::new();
-    let baked = bake(&scene, &settings, &mut cluster, &mut |progress| line.show(progress))?;
+    let mut progress = |progress: &Progress| {
+        workers.metrics.progress(progress);
+        line.show(progress);
+    };
+    let mut cluster = Cluster::start(workers)?;
+    let (baked, recorded) = match &arguments.checkpoint.checkpoint {
+        None => (bake(&scene, &settings, &mut cluster, &mut progress)?, None),
+        Some(path) => {
+            let limit = arguments.checkpoint.checkpoint_size.saturating_mul(1 << 20);
+            let mut service = Checkpointed::open(cluster, path, limit)?;
+            let baked = bake(&scene, &settings, &mut service, &mut progress);
+            let recorded;
+            (cluster, recorded) = service.finish();
+            let kept = || format!("the rows made so far are in {}: the same command goes on", path.display());
+            (baked.with_context(kept)?, Some(recorded))
+        }
+    };
     line.finish();
     for warning in &baked.report.warnings {
         eprintln!("warning: {warning}");
     }
-    let per_worker = cluster.workers();
+    let (per_worker, counts) = (cluster.workers(), cluster.counts());
     cluster.shutdown();
-    let extras = json!({ "energy_balance": baked.report.balance, "settings": settings });
-    let export_settings =
-        ExportSettings { exposure: arguments.exposure, unit: arguments.unit.clone(), extras };
+    let unit = arguments.unit.clone().unwrap_or_else(|| arguments.options.irradiance_unit().to_owned());
+    let mut extras = json!({ "energy_balance": baked.report.balance, "settings": settings });
+    if scene.sky != DVec3::ZERO {
+        // What a picture shows where there is no surface.
+        extras["sky"] = json!(scene.sky.to_array());
+    }
+    let export_settings = ExportSettings {
+        exposure: arguments.exposure,
+        unit: unit.clone(),
+        domain: arguments.output_domain.into(),
+        extras,
+    };
     let exported = export(&scene, &baked.lit, &export_settings, &arguments.output)?;
+    for warning in &exported.warnings {
+        eprintln!("warning: {warning}");
+    }
     let summary = Summary {
         seconds: clock.elapsed().as_secs_f64(),
-        unit: &arguments.unit,
+        unit: &unit,
+        account: &scene.account,
         degenerate_triangles: scene.degenerate_triangles,
         peak_memory_bytes: peak_memory_bytes(),
         bake: &baked.report,
         exported: &exported,
         workers: &per_worker,
+        cluster: counts,
+        checkpoint: recorded.as_ref(),
     };
     summary.print();
     if let Some(path) = &arguments.report {
         write_report(path, &summary.to_json(&settings)?)?;
     }
+    if let Some(path) = &arguments.checkpoint.checkpoint
+        && !arguments.checkpoint.keep_checkpoint
+    {
+        remove(path)?;
+    }
     Ok(())
+}
+
+/// `NAME=LIGHT,LIGHT`.
+fn group(text: &str) -> Result<LightGroup, String> {
+    let (name, lights) = text.split_once('=').ok_or("not NAME=LIGHT,LIGHT")?;
+    let lights: Vec<String> = lights.split(',').map(|light| light.trim().to_owned()).collect();
+    if name.trim().is_empty() || lights.iter().any(String::is_empty) {
+        return Err("neither the group's name nor that of a light may be empty".into());
+    }
+    Ok(LightGroup { name: name.trim().to_owned(), lights })
 }
 
 /// Nothing that the bake reads or writes may overwrite another of its files.
 fn check_distinct(arguments: &SolveArguments) -> anyhow::Result<()> {
     let whole = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-    let output = whole(&arguments.output);
-    anyhow::ensure!(
-        output != whole(&arguments.scene),
-        "output {} is the scene itself: choose another output",
-        arguments.output.display()
-    );
-    if let Some(report) = &arguments.report {
-        let report_path = whole(report);
-        anyhow::ensure!(
-            report_path != output && report_path != whole(&arguments.scene),
-            "report {} is the scene or the output: choose another --report",
-            report.display()
-        );
+    let files = [
+        ("scene", Some(&arguments.scene)),
+        ("output", Some(&arguments.output)),
+        ("report", arguments.report.as_ref()),
+        ("checkpoint", arguments.checkpoint.checkpoint.as_ref()),
+    ];
+    for (index, (name, path)) in files.iter().enumerate() {
+        let Some(path) = path else { continue };
+        for (other, taken) in &files[..index] {
+            anyhow::ensure!(
+                taken.is_none_or(|taken| whole(taken) != whole(path)),
+                "{name} {} is the {other} itself: choose another {name}",
+                path.display()
+            );
+        }
     }
     Ok(())
 }

@@ -161,8 +161,11 @@ impl<'a> Bench<'a> {
             .arg("--report")
             .arg(&report);
         command.args(step.arguments()).args(&self.workers);
-        // The arguments say which workers; the variables could contradict them.
-        command.env_remove("COORDINATOR_WORKERS").env_remove("COORDINATOR_THREADS").stdin(Stdio::null());
+        // The arguments say which workers; the variables could contradict them. The port of the metrics is this process's.
+        for variable in ["COORDINATOR_WORKERS", "COORDINATOR_THREADS", "COORDINATOR_METRICS"] {
+            command.env_remove(variable);
+        }
+        command.stdin(Stdio::null());
         let clock = Instant::now();
         let answer =
             command.output().with_context(|| format!("{} cannot be started", self.program.display()))?;

@@ -3,6 +3,7 @@
 use std::io;
 use std::net::SocketAddr;
 use std::num::NonZeroUsize;
+use std::sync::Arc;
 use std::time::Duration;
 
 use hyper_util::rt::TokioIo;
@@ -12,8 +13,8 @@ use shared::protocol::worker_message::Body as Incoming;
 use shared::protocol::{
     CoordinatorHello, CoordinatorMessage, MAX_MESSAGE_BYTES, PROTOCOL_VERSION, WorkerHello, WorkerMessage,
 };
+use shared::security::{ClientSecurity, Credentials, SecuredChannel, explain};
 use tokio::io::DuplexStream;
-use tokio::net::lookup_host;
 use tokio::sync::mpsc;
 use tokio::time::timeout;
 use tokio_stream::StreamExt;
@@ -25,20 +26,23 @@ use tower::service_fn;
 use worker::Settings;
 
 use super::ClusterError;
-use super::error::{innermost, words};
+use super::error::{is_refusal, reason, words};
+use super::network::Network;
 
-/// How long a worker may take from the first packet to its hello.
-const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
-
-/// A machine that vanishes is noticed after about the sum of the two.
-const KEEP_ALIVE_INTERVAL: Duration = Duration::from_secs(1);
-const KEEP_ALIVE_TIMEOUT: Duration = Duration::from_secs(2);
+/// How long a worker may take to take a connection, and then to say hello.
+pub(super) const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Bytes of rows that may be on their way on one connection.
 const CONNECTION_WINDOW: u32 = 16 << 20;
 
+/// Most bytes of an HTTP/2 frame that comes from a worker: the rows of a job in one frame are copied once less than in many.
+const LARGEST_FRAME: u32 = 1 << 20;
+
 /// Bytes that an embedded worker's connection holds.
 const MEMORY_BUFFER: usize = 1 << 20;
+
+/// What the worker of this process is called in messages.
+pub(super) const EMBEDDED: &str = "this process";
 
 /// A worker that said hello.
 pub(super) struct Connection {
@@ -51,58 +55,74 @@ pub(super) struct Connection {
     /// Our half of the session. Unbounded: what it holds is bounded by the jobs that a worker may have under way.
     pub outbound: mpsc::UnboundedSender<CoordinatorMessage>,
     /// Uploads have a connection of their own: an upload that the worker is slow to read would hold up all other messages.
-    pub uploads: WorkerClient<Channel>,
+    pub uploads: WorkerClient<SecuredChannel>,
     /// Whether the worker can fall silent while this process lives on.
     pub remote: bool,
 }
 
-/// Dials a worker. A name stands for all the machines that it resolves to: each is a worker.
-pub(super) async fn dial(address: &str) -> Result<Vec<Connection>, ClusterError> {
-    let unreachable = |reason: String| ClusterError::Unreachable { address: String::from(address), reason };
+/// Refuses what cannot be the address of a worker.
+pub(super) fn check_name(address: &str) -> Result<(), ClusterError> {
     let well_formed = address.rsplit_once(':').is_some_and(|(host, port)| {
         !host.is_empty() && !host.contains('/') && port.parse().is_ok_and(|port: u16| port > 0)
     });
-    if !well_formed {
-        return Err(ClusterError::Address { address: address.into() });
-    }
-    let resolved = timeout(CONNECT_TIMEOUT, lookup_host(address))
-        .await
-        .map_err(|_| unreachable("the name server does not answer".into()))?
-        .map_err(|error| unreachable(error.to_string()))?;
-    let (v4, v6): (Vec<SocketAddr>, Vec<SocketAddr>) = resolved.partition(SocketAddr::is_ipv4);
-    let mut first_error = None;
-    // A machine often has an address of both kinds, and is one worker all the same.
-    for family in [v4, v6].into_iter().filter(|family| !family.is_empty()) {
-        match dial_all(address, &family).await {
-            Err(error @ ClusterError::Unreachable { .. }) => {
-                first_error.get_or_insert(error);
-            }
-            outcome => return outcome,
-        }
-    }
-    Err(first_error.unwrap_or_else(|| unreachable("the name has no address".into())))
+    if well_formed { Ok(()) } else { Err(ClusterError::Address { address: address.into() }) }
 }
 
-async fn dial_all(given: &str, family: &[SocketAddr]) -> Result<Vec<Connection>, ClusterError> {
-    let mut connections = vec![];
-    for socket in family {
-        let socket = socket.to_string();
-        let address = if socket == given { socket.clone() } else { format!("{given} ({socket})") };
-        // A socket address is a valid authority.
-        let endpoint = Endpoint::from_shared(format!("http://{socket}"))
-            .map_err(|_| ClusterError::Address { address: given.into() })?
-            .tcp_nodelay(true)
-            .http2_keep_alive_interval(KEEP_ALIVE_INTERVAL)
-            .keep_alive_timeout(KEEP_ALIVE_TIMEOUT)
-            .keep_alive_while_idle(true);
-        let endpoint = with_limits(endpoint);
-        let channel = endpoint.connect().await.map_err(|error| ClusterError::Unreachable {
-            address: address.clone(),
-            reason: innermost(&error),
+/// Dials one of the machines that the name `given` stands for.
+pub(super) async fn dial(
+    network: &Arc<dyn Network>,
+    security: &ClientSecurity,
+    given: &str,
+    socket: SocketAddr,
+) -> Result<Connection, ClusterError> {
+    let address = place(given, socket);
+    let endpoint = security
+        .endpoint(given, socket)
+        .map_err(|error| ClusterError::Insecure { address: address.clone(), reason: error.to_string() })?;
+    let endpoint = with_limits(endpoint);
+    let connector = {
+        let network = Arc::clone(network);
+        move |_: Uri| {
+            let connecting = network.connect(socket);
+            async move { connecting.await.map(TokioIo::new) }
+        }
+    };
+    let unreachable = |reason| ClusterError::Unreachable { address: address.clone(), reason };
+    let connecting = endpoint.connect_with_connector(service_fn(connector.clone()));
+    let channel = timeout(CONNECT_TIMEOUT, connecting)
+        .await
+        .map_err(|_| unreachable("it does not take the connection in time".into()))?
+        .map_err(|error| match explain(&error) {
+            Some(reason) => ClusterError::Insecure { address: address.clone(), reason },
+            None => unreachable(reason(&error)),
         })?;
-        connections.push(greet(address, channel, endpoint.connect_lazy(), true).await?);
+    let uploads = endpoint.connect_with_connector_lazy(service_fn(connector));
+    let plain = security.transport.tls().is_none();
+    greet(address.clone(), channel, uploads, security.credentials(), true)
+        .await
+        .map_err(|error| if plain { with_certificates_in_mind(error) } else { error })
+}
+
+/// A worker with certificates hangs up on plain text, and its alert may be lost on the way.
+fn with_certificates_in_mind(error: ClusterError) -> ClusterError {
+    match error {
+        ClusterError::Unreachable { address, reason } => {
+            let reason = format!("{reason} (one with certificates takes --tls-ca, --tls-cert and --tls-key)");
+            ClusterError::Unreachable { address, reason }
+        }
+        other => other,
     }
-    Ok(connections)
+}
+
+/// What a worker is called in messages: as the user gave it, and which of its machines.
+pub(super) fn place(given: &str, socket: SocketAddr) -> String {
+    let socket = socket.to_string();
+    if socket == given { socket } else { format!("{given} ({socket})") }
+}
+
+/// Whether a [`place`] is one of the machines that a name stands for, or the name itself.
+pub(super) fn is_at(place: &str, name: &str) -> bool {
+    place.strip_prefix(name).is_some_and(|rest| rest.is_empty() || rest.starts_with(" ("))
 }
 
 /// Starts a worker in this process, which serves until `shutdown` is cancelled, and connects to it through memory.
@@ -111,7 +131,7 @@ pub(super) async fn embed(
     shutdown: CancellationToken,
 ) -> Result<Connection, ClusterError> {
     let (dialled, accepted) = mpsc::unbounded_channel::<DuplexStream>();
-    let settings = Settings { name: "embedded".into(), threads, replica_bytes: u64::MAX };
+    let settings = Settings { replica_bytes: u64::MAX, ..Settings::new("embedded", threads) };
     let incoming = UnboundedReceiverStream::new(accepted).map(Ok::<_, io::Error>);
     let serving = tokio::spawn(worker::serve(incoming, settings, shutdown));
 
@@ -125,7 +145,7 @@ pub(super) async fn embed(
     let channel = endpoint.connect_with_connector_lazy(service_fn(connector.clone()));
     let uploads = endpoint.connect_with_connector_lazy(service_fn(connector));
     tokio::select! {
-        connection = greet("this process".into(), channel, uploads, false) => connection,
+        connection = greet(EMBEDDED.into(), channel, uploads, Credentials::default(), false) => connection,
         // Before its shutdown it ends only when it cannot start.
         Ok(Err(error)) = serving => Err(ClusterError::Start(error.to_string())),
     }
@@ -133,13 +153,13 @@ pub(super) async fn embed(
 
 fn with_limits(endpoint: Endpoint) -> Endpoint {
     endpoint
-        .connect_timeout(CONNECT_TIMEOUT)
         .initial_connection_window_size(CONNECTION_WINDOW)
         .initial_stream_window_size(CONNECTION_WINDOW)
+        .max_frame_size(LARGEST_FRAME)
 }
 
-fn client(channel: Channel) -> WorkerClient<Channel> {
-    WorkerClient::new(channel)
+fn client(channel: Channel, credentials: Credentials) -> WorkerClient<SecuredChannel> {
+    WorkerClient::with_interceptor(channel, credentials)
         .max_decoding_message_size(MAX_MESSAGE_BYTES)
         .max_encoding_message_size(MAX_MESSAGE_BYTES)
 }
@@ -149,6 +169,7 @@ async fn greet(
     address: String,
     channel: Channel,
     uploads: Channel,
+    credentials: Credentials,
     remote: bool,
 ) -> Result<Connection, ClusterError> {
     let (outbound, messages) = mpsc::unbounded_channel();
@@ -158,19 +179,27 @@ async fn greet(
     };
     // The receiving end is in scope.
     let _ = outbound.send(CoordinatorMessage { body: Some(Outgoing::Hello(hello)) });
+    let unreachable = |reason: String| ClusterError::Unreachable { address: address.clone(), reason };
     let refused = |reason: String| ClusterError::Refused { address: address.clone(), reason };
-    let opening = async {
-        let session = client(channel).session(UnboundedReceiverStream::new(messages)).await;
-        let mut inbound = session.map_err(|status| refused(words(&status)))?.into_inner();
-        let first = inbound.message().await.map_err(|status| refused(words(&status)))?;
-        let Some(Incoming::Hello(hello)) = first.and_then(|message| message.body) else {
-            return Err(refused("it does not say hello".into()));
-        };
-        Ok((inbound, hello))
+    let failed = |status: tonic::Status| match explain(&status) {
+        Some(reason) => ClusterError::Insecure { address: address.clone(), reason },
+        None if is_refusal(&status) => refused(words(&status)),
+        None => unreachable(words(&status)),
     };
-    let (inbound, hello) = timeout(CONNECT_TIMEOUT, opening).await.map_err(|_| {
-        ClusterError::Unreachable { address: address.clone(), reason: "it does not say hello in time".into() }
-    })??;
+    let opening = async {
+        let session =
+            client(channel, credentials.clone()).session(UnboundedReceiverStream::new(messages)).await;
+        let mut inbound = session.map_err(failed)?.into_inner();
+        let first = inbound.message().await.map_err(failed)?;
+        match first.map(|message| message.body) {
+            Some(Some(Incoming::Hello(hello))) => Ok((inbound, hello)),
+            Some(_) => Err(refused("it does not say hello".into())),
+            None => Err(unreachable("it ends the session before its hello".into())),
+        }
+    };
+    let (inbound, hello) = timeout(CONNECT_TIMEOUT, opening)
+        .await
+        .map_err(|_| unreachable("it does not say hello in time".into()))??;
     if hello.protocol_version != PROTOCOL_VERSION {
         let (theirs, ours) = (hello.protocol_version, PROTOCOL_VERSION);
         return Err(ClusterError::Version { address, theirs, ours });
@@ -178,5 +207,5 @@ async fn greet(
     if hello.threads == 0 {
         return Err(refused("it has no threads".into()));
     }
-    Ok(Connection { address, hello, inbound, outbound, uploads: client(uploads), remote })
+    Ok(Connection { address, hello, inbound, outbound, uploads: client(uploads, credentials), remote })
 }

@@ -1,6 +1,7 @@
 use std::error::Error;
 
 use shared::replica::Digest;
+use tonic::Code;
 
 use crate::scheduler::{Abandonment, JobId};
 
@@ -51,10 +52,18 @@ pub enum ClusterError {
         /// The worker's words.
         reason: String,
     },
-    /// Nobody is left.
+    /// The connection would not be, or is not, what was asked for: plain text beyond this machine, a certificate refused.
+    #[error("worker at {address} is not talked to: {reason}")]
+    Insecure {
+        /// The worker's address.
+        address: String,
+        /// Why, and the cure.
+        reason: String,
+    },
+    /// Nobody is left, and nobody came back.
     #[error("all workers are lost: {}", reasons.join("; "))]
     AllWorkersLost {
-        /// How each of them was lost.
+        /// How each of them was lost, or why it was never reached.
         reasons: Vec<String>,
     },
     /// A job failed wherever it was tried.
@@ -75,8 +84,32 @@ pub enum ClusterError {
     Stopped,
 }
 
+impl ClusterError {
+    /// Whether dialling the same process again cannot help.
+    pub(super) fn is_final(&self) -> bool {
+        matches!(
+            self,
+            Self::Version { .. } | Self::Refused { .. } | Self::Address { .. } | Self::Insecure { .. }
+        )
+    }
+}
+
+/// Whether the other side itself said no, rather than the network between: then it says so again.
+pub(super) fn is_refusal(status: &tonic::Status) -> bool {
+    let says_no = matches!(
+        status.code(),
+        Code::FailedPrecondition
+            | Code::InvalidArgument
+            | Code::PermissionDenied
+            | Code::ResourceExhausted
+            | Code::Unauthenticated
+            | Code::Unimplemented
+    );
+    says_no && status.source().is_none()
+}
+
 /// What lies at the bottom of an error: the words of the system below those of the libraries.
-pub(super) fn innermost(error: &dyn Error) -> String {
+pub(super) fn reason(error: &dyn Error) -> String {
     let mut innermost = error;
     while let Some(source) = innermost.source() {
         innermost = source;
@@ -86,5 +119,5 @@ pub(super) fn innermost(error: &dyn Error) -> String {
 
 /// What a status says: a worker's own words, or why the connection failed.
 pub(super) fn words(status: &tonic::Status) -> String {
-    if status.source().is_some() { innermost(status) } else { status.message().into() }
+    if status.source().is_some() { reason(status) } else { status.message().into() }
 }

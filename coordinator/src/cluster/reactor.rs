@@ -2,114 +2,210 @@
 
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
-use std::sync::mpsc::Sender;
-use std::time::Duration;
+use std::sync::atomic::AtomicUsize;
+use std::sync::atomic::Ordering::Relaxed;
 
 use shared::protocol::FailureReason;
 use shared::replica::{Digest, EncodedReplica};
-use shared::row::RowRequest;
-use tokio::sync::mpsc;
+use tokio::sync::{mpsc, oneshot};
+use tokio::time::{Instant, Interval, interval, sleep_until};
+use tokio_util::sync::CancellationToken;
 
-use super::connect::Connection;
-use super::session::{self, Answer, Command, News};
-use super::{ClusterError, FinishedJob, WorkerSummary};
-use crate::scheduler::{Action, Event, JobId, Scheduler, WorkerId};
+use super::accounts::Accounts;
+use super::answer::Checked;
+use super::members::Members;
+use super::message::{Joined, Message};
+use super::request::Request;
+use super::session::{Command, LostWorkerReason, News};
+use super::summary::FinishedWork;
+use super::waiting::{Ready, Waiting};
+use super::{ClusterCounts, ClusterError, ClusterSettings, Schedule};
+use crate::scheduler::{Action, Event, JobId, Policy, Scheduler, WorkerId};
 
-/// What the reactor is told.
-pub(super) enum Message {
-    /// A replica that jobs may need from now on.
-    Publish(EncodedReplica),
-    /// A replica that no job needs any more.
-    Release(Digest),
-    /// More jobs.
-    Submit(Vec<(JobId, RowRequest)>),
-    /// What did each worker do?
-    Summarise(Sender<Vec<WorkerSummary>>),
-    /// Say goodbye to all workers; the sender is dropped when all have answered.
-    Shutdown(Sender<()>),
-    /// From a session.
-    News(WorkerId, News),
-}
+pub(super) type Result = std::result::Result<FinishedWork, ClusterError>;
 
 pub(super) struct Reactor {
+    settings: ClusterSettings,
+    members: Arc<Members>,
     scheduler: Scheduler,
     replicas: HashMap<Digest, EncodedReplica>,
-    requests: HashMap<JobId, Arc<RowRequest>>,
+    requests: HashMap<JobId, Arc<Request>>,
     sessions: BTreeMap<WorkerId, mpsc::UnboundedSender<Command>>,
-    summaries: BTreeMap<WorkerId, WorkerSummary>,
-    results: Sender<Result<FinishedJob, ClusterError>>,
+    accounts: Accounts,
+    /// Answers that were delivered, of jobs that another worker holds too, until it has answered or is lost.
+    delivered: HashMap<JobId, Delivered>,
+    /// Threads of all sessions, for the driver.
+    threads: Arc<AtomicUsize>,
+    results: mpsc::UnboundedSender<Result>,
+    waiting: Waiting,
     /// Held from the order to shut down until the last session is over.
-    shutdown: Option<Sender<()>>,
+    shutdown: Option<oneshot::Sender<()>>,
+}
+
+/// The first answer to a job.
+struct Delivered {
+    /// Of what it holds.
+    digest: Digest,
+    /// Who sent it.
+    by: WorkerId,
+    /// Who holds the job too.
+    holder: WorkerId,
 }
 
 impl Reactor {
-    /// Takes over these connections. Results of jobs go to `results`.
-    pub(super) fn start(
-        connections: Vec<Connection>,
-        results: Sender<Result<FinishedJob, ClusterError>>,
-    ) -> mpsc::UnboundedSender<Message> {
-        let (messages, inbox) = mpsc::unbounded_channel();
-        let mut reactor = Self {
-            scheduler: Scheduler::new(),
+    /// A reactor that waits for workers from so many names. Results of jobs go to `results`.
+    pub(super) fn new(
+        settings: ClusterSettings,
+        members: Arc<Members>,
+        names: usize,
+        results: mpsc::UnboundedSender<Result>,
+        threads: Arc<AtomicUsize>,
+        ready: Ready,
+    ) -> Self {
+        let policy = match settings.schedule {
+            Schedule::Finished => Policy::Finished,
+            Schedule::Periodic { .. } => Policy::Periodic,
+        };
+        Self {
+            settings,
+            members,
+            scheduler: Scheduler::new(policy),
             replicas: HashMap::new(),
             requests: HashMap::new(),
             sessions: BTreeMap::new(),
-            summaries: BTreeMap::new(),
+            threads,
+            accounts: Accounts::default(),
+            delivered: HashMap::new(),
             results,
+            waiting: Waiting::new(names, ready),
             shutdown: None,
-        };
-        for (worker, connection) in (0..).map(WorkerId).zip(connections) {
-            reactor.connect(worker, connection, messages.clone());
         }
-        tokio::spawn(reactor.run(inbox));
-        messages
     }
 
-    fn connect(&mut self, worker: WorkerId, connection: Connection, news: mpsc::UnboundedSender<Message>) {
-        let (hello, address) = (&connection.hello, &connection.address);
-        let threads = hello.threads as usize;
-        tracing::info!(worker = hello.name, address, threads, version = hello.software_version, "connected");
-        self.summaries.insert(worker, WorkerSummary::new(hello.name.clone(), address.clone(), threads));
-        let (commands, inbox) = mpsc::unbounded_channel();
-        self.sessions.insert(worker, commands);
-        tokio::spawn(session::run(connection, inbox, move |told| {
-            // The reactor ends before its sessions only when the whole runtime does.
-            let _ = news.send(Message::News(worker, told));
-        }));
-        self.on(Event::WorkerConnected { worker, threads });
-    }
-
-    async fn run(mut self, mut inbox: mpsc::UnboundedReceiver<Message>) {
-        while let Some(message) = inbox.recv().await {
-            match message {
-                Message::Publish(replica) => {
-                    self.replicas.insert(replica.digest, replica);
+    /// Works until it is told to shut down and the last session is over, or `leaving` is cancelled.
+    pub(super) async fn run(
+        mut self,
+        mut inbox: mpsc::UnboundedReceiver<Message>,
+        leaving: CancellationToken,
+    ) {
+        let mut timer: Option<Interval> = match self.settings.schedule {
+            Schedule::Finished => None,
+            Schedule::Periodic { period } => Some(interval(period)),
+        };
+        loop {
+            let grace_ends = self.waiting.ends(self.settings.grace);
+            tokio::select! {
+                message = inbox.recv() => match message {
+                    Some(message) => self.take(message),
+                    None => return,
+                },
+                () = sleep_until(grace_ends.unwrap_or_else(Instant::now)), if grace_ends.is_some() => {
+                    self.end_grace();
                 }
-                Message::Release(digest) => {
-                    self.replicas.remove(&digest);
-                    self.on(Event::Released { digest });
-                }
-                Message::Submit(requests) => {
-                    let needs = |request: &RowRequest| vec![request.scene, request.receivers];
-                    let jobs = requests.iter().map(|(job, request)| (*job, needs(request))).collect();
-                    self.requests.extend(requests.into_iter().map(|(job, request)| (job, Arc::new(request))));
-                    self.on(Event::Submitted { jobs });
-                }
-                Message::Summarise(reply) => {
-                    // Whoever asked may have left.
-                    let _ = reply.send(self.summaries.values().cloned().collect());
-                }
-                Message::Shutdown(done) => {
-                    for worker in self.sessions.keys() {
-                        self.command(*worker, Command::Goodbye);
-                    }
-                    self.shutdown = Some(done);
-                }
-                Message::News(worker, news) => self.hear(worker, news),
+                () = tick(&mut timer) => self.on(Event::Tick),
+                // The driver left without a word.
+                () = leaving.cancelled(), if self.shutdown.is_none() => return,
             }
+            self.show();
             if self.shutdown.is_some() && self.sessions.is_empty() {
                 return;
             }
+            #[cfg(test)]
+            if self.shutdown.is_none() {
+                crate::simulation::watch::held(
+                    self.requests.len(),
+                    self.sessions.len(),
+                    self.delivered.len(),
+                );
+            }
+        }
+    }
+
+    /// Shows what the scheduler holds and counted.
+    fn show(&self) {
+        let (metrics, scheduler) = (&self.settings.metrics, &self.scheduler);
+        metrics.unfinished(self.requests.len());
+        metrics.scheduled(scheduler.duplicates_sent(), scheduler.ignored_answers());
+    }
+
+    fn take(&mut self, message: Message) {
+        match message {
+            Message::Publish(replica) => {
+                self.replicas.insert(replica.digest, replica);
+            }
+            Message::Release(digest) => {
+                self.replicas.remove(&digest);
+                self.on(Event::Released { digest });
+            }
+            Message::Submit(requests) => {
+                let jobs = requests.iter().map(|(job, request)| (*job, request.needs())).collect();
+                self.requests.extend(requests.into_iter().map(|(job, request)| (job, Arc::new(request))));
+                self.on(Event::Submitted { jobs });
+            }
+            Message::Summarise(reply) => {
+                let counts = ClusterCounts {
+                    duplicates: self.scheduler.duplicates_sent(),
+                    ignored_answers: self.scheduler.ignored_answers(),
+                    lost_workers: self.accounts.losses(),
+                };
+                // Whoever asked may have left.
+                let _ = reply.send((self.accounts.summaries(), counts));
+            }
+            Message::Shutdown(done) => {
+                self.members.leave();
+                for worker in self.sessions.keys() {
+                    self.command(*worker, Command::Goodbye);
+                }
+                self.waiting.stop();
+                self.shutdown = Some(done);
+            }
+            Message::Joined(joined) => self.join(joined),
+            Message::News(worker, news) => self.hear(worker, news),
+            Message::Failed { place, error } => self.waiting.not_reached(place, error),
+            Message::Tried { name } => {
+                self.waiting.tried(&name, &self.accounts);
+                self.look_round();
+            }
+            Message::GaveUp => {
+                self.waiting.gave_up();
+                self.look_round();
+            }
+        }
+    }
+
+    fn join(&mut self, Joined { worker, address, hello, commands, bytes_sent }: Joined) {
+        let threads = hello.threads as usize;
+        tracing::info!(worker = hello.name, address, threads, version = hello.software_version, "connected");
+        self.waiting.came(&address);
+        if self.accounts.open(worker, hello.name, address, threads, bytes_sent) {
+            self.settings.metrics.came_back();
+        }
+        if self.shutdown.is_some() {
+            // It came too late: without commands its session ends.
+            return;
+        }
+        self.sessions.insert(worker, commands);
+        self.threads.fetch_add(threads, Relaxed);
+        self.on(Event::WorkerConnected { worker, threads });
+        self.look_round();
+    }
+
+    /// Tells that the cluster is ready when it is, and gives up where nobody can come any more.
+    fn look_round(&mut self) {
+        if self.waiting.is_hopeless(!self.sessions.is_empty()) {
+            self.end_grace();
+        }
+    }
+
+    /// There was no worker for too long.
+    fn end_grace(&mut self) {
+        self.waiting.stop();
+        if let Some(threads) = self.settings.fallback.take() {
+            tracing::warn!(threads, "no worker came back in time: going on in this process");
+            self.waiting.hope_for_one_more();
+            self.members.embed(threads);
+        } else if let Some(error) = self.waiting.fail(&self.accounts) {
+            self.report(Err(error));
         }
     }
 
@@ -118,53 +214,90 @@ impl Reactor {
             News::Loaded(digest) => self.on(Event::ReplicaLoaded { worker, digest }),
             News::Finished(answer) => self.finish(worker, answer),
             News::Failed { job, reason, message } => {
+                // There is nothing to compare with any more.
+                self.delivered.remove(&job);
                 let event = match reason {
                     FailureReason::UnknownReplica => Event::ForgotReplica { worker, job },
                     FailureReason::InvalidJob => Event::Refused { worker, job },
+                    FailureReason::Cancelled => Event::Cancelled { worker, job },
                     FailureReason::Internal | FailureReason::Unspecified => {
-                        let name = &self.summaries[&worker].name;
-                        tracing::warn!(worker = name, %job, message, "a job failed");
+                        tracing::warn!(worker = self.accounts.name(worker), %job, message, "a job failed");
                         Event::Failed { worker, job }
                     }
                 };
-                let actions = self.scheduler.handle(event);
+                let actions = self.decide(event);
                 self.carry_out(actions, &message);
             }
-            News::Lost(reason) => {
-                self.sessions.remove(&worker);
-                if self.shutdown.is_some() {
-                    return;
-                }
-                if let Some(summary) = self.summaries.get_mut(&worker) {
-                    tracing::warn!(worker = summary.name, address = summary.address, %reason, "lost a worker");
-                    summary.lost = Some(reason.to_string());
-                }
-                self.on(Event::WorkerLost { worker });
-            }
+            News::Lost(reason) => self.lose(worker, &reason),
         }
     }
 
-    fn finish(&mut self, worker: WorkerId, answer: Answer) {
-        let Answer { job, rows, statistics, bytes } = answer;
-        let actions = self.scheduler.handle(Event::Finished { worker, job });
-        if actions.contains(&Action::Deliver { job }) {
-            if let Some(summary) = self.summaries.get_mut(&worker) {
-                summary.jobs += 1;
-                summary.rows += rows.len() as u64;
-                for statistics in &statistics {
-                    summary.rays += statistics.rays;
-                    summary.busy += Duration::from_nanos(statistics.busy_nanoseconds);
-                }
-                summary.bytes_received += bytes;
+    fn lose(&mut self, worker: WorkerId, reason: &LostWorkerReason) {
+        if self.sessions.remove(&worker).is_some() {
+            self.threads.fetch_sub(self.accounts.threads(worker), Relaxed);
+        }
+        self.delivered.retain(|_, delivered| delivered.holder != worker);
+        if self.shutdown.is_some() {
+            self.accounts.close(worker);
+            return;
+        }
+        self.settings.metrics.lost();
+        let (name, address) = self.accounts.lose(worker, reason.to_string());
+        if reason.is_fault() {
+            tracing::warn!(worker = name, address, %reason, "lost a worker: it is not asked again");
+        } else {
+            tracing::warn!(worker = name, address, %reason, "lost a worker");
+        }
+        if self.sessions.is_empty() && self.waiting.is_alone() {
+            tracing::warn!(seconds = self.settings.grace.as_secs_f64(), "no worker is left: waiting for one");
+        }
+        let event = Event::WorkerLost { worker, orderly: reason.is_orderly() };
+        let actions = self.decide(event);
+        self.carry_out(actions, &format!("worker {name} was lost: {reason}"));
+        self.look_round();
+    }
+
+    fn finish(&mut self, worker: WorkerId, Checked { work, digest, bytes }: Checked) {
+        let job = work.job();
+        let actions = self.decide(Event::Finished { worker, job });
+        let is_first = actions.contains(&Action::Deliver { job });
+        self.accounts.count(worker, is_first, &work, bytes);
+        self.settings.metrics.answered(is_first, work.rows(), work.rays(), work.busy(), bytes);
+        if is_first {
+            let holder = actions.iter().find_map(|action| match action {
+                Action::Cancel { worker, job: cancelled } if *cancelled == job => Some(*worker),
+                _ => None,
+            });
+            if let Some(holder) = holder {
+                self.delivered.insert(job, Delivered { digest, by: worker, holder });
             }
             self.requests.remove(&job);
-            self.report(Ok(FinishedJob { job, rows, statistics }));
+            self.report(Ok(work));
+        } else if let Some(first) = self.delivered.remove(&job)
+            && first.digest != digest
+        {
+            tracing::error!(
+                %job,
+                first = self.accounts.name(first.by),
+                second = self.accounts.name(worker),
+                "two workers gave different answers to the same job: one of them is broken, and the output is in doubt"
+            );
         }
         self.carry_out(actions, "");
     }
 
-    fn on(&mut self, event: Event) {
+    /// Asks the scheduler what is to be done. Simulations watch.
+    fn decide(&mut self, event: Event) -> Vec<Action> {
+        #[cfg(test)]
+        let told = event.clone();
         let actions = self.scheduler.handle(event);
+        #[cfg(test)]
+        crate::simulation::watch::scheduled(&told, &actions, &self.scheduler);
+        actions
+    }
+
+    fn on(&mut self, event: Event) {
+        let actions = self.decide(event);
         self.carry_out(actions, "");
     }
 
@@ -182,18 +315,15 @@ impl Reactor {
                         self.command(worker, Command::Job(job, Arc::clone(request)));
                     }
                 }
+                Action::Cancel { worker, job } => {
+                    self.settings.metrics.taken_back();
+                    self.command(worker, Command::Cancel(job));
+                }
                 // Where the answer is.
                 Action::Deliver { .. } => {}
                 Action::Abandon { job, why } => {
                     self.requests.remove(&job);
                     self.report(Err(ClusterError::Abandoned { job, why, message: message.into() }));
-                }
-                Action::AllWorkersLost => {
-                    let reason = |worker: &WorkerSummary| {
-                        format!("worker at {}: {}", worker.address, worker.lost.as_deref().unwrap_or("lost"))
-                    };
-                    let reasons = self.summaries.values().map(reason).collect();
-                    self.report(Err(ClusterError::AllWorkersLost { reasons }));
                 }
             }
         }
@@ -206,8 +336,18 @@ impl Reactor {
         }
     }
 
-    fn report(&self, result: Result<FinishedJob, ClusterError>) {
+    fn report(&self, result: Result) {
         // A driver that left needs no results.
         let _ = self.results.send(result);
+    }
+}
+
+/// Waits for the timer to ring; for ever where there is none.
+async fn tick(timer: &mut Option<Interval>) {
+    match timer {
+        Some(timer) => {
+            timer.tick().await;
+        }
+        None => std::future::pending().await,
     }
 }

@@ -1,41 +1,51 @@
-//! One worker's session: commands in, news out. Whatever goes wrong ends it, and is told once: as the loss of the worker.
+//! One worker's session: commands in, news out. Whatever goes wrong ends it, and is told in one way: as the loss of the worker.
 
 use std::collections::HashMap;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use shared::protocol::coordinator_message::Body as Outgoing;
 use shared::protocol::worker_message::Body as Incoming;
 use shared::protocol::{
-    CoordinatorMessage, FailureReason, Finished, Goodbye, JobFailed, KeepAlive, ReleaseReplica,
-    RowStatistics, WorkerMessage,
+    CancelJob, CoordinatorMessage, FailureReason, Goodbye, JobFailed, KeepAlive, ReleaseReplica,
+    WorkerMessage,
 };
 use shared::replica::{Digest, EncodedReplica};
-use shared::row::{Row, RowRequest, decode_row};
+use shared::telemetry::Held;
 use tokio::sync::mpsc;
 use tokio::task::JoinSet;
 use tokio::time::{MissedTickBehavior, interval};
 use tonic::Status;
 
+use super::answer::{Answer, Checked, check_tile};
 use super::connect::Connection;
 use super::error::words;
-use super::upload::upload;
+use super::request::Request;
+use super::upload::{UploadFailure, upload};
+use crate::metrics::Metrics;
 use crate::scheduler::JobId;
 
-/// Time from one keep-alive of the session to the next. The connection has its own below; this one notices a worker whose
-/// machine answers but whose session does not.
-const KEEP_ALIVE: Duration = Duration::from_secs(1);
+/// Time from one keep-alive of the session to the next. The only sign of life that is asked for: it goes the way of the jobs
+/// and answers, so whatever holds these up is noticed, be it the process, its machine or the network.
+const KEEP_ALIVE: Duration = Duration::from_millis(800);
 
-/// A worker that says nothing while so many keep-alives go out is lost. Counted rather than timed, so that a coordinator
-/// that was stopped for a while does not blame the worker.
+/// A worker that says nothing while so many keep-alives go out is lost: after four seconds at most. Counted rather than timed,
+/// so that a coordinator that was stopped for a while does not blame the worker.
 const MOST_UNANSWERED: u32 = 4;
+
+/// A worker that holds jobs and answers none of them during so many keep-alives is lost: after ten minutes. Jobs take
+/// milliseconds to seconds.
+const MOST_IDLE: u32 = 750;
 
 /// What a session is to do.
 pub(super) enum Command {
-    /// Have these rows computed.
-    Job(JobId, Arc<RowRequest>),
+    /// Have this computed.
+    Job(JobId, Arc<Request>),
     /// Load a replica.
     Load(EncodedReplica),
+    /// Tell the worker that nobody waits for a job any more.
+    Cancel(JobId),
     /// Tell the worker that it may forget a replica.
     Release(Digest),
     /// No more jobs.
@@ -47,7 +57,7 @@ pub(super) enum News {
     /// A replica has arrived.
     Loaded(Digest),
     /// A job is done.
-    Finished(Answer),
+    Finished(Checked),
     /// A job was not done.
     Failed {
         /// The job.
@@ -61,15 +71,6 @@ pub(super) enum News {
     Lost(LostWorkerReason),
 }
 
-/// The answer to a job, decoded and checked.
-pub(super) struct Answer {
-    pub job: JobId,
-    pub rows: Vec<Row>,
-    pub statistics: Vec<RowStatistics>,
-    /// Length of the rows as they came, in bytes.
-    pub bytes: u64,
-}
-
 /// Why a worker counts as lost.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum LostWorkerReason {
@@ -81,31 +82,48 @@ pub(super) enum LostWorkerReason {
     Broken(String),
     #[error("it is silent")]
     Silent,
+    #[error("it answers no job")]
+    Idle,
     #[error("it sends garbage: {0}")]
     Garbage(String),
     #[error("replica {0} could not be loaded: {1}")]
-    Upload(Digest, String),
+    Upload(Digest, UploadFailure),
     #[error("the coordinator leaves")]
     Leaving,
 }
 
-/// Talks to a worker until it is lost.
+impl LostWorkerReason {
+    /// Whether the worker drained and said goodbye: its jobs had nothing to do with it.
+    pub(super) fn is_orderly(&self) -> bool {
+        matches!(self, Self::Left(_) | Self::Leaving)
+    }
+
+    /// Whether the worker is at fault, so that the same process is not asked again.
+    pub(super) fn is_fault(&self) -> bool {
+        matches!(self, Self::Garbage(_) | Self::Upload(_, UploadFailure::Refused(_)))
+    }
+}
+
+/// Talks to a worker until it is lost. Tells everything but the loss, which it returns.
 pub(super) async fn run(
     connection: Connection,
     mut commands: mpsc::UnboundedReceiver<Command>,
+    bytes_sent: Arc<AtomicU64>,
+    metrics: Metrics,
     tell: impl Fn(News),
-) {
+) -> LostWorkerReason {
     let Connection { mut inbound, outbound, uploads: upload_client, remote, .. } = connection;
-    let mut session = Session { outbound, under_way: HashMap::new(), tell };
+    let mut session = Session { outbound, under_way: HashMap::new(), idle: 0, bytes_sent, metrics, tell };
     let mut uploads = JoinSet::new();
     let mut unanswered = 0;
     let mut keep_alive = interval(KEEP_ALIVE);
     keep_alive.set_missed_tick_behavior(MissedTickBehavior::Delay);
 
-    let reason = loop {
+    loop {
         let step = tokio::select! {
             command = commands.recv() => match command {
                 Some(Command::Load(replica)) => {
+                    session.count_sent(replica.bytes.len());
                     uploads.spawn(upload(upload_client.clone(), replica));
                     Ok(())
                 }
@@ -121,31 +139,43 @@ pub(super) async fn run(
                     (session.tell)(News::Loaded(digest));
                     Ok(())
                 }
-                Ok((digest, Err(status))) => Err(LostWorkerReason::Upload(digest, words(&status))),
+                Ok((digest, Err(failure))) => Err(LostWorkerReason::Upload(digest, failure)),
                 Err(error) => Err(LostWorkerReason::Broken(error.to_string())),
             },
             // A worker in this very process cannot be lost alone.
             _ = keep_alive.tick(), if remote => {
                 unanswered += 1;
+                session.idle = if session.under_way.is_empty() { 0 } else { session.idle + 1 };
                 if unanswered > MOST_UNANSWERED {
                     Err(LostWorkerReason::Silent)
+                } else if session.idle > MOST_IDLE {
+                    Err(LostWorkerReason::Idle)
                 } else {
                     session.send(Outgoing::KeepAlive(KeepAlive { number: unanswered.into() }))
                 }
             }
         };
         if let Err(reason) = step {
-            break reason;
+            // Both halves are dropped here, and uploads with them.
+            return reason;
         }
-    };
-    (session.tell)(News::Lost(reason));
-    // Both halves are dropped here, and uploads with them.
+    }
+}
+
+/// Rows where a tile was asked for, or the other way round.
+fn other_kind(job: u64) -> LostWorkerReason {
+    LostWorkerReason::Garbage(format!("an answer of another kind to job {job}"))
 }
 
 struct Session<T> {
     outbound: mpsc::UnboundedSender<CoordinatorMessage>,
-    /// What the worker was asked and has not answered.
-    under_way: HashMap<JobId, Arc<RowRequest>>,
+    /// What the worker was asked and has not answered, each counted for as long as it is here.
+    under_way: HashMap<JobId, (Arc<Request>, Held)>,
+    /// Keep-alives since the last answer to a job.
+    idle: u32,
+    /// Length of the replicas and jobs sent.
+    bytes_sent: Arc<AtomicU64>,
+    metrics: Metrics,
     tell: T,
 }
 
@@ -159,10 +189,12 @@ impl<T: Fn(News)> Session<T> {
     fn obey(&mut self, command: Command) -> Result<(), LostWorkerReason> {
         match command {
             Command::Job(job, request) => {
-                let message = request.to_job(job.0);
-                self.under_way.insert(job, request);
-                self.send(Outgoing::Job(message))
+                let body = request.to_body(job);
+                self.count_sent(body.encoded_len());
+                self.under_way.insert(job, (request, self.metrics.in_flight()));
+                self.send(body)
             }
+            Command::Cancel(job) => self.send(Outgoing::Cancel(CancelJob { job_id: job.0 })),
             Command::Release(digest) => {
                 self.send(Outgoing::Release(ReleaseReplica { digest: digest.to_bytes() }))
             }
@@ -180,7 +212,16 @@ impl<T: Fn(News)> Session<T> {
         match message.body {
             Some(Incoming::Finished(finished)) => {
                 let request = self.answered(finished.job_id)?;
-                let answer = decode(&request, &finished).map_err(LostWorkerReason::Garbage)?;
+                let Request::Rows(rows) = &*request else { return Err(other_kind(finished.job_id)) };
+                let answer = Answer::check(rows, &finished)
+                    .map_err(|error| LostWorkerReason::Garbage(error.to_string()))?;
+                (self.tell)(News::Finished(answer.into()));
+            }
+            Some(Incoming::Tile(finished)) => {
+                let request = self.answered(finished.job_id)?;
+                let Request::Tile(tile) = &*request else { return Err(other_kind(finished.job_id)) };
+                let answer = check_tile(tile, &finished)
+                    .map_err(|error| LostWorkerReason::Garbage(error.to_string()))?;
                 (self.tell)(News::Finished(answer));
             }
             Some(Incoming::Failed(JobFailed { job_id, reason, message })) => {
@@ -197,31 +238,16 @@ impl<T: Fn(News)> Session<T> {
         Ok(())
     }
 
+    fn count_sent(&self, bytes: usize) {
+        self.bytes_sent.fetch_add(bytes as u64, Ordering::Relaxed);
+        self.metrics.sent(bytes as u64);
+    }
+
     /// What an answered job asked for.
-    fn answered(&mut self, job: u64) -> Result<Arc<RowRequest>, LostWorkerReason> {
-        self.under_way.remove(&JobId(job)).ok_or_else(|| {
+    fn answered(&mut self, job: u64) -> Result<Arc<Request>, LostWorkerReason> {
+        self.idle = 0;
+        self.under_way.remove(&JobId(job)).map(|(request, _)| request).ok_or_else(|| {
             LostWorkerReason::Garbage(format!("an answer to job {job}, which it does not hold"))
         })
     }
-}
-
-/// Decodes the rows of a job and checks that they are what was asked for.
-fn decode(request: &RowRequest, finished: &Finished) -> Result<Answer, String> {
-    let job = JobId(finished.job_id);
-    let (expected, found) = (request.shooters.len(), finished.rows.len());
-    if found != expected {
-        return Err(format!("{found} rows for job {job}, which asks for {expected}"));
-    }
-    let costs = finished.statistics.len();
-    if costs != expected {
-        return Err(format!("statistics of {costs} rows for job {job}, which asks for {expected}"));
-    }
-    let decode = |bytes: &tonic::codegen::Bytes| decode_row(bytes, request.receiver_count as usize);
-    let rows: Result<_, _> = finished.rows.iter().map(decode).collect();
-    Ok(Answer {
-        job,
-        rows: rows.map_err(|error| format!("job {job}: {error}"))?,
-        statistics: finished.statistics.clone(),
-        bytes: finished.rows.iter().map(|row| row.len() as u64).sum(),
-    })
 }

@@ -1,26 +1,61 @@
 //! A replica on its way to a worker.
 
+use std::time::Duration;
+
 use shared::protocol::replica_chunk::Body;
 use shared::protocol::worker_client::WorkerClient;
-use shared::protocol::{ReplicaChunk, ReplicaHeader};
+use shared::protocol::{LoadReplicaReply, ReplicaChunk, ReplicaHeader};
 use shared::replica::{Digest, EncodedReplica};
-use tonic::Status;
-use tonic::transport::Channel;
+use shared::security::SecuredChannel;
+use tokio::time::timeout;
+
+use super::error::{is_refusal, words};
 
 /// Bytes in one chunk: large enough to cost nothing, small enough that other messages get in between.
 const CHUNK_BYTES: usize = 256 << 10;
 
+/// An upload may take so long, and a second more for each [`SLOWEST_BYTES`].
+const UPLOAD_TIMEOUT: Duration = Duration::from_secs(60);
+const SLOWEST_BYTES: u64 = 100_000;
+
+/// Why a replica is not on a worker.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum UploadFailure {
+    /// The worker itself says no, or says something that cannot be: it would do so again.
+    #[error("{0}")]
+    Refused(String),
+    /// The connection failed.
+    #[error("{0}")]
+    Broken(String),
+}
+
 /// Loads a replica to a worker; ends when the worker can use it.
 pub(super) async fn upload(
-    mut client: WorkerClient<Channel>,
+    mut client: WorkerClient<SecuredChannel>,
     replica: EncodedReplica,
-) -> (Digest, Result<(), Status>) {
+) -> (Digest, Result<(), UploadFailure>) {
     let digest = replica.digest;
-    let loaded = client.load_replica(tokio_stream::iter(chunks(replica))).await;
-    if let Ok(reply) = &loaded {
-        tracing::debug!(replica = %digest, already_held = reply.get_ref().already_held, "replica loaded");
+    let limit = UPLOAD_TIMEOUT + Duration::from_secs(replica.bytes.len() as u64 / SLOWEST_BYTES);
+    let loading = client.load_replica(tokio_stream::iter(chunks(replica)));
+    let result = match timeout(limit, loading).await {
+        Err(_) => Err(UploadFailure::Broken(format!("it took more than {} s", limit.as_secs()))),
+        Ok(Err(status)) if is_refusal(&status) => Err(UploadFailure::Refused(words(&status))),
+        Ok(Err(status)) => Err(UploadFailure::Broken(words(&status))),
+        Ok(Ok(reply)) => check(digest, reply.get_ref()),
+    };
+    (digest, result)
+}
+
+/// Holds the worker's digest of what it holds against the one that it was sent.
+fn check(digest: Digest, reply: &LoadReplicaReply) -> Result<(), UploadFailure> {
+    match Digest::try_from(reply.digest.as_ref()) {
+        Ok(theirs) if theirs == digest => {
+            tracing::debug!(replica = %digest, already_held = reply.already_held, "replica loaded");
+            Ok(())
+        }
+        Ok(theirs) => Err(UploadFailure::Refused(format!("it says that it holds replica {theirs}"))),
+        Err(error) => Err(UploadFailure::Refused(error.to_string())),
     }
-    (digest, loaded.map(|_| ()))
 }
 
 /// The header, then the bytes, which are shared and not copied.

@@ -3,6 +3,7 @@
 use glam::DVec3;
 use gltf::accessor::{DataType, Dimensions, Item, Iter};
 use gltf::{Accessor, Semantic};
+use smallvec::SmallVec;
 
 use super::ExportError;
 use crate::scene::{Facet, SourceTriangle};
@@ -10,18 +11,27 @@ use crate::scene::{Facet, SourceTriangle};
 /// Below this barycentric coordinate a point counts as outside a triangle: some ten thousand roundings of f64.
 const OUTSIDE: f64 = -1e-9;
 
+/// Name of the attribute that keeps the input's `COLOR_0`, without its underscore.
+pub(super) const TINT: &str = "COLOR_0";
+
+/// Name of the attribute of the irradiance, without its underscore; those of its parts begin with it.
+pub(super) const IRRADIANCE: &str = "IRRADIANCE";
+
 /// An attribute of the input, as floats.
 pub(super) struct SourceAttribute {
     /// Its name.
     pub(super) semantic: Semantic,
     /// Components per vertex.
     pub(super) width: usize,
+    /// Whether it is what the input multiplies base colour by.
+    pub(super) is_tint: bool,
     /// Components of all vertices, normalised integers already in [0, 1] or [-1, 1].
     values: Vec<f64>,
 }
 
 /// Reads the attributes that the refined mesh takes over: neither those that it has of its own (`POSITION`, `NORMAL`,
-/// `COLOR_0`, `_IRRADIANCE`) nor those that belong to an undone pose (`JOINTS`, `WEIGHTS`).
+/// `_IRRADIANCE` and what begins like it) nor those that belong to an undone pose (`JOINTS`, `WEIGHTS`). `COLOR_0`, which the
+/// light is multiplied by, is also kept by itself, as [`TINT`].
 ///
 /// Matrices, which only application-specific attributes have, are left out.
 pub(super) fn read(
@@ -31,9 +41,9 @@ pub(super) fn read(
     let mut attributes = Vec::new();
     for (semantic, accessor) in primitive.attributes() {
         let own = match &semantic {
-            Semantic::Positions | Semantic::Normals | Semantic::Colors(0) => true,
+            Semantic::Positions | Semantic::Normals => true,
             Semantic::Joints(_) | Semantic::Weights(_) => true,
-            Semantic::Extras(name) => name == "IRRADIANCE",
+            Semantic::Extras(name) => name == TINT || name.starts_with(IRRADIANCE),
             _ => false,
         };
         let width = accessor.dimensions().multiplicity();
@@ -42,7 +52,9 @@ pub(super) fn read(
         }
         let values = components(&accessor, buffers)
             .ok_or_else(|| ExportError::Buffer(format!("attribute {}", semantic.to_string())))?;
-        attributes.push(SourceAttribute { semantic, width, values });
+        let is_tint = semantic == Semantic::Colors(0) && width >= 3;
+        let semantic = if is_tint { Semantic::Extras(TINT.into()) } else { semantic };
+        attributes.push(SourceAttribute { semantic, width, is_tint, values });
     }
     Ok(attributes)
 }
@@ -131,20 +143,26 @@ fn barycentric(triangle: &SourceTriangle, point: DVec3) -> DVec3 {
 }
 
 impl SourceAttribute {
+    /// Components that the output keeps. Of a colour that light is multiplied by the alpha stands in `COLOR_0` already, and the
+    /// attributes that the exporter adds are all of one shape: Blender's importer (4.5) mixes up those of different shapes.
+    pub(super) fn kept_width(&self) -> usize {
+        if self.is_tint { 3 } else { self.width }
+    }
+
     /// Appends the attribute at a point. `None` when the attribute has fewer vertices than the triangle names.
     pub(super) fn interpolate(&self, point: &SourcePoint, out: &mut Vec<f32>) -> Option<()> {
         let at = |vertex: u32| self.values.chunks_exact(self.width).nth(vertex as usize);
         let [a, b, c] = point.vertices.map(at);
         let (a, b, c) = (a?, b?, c?);
         let weights = point.weights.to_array();
-        let mut values: Vec<f64> =
+        let mut values: SmallVec<[f64; 4]> =
             (0..self.width).map(|i| weights[0] * a[i] + weights[1] * b[i] + weights[2] * c[i]).collect();
         if self.semantic == Semantic::Tangents {
             // A tangent has unit length and, as its fourth component, a sign: neither survives a mean.
             let direction = DVec3::from_slice(&values);
             let unit = direction.try_normalize().unwrap_or_else(|| DVec3::from_slice(a));
-            values = vec![unit.x, unit.y, unit.z, a[3]];
-        } else if matches!(self.semantic, Semantic::Colors(_)) {
+            values = SmallVec::from([unit.x, unit.y, unit.z, a[3]]);
+        } else if self.is_tint || matches!(self.semantic, Semantic::Colors(_)) {
             values.iter_mut().for_each(|value| *value = value.clamp(0.0, 1.0));
         }
         out.extend(values.iter().map(|value| *value as f32));

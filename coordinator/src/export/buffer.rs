@@ -77,6 +77,17 @@ impl NewData {
         target: Target,
         accessor: Accessor,
     ) -> Index<Accessor> {
+        let view = self.push_view(root, bytes, Some(target));
+        root.push(Accessor { buffer_view: Some(view), ..accessor })
+    }
+
+    /// Adds a buffer view of these bytes.
+    pub(super) fn push_view(
+        &mut self,
+        root: &mut Root,
+        bytes: Vec<u8>,
+        target: Option<Target>,
+    ) -> Index<View> {
         pad(&mut self.bytes);
         let view = root.push(View {
             buffer: self.buffer,
@@ -84,12 +95,12 @@ impl NewData {
             byte_offset: Some(self.bytes.len().into()),
             byte_stride: None,
             name: None,
-            target: Some(Valid(target)),
+            target: target.map(Valid),
             extensions: None,
             extras: None,
         });
         self.bytes.extend(bytes);
-        root.push(Accessor { buffer_view: Some(view), ..accessor })
+        view
     }
 }
 
@@ -111,16 +122,22 @@ fn accessor(component: ComponentType, type_: Type, count: usize) -> Accessor {
     }
 }
 
-/// Drops the accessors and buffer views that nothing names any more and joins the rest in one buffer, which it returns.
+/// Drops the accessors and buffer views that nothing names any more and joins the rest in one buffer, which it returns. The
+/// first `pinned` of either stay where they are.
 ///
 /// # Errors
 /// When a view lies outside its buffer, or the buffer becomes larger than the format's 4 GiB.
-pub(super) fn gather(root: &mut Root, buffers: &[Vec<u8>], new: NewData) -> Result<Vec<u8>, ExportError> {
+pub(super) fn gather(
+    root: &mut Root,
+    buffers: &[Vec<u8>],
+    new: NewData,
+    pinned: usize,
+) -> Result<Vec<u8>, ExportError> {
     let buffers: Vec<&[u8]> = buffers.iter().map(Vec::as_slice).chain([new.bytes.as_slice()]).collect();
     let accessors = mem::take(&mut root.accessors);
-    root.accessors = retain(accessors, accessor_references(root), |_| false)?;
+    root.accessors = retain(accessors, accessor_references(root), |index| index < pinned)?;
     let views = mem::take(&mut root.buffer_views);
-    root.buffer_views = retain(views, view_references(root), |_| false)?;
+    root.buffer_views = retain(views, view_references(root), |index| index < pinned)?;
 
     let mut joined = Vec::new();
     for (index, view) in root.buffer_views.iter_mut().enumerate() {

@@ -2,19 +2,20 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::mem;
+use std::path::Path;
 
 use gltf::Semantic;
 use gltf::json::animation::Property;
-use gltf::json::extras::RawValue;
 use gltf::json::mesh::{Mode, Primitive};
 use gltf::json::validation::Checked::Valid;
-use gltf::json::{Index, Mesh, Root};
+use gltf::json::{Index, Material, Mesh, Root};
 use serde_json::{Map, Value, json};
 
+use super::attributes::IRRADIANCE;
 use super::buffer::{self, NewData};
 use super::materials::{LitMaterials, complete_texture_transforms};
-use super::refined::{Placement, RefinedPrimitive, refine};
-use super::{ExportError, ExportSettings, attributes};
+use super::refined::{Placement, RefinedPrimitive, Show, refine};
+use super::{Domain, ExportError, ExportSettings, attributes, extensions, images, layers, materials};
 use crate::lit::LitMesh;
 use crate::placement::world_matrices;
 use crate::scene::{Scene, Side};
@@ -28,23 +29,38 @@ pub(super) struct Assembled {
     pub(super) vertices: usize,
     /// Triangles of the lit primitives.
     pub(super) triangles: usize,
+    /// What could not be kept, in words for the user.
+    pub(super) warnings: Vec<String>,
 }
 
 /// Lit sides, as indices into the scene's surfaces, by primitive.
 type LitPrimitives = BTreeMap<usize, Vec<usize>>;
 
 /// Puts the refined geometry into a copy of the input document.
-pub(super) fn assemble(scene: &Scene, lit: &LitMesh, exposure: f64) -> Result<Assembled, ExportError> {
-    let mut assembler = Assembler::new(scene, lit, exposure)?;
+pub(super) fn assemble(
+    scene: &Scene,
+    lit: &LitMesh,
+    exposure: f64,
+    domain: Domain,
+    output: &Path,
+) -> Result<Assembled, ExportError> {
+    let mut assembler = Assembler::new(scene, lit, exposure, domain)?;
     let lit_nodes = lit_nodes(scene, lit)?;
+    // A mesh that an unlit node shows as well must stay as it is.
+    let unlit = |(node, _): &(usize, &gltf::json::Node)| !lit_nodes.contains_key(node);
+    let nodes = scene.source.root.nodes.iter().enumerate().filter(unlit);
+    assembler.taken_meshes = nodes.filter_map(|(_, node)| node.mesh).map(|mesh| mesh.value()).collect();
     for (&node, primitives) in &lit_nodes {
         assembler.light_node(node, primitives)?;
     }
-    assembler.drop_replaced(&lit_nodes)?;
+    assembler.settle_materials()?;
+    assembler.end_shape_animations(&lit_nodes);
     complete_texture_transforms(&mut assembler.root);
-    let Assembler { mut root, new, vertices, triangles, .. } = assembler;
-    let binary = buffer::gather(&mut root, &scene.source.buffers, new)?;
-    Ok(Assembled { root, binary, vertices, triangles })
+    let Assembler { mut root, mut new, vertices, triangles, .. } = assembler;
+    let warnings = images::embed(&mut root, &scene.source, output, &mut new)?;
+    let pinned = extensions::pinned(&scene.source.root)?;
+    let binary = buffer::gather(&mut root, &scene.source.buffers, new, pinned)?;
+    Ok(Assembled { root, binary, vertices, triangles, warnings })
 }
 
 /// The lit sides of each node. A side without triangles, which glTF cannot express, does not count.
@@ -69,31 +85,37 @@ struct Assembler<'a> {
     scene: &'a Scene,
     lit: &'a LitMesh,
     exposure: f64,
+    domain: Domain,
+    /// Names of the attributes of the lit mesh's layers.
+    layers: Vec<Semantic>,
     /// The input, to read from while the output changes.
     document: gltf::Document,
     world: Vec<glam::DMat4>,
     root: Root,
     new: NewData,
     materials: LitMaterials,
-    replaced_meshes: BTreeSet<usize>,
+    /// Meshes of the input whose places are not free.
+    taken_meshes: BTreeSet<usize>,
     vertices: usize,
     triangles: usize,
 }
 
 impl<'a> Assembler<'a> {
-    fn new(scene: &'a Scene, lit: &'a LitMesh, exposure: f64) -> Result<Self, ExportError> {
+    fn new(scene: &'a Scene, lit: &'a LitMesh, exposure: f64, domain: Domain) -> Result<Self, ExportError> {
         let root = scene.source.root.clone();
         let document = gltf::Document::from_json_without_validation(root.clone());
         Ok(Self {
             scene,
             lit,
             exposure,
+            domain,
+            layers: layers::semantics(lit)?,
             world: world_matrices(&document),
             document,
             new: NewData::new(scene.source.buffers.len()),
             root,
             materials: LitMaterials::default(),
-            replaced_meshes: BTreeSet::new(),
+            taken_meshes: BTreeSet::new(),
             vertices: 0,
             triangles: 0,
         })
@@ -102,8 +124,9 @@ impl<'a> Assembler<'a> {
     /// Gives the node a mesh of its own, with its light.
     fn light_node(&mut self, node: usize, primitives: &LitPrimitives) -> Result<(), ExportError> {
         let missing = || ExportError::Mismatch(format!("node {node} has no mesh"));
-        let source = self.root.nodes.get(node).and_then(|node| node.mesh).ok_or_else(missing)?;
-        let mut mesh: Mesh = self.root.get(source).ok_or_else(missing)?.clone();
+        let input = &self.scene.source.root;
+        let source = input.nodes.get(node).and_then(|node| node.mesh).ok_or_else(missing)?;
+        let mut mesh: Mesh = input.get(source).ok_or_else(missing)?.clone();
         // Pose and expression are those that the light was computed with.
         mesh.weights = None;
         for primitive in &mut mesh.primitives {
@@ -129,10 +152,15 @@ impl<'a> Assembler<'a> {
             further_sides.extend(sides);
         }
         mesh.primitives.extend(further_sides);
-        let mesh = self.root.push(mesh);
-        self.replaced_meshes.insert(source.value());
+        // The first takes the place of the input's mesh: what names it by its index then means the lit one.
+        let place = if self.taken_meshes.insert(source.value()) {
+            self.root.meshes[source.value()] = mesh;
+            source
+        } else {
+            self.root.push(mesh)
+        };
         let node = &mut self.root.nodes[node];
-        node.mesh = Some(mesh);
+        node.mesh = Some(place);
         node.skin = None;
         node.weights = None;
         Ok(())
@@ -156,28 +184,34 @@ impl<'a> Assembler<'a> {
             .ok_or_else(|| ExportError::SingularNode(surface.name.clone()))?;
         let attributes = attributes::read(&source, &self.scene.source.buffers)?;
         let triangles = &self.lit.surfaces[surface_index];
-        let refined = refine(surface, triangles, self.lit, &placement, self.exposure, &attributes)?;
+        let glows = materials::glows(self.lit, surface, triangles)?;
+        let diffuse =
+            materials::diffuse_part(original.material.and_then(|index| self.root.get(index)), glows);
+        let show = Show { exposure: self.exposure, diffuse, domain: self.domain };
+        let refined = refine(surface, triangles, self.lit, &placement, show, &attributes)?;
         self.vertices += refined.positions.len();
         self.triangles += triangles.len();
         let one_side = self.scene.surfaces.iter().any(|other| {
             other.side == Side::Back && (other.node, other.primitive) == (surface.node, surface.primitive)
         });
-        let material = self.materials.lit(&mut self.root, original.material, one_side);
+        let material = self.materials.lit(&mut self.root, original.material, one_side, glows)?;
         Ok(self.store(refined, Primitive { material: Some(material), ..original.clone() }))
     }
 
     /// Puts geometry in place of the primitive's own.
     fn store(&mut self, refined: RefinedPrimitive, primitive: Primitive) -> Primitive {
+        let vertices = refined.positions.len();
+        let colour_width = refined.colour_width();
         let own = [
-            (Semantic::Positions, refined.positions),
-            (Semantic::Normals, refined.normals),
-            (Semantic::Colors(0), refined.colours),
-            (Semantic::Extras("IRRADIANCE".into()), refined.irradiances),
+            (Semantic::Positions, 3, refined.positions.into_flattened()),
+            (Semantic::Normals, 3, refined.normals.into_flattened()),
+            (Semantic::Colors(0), colour_width, refined.colours),
+            (Semantic::Extras(IRRADIANCE.into()), 3, refined.irradiances.into_flattened()),
         ];
-        let vertices = own[0].1.len();
+        let layers = self.layers.clone().into_iter().zip(refined.layers);
         let attributes = own
             .into_iter()
-            .map(|(semantic, values)| (semantic, 3, values.into_flattened()))
+            .chain(layers.map(|(semantic, values)| (semantic, 3, values.into_flattened())))
             .chain(refined.further)
             .map(|(semantic, width, values)| {
                 let accessor = self.new.push_attribute(&mut self.root, &semantic, width, &values);
@@ -188,29 +222,48 @@ impl<'a> Assembler<'a> {
         Primitive { attributes, indices, mode: Valid(Mode::Triangles), targets: None, ..primitive }
     }
 
-    /// Removes meshes and materials that only lit nodes used, and what animated the shape of lit meshes.
-    fn drop_replaced(&mut self, lit_nodes: &BTreeMap<usize, LitPrimitives>) -> Result<(), ExportError> {
+    /// Puts lit materials in the places of those that nothing else uses.
+    fn settle_materials(&mut self) -> Result<(), ExportError> {
         let root = &mut self.root;
-        let meshes = mem::take(&mut root.meshes);
-        let used = root.nodes.iter_mut().filter_map(|node| node.mesh.as_mut()).collect();
-        root.meshes = buffer::retain(meshes, used, |mesh| !self.replaced_meshes.contains(&mesh))?;
+        let inputs = self.scene.source.root.materials.len();
+        let mut used: Vec<&mut Index<Material>> = root
+            .meshes
+            .iter_mut()
+            .flat_map(|mesh| &mut mesh.primitives)
+            .filter_map(|p| p.material.as_mut())
+            .collect();
+        let mut taken: BTreeSet<usize> = used.iter().map(|index| index.value()).collect();
+        for (original, lit) in self.materials.lit_counterparts() {
+            if taken.insert(original) {
+                let lit_ones = used.iter_mut().filter(|index| index.value() == lit.value());
+                lit_ones.for_each(|index| **index = Index::new(original as u32));
+                root.materials.swap(original, lit.value());
+            }
+        }
         let materials = mem::take(&mut root.materials);
-        let primitives = root.meshes.iter_mut().flat_map(|mesh| &mut mesh.primitives);
-        let used = primitives.filter_map(|primitive| primitive.material.as_mut()).collect();
-        root.materials = buffer::retain(materials, used, |material| !self.materials.replaces(material))?;
-        for animation in &mut root.animations {
+        root.materials = buffer::retain(materials, used, |material| material < inputs)?;
+        Ok(())
+    }
+
+    /// Removes what animated the shape of lit meshes.
+    fn end_shape_animations(&mut self, lit_nodes: &BTreeMap<usize, LitPrimitives>) {
+        for animation in &mut self.root.animations {
             animation.channels.retain(|channel| {
                 channel.target.path != Valid(Property::MorphTargetWeights)
                     || !lit_nodes.contains_key(&channel.target.node.value())
             });
         }
-        root.animations.retain(|animation| !animation.channels.is_empty());
-        Ok(())
+        self.root.animations.retain(|animation| !animation.channels.is_empty());
     }
 }
 
 /// Writes down who made the output and how, and which extensions it uses.
-pub(super) fn describe(root: &mut Root, exposure: f64, settings: &ExportSettings) -> Result<(), ExportError> {
+pub(super) fn describe(
+    root: &mut Root,
+    lit: &LitMesh,
+    exposure: f64,
+    settings: &ExportSettings,
+) -> Result<(), ExportError> {
     let mut halflight = match &settings.extras {
         Value::Object(members) => members.clone(),
         Value::Null => Map::new(),
@@ -218,35 +271,11 @@ pub(super) fn describe(root: &mut Root, exposure: f64, settings: &ExportSettings
     };
     halflight.insert("exposure".into(), json!(exposure));
     halflight.insert("unit".into(), json!(settings.unit));
-    let mut extras =
-        match root.asset.extras.as_deref().map(|raw| serde_json::from_str(raw.get())).transpose()? {
-            Some(Value::Object(members)) => members,
-            None | Some(Value::Null) => Map::new(),
-            Some(other) => Map::from_iter([("source".to_owned(), other)]),
-        };
-    extras.insert("halflight".into(), halflight.into());
-    root.asset.extras = Some(RawValue::from_string(serde_json::to_string(&extras)?)?);
+    if !lit.layers.is_empty() {
+        halflight.insert("groups".into(), layers::describe(lit)?);
+    }
+    extensions::note(&mut root.asset.extras, halflight)?;
     root.asset.generator = Some(concat!("Halflight ", env!("CARGO_PKG_VERSION")).into());
 
-    let mut used = BTreeSet::new();
-    extensions(&root.to_value()?, &mut used);
-    root.extensions_required.retain(|name| used.contains(name));
-    root.extensions_used = used.into_iter().collect();
-    Ok(())
-}
-
-/// Collects the names of the extensions in a glTF object and everything in it but extras, where anything may stand.
-fn extensions(value: &Value, names: &mut BTreeSet<String>) {
-    match value {
-        Value::Array(items) => items.iter().for_each(|item| extensions(item, names)),
-        Value::Object(members) => {
-            for (key, member) in members.iter().filter(|(key, _)| *key != "extras") {
-                if let (true, Value::Object(used)) = (key == "extensions", member) {
-                    names.extend(used.keys().cloned());
-                }
-                extensions(member, names);
-            }
-        }
-        _ => {}
-    }
+    extensions::declare(root)
 }

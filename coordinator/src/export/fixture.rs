@@ -73,7 +73,7 @@ impl Builder {
     pub(crate) fn import(self, root: Value) -> Scene {
         let (root, bytes) = self.finish(root);
         let root = gltf::json::Root::from_str(&root.to_string()).unwrap();
-        import(SourceDocument { root, buffers: vec![bytes] })
+        import(SourceDocument { root, buffers: vec![bytes], folder: None })
     }
 }
 
@@ -85,7 +85,11 @@ pub(crate) fn test_scene(name: &str) -> PathBuf {
 /// A binary glTF, imported.
 pub(crate) fn open(name: &str) -> Scene {
     let gltf = gltf::Gltf::open(test_scene(name)).unwrap();
-    import(SourceDocument { root: gltf.document.into_json(), buffers: vec![gltf.blob.unwrap()] })
+    import(SourceDocument {
+        root: gltf.document.into_json(),
+        buffers: vec![gltf.blob.unwrap()],
+        folder: None,
+    })
 }
 
 /// One facet per triangle, and a frame that is not the world's. Two triangles on the same four vertices become one facet,
@@ -118,6 +122,8 @@ fn import(source: SourceDocument) -> Scene {
                     name: format!("{} ({side:?})", node.name().unwrap_or("node")),
                     reflectance: DVec3::new(r, g, b) * (1.0 - f64::from(pbr.metallic_factor())),
                     exitance: DVec3::from_array(material.emissive_factor().map(f64::from)),
+                    opacity: 1.0,
+                    appearance: None,
                     facets: facets(&positions, &indices, reversed),
                 });
             }
@@ -126,10 +132,12 @@ fn import(source: SourceDocument) -> Scene {
     Scene {
         source,
         surfaces,
-        point_lights: vec![],
+        lights: vec![],
+        sky: DVec3::ZERO,
         frame,
         plane_count: 1,
         warnings: vec![],
+        account: Default::default(),
         degenerate_triangles: 0,
     }
 }

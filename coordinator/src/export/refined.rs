@@ -2,12 +2,13 @@
 
 use std::collections::HashMap;
 
-use glam::{DMat3, DMat4, DVec3};
+use glam::{DMat3, DMat4, DVec3, Vec3};
 use gltf::Semantic;
+use smallvec::SmallVec;
 
-use super::ExportError;
 use super::attributes::{self, SourceAttribute};
 use super::exposure::{corners, display_colour};
+use super::{Domain, ExportError};
 use crate::lit::{LitMesh, LitTriangle, LitVertex};
 use crate::scene::{Frame, Surface};
 
@@ -16,12 +17,33 @@ use crate::scene::{Frame, Surface};
 pub(super) struct RefinedPrimitive {
     pub(super) positions: Vec<[f32; 3]>,
     pub(super) normals: Vec<[f32; 3]>,
-    pub(super) colours: Vec<[f32; 3]>,
+    /// `COLOR_0`: of four components where the input's has four, else of three.
+    pub(super) colours: Vec<f32>,
     pub(super) irradiances: Vec<[f32; 3]>,
+    /// Irradiance of each layer of the lit mesh.
+    pub(super) layers: Vec<Vec<[f32; 3]>>,
     /// Name, components per vertex and components of every further attribute.
     pub(super) further: Vec<(Semantic, usize, Vec<f32>)>,
     /// Three per triangle, counter-clockwise in glTF's sense.
     pub(super) indices: Vec<u32>,
+}
+
+impl RefinedPrimitive {
+    /// Components of a colour.
+    pub(super) fn colour_width(&self) -> usize {
+        self.colours.len() / self.positions.len().max(1)
+    }
+}
+
+/// How the light of a primitive is shown.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Show {
+    /// `COLOR_0` per unit of irradiance.
+    pub(super) exposure: f64,
+    /// Part of the base colour that reflects diffusely.
+    pub(super) diffuse: f64,
+    /// Which vertices triangles share.
+    pub(super) domain: Domain,
 }
 
 /// From the frame to a node's coordinates.
@@ -50,7 +72,7 @@ impl Placement {
     }
 }
 
-/// Collects the triangles of a surface, one vertex for every different set of attributes.
+/// Collects the triangles of a surface: one vertex for every different set of attributes, or for every corner.
 ///
 /// # Errors
 /// When a value is not finite in f32, or the lit mesh does not fit the surface.
@@ -59,14 +81,21 @@ pub(super) fn refine(
     triangles: &[LitTriangle],
     lit: &LitMesh,
     placement: &Placement,
-    exposure: f64,
+    show: Show,
     source: &[SourceAttribute],
 ) -> Result<RefinedPrimitive, ExportError> {
+    let tint = source.iter().position(|attribute| attribute.is_tint).map(|at| {
+        let first = source[..at].iter().map(|attribute| attribute.width).sum();
+        first..first + source[at].width
+    });
+    let tint = tint.unwrap_or(0..0);
     let mut refined = RefinedPrimitive {
-        further: source.iter().map(|a| (a.semantic.clone(), a.width, Vec::new())).collect(),
+        layers: vec![vec![]; lit.layers.len()],
+        further: source.iter().map(|a| (a.semantic.clone(), a.kept_width(), Vec::new())).collect(),
         ..RefinedPrimitive::default()
     };
-    let mut known: HashMap<(u32, Vec<u32>), u32> = HashMap::new();
+    let mut known: HashMap<(u32, SmallVec<[u32; 8]>), u32> = HashMap::new();
+    let mut values = Vec::new();
     for triangle in triangles {
         let corners = corners(lit, triangle)?;
         let middle = corners.iter().map(|corner| corner.position).sum::<DVec3>() / 3.0;
@@ -75,7 +104,7 @@ pub(super) fn refine(
         })?;
         let mut indices = [0; 3];
         for ((index, &vertex), corner) in indices.iter_mut().zip(&triangle.vertices).zip(corners) {
-            let mut values = Vec::new();
+            values.clear();
             if !source.is_empty() {
                 let point = attributes::locate(facet, middle, corner.position);
                 point
@@ -85,10 +114,12 @@ pub(super) fn refine(
                     })?;
             }
             let key = (vertex, values.iter().map(|value| value.to_bits()).collect());
-            *index = match known.get(&key) {
-                Some(&index) => index,
+            let shared = if show.domain == Domain::Vertex { known.get(&key).copied() } else { None };
+            *index = match shared {
+                Some(index) => index,
                 None => {
-                    let index = refined.push(surface, corner, &values, placement, exposure)?;
+                    let index = refined.push(surface, corner, source, &values, placement)?;
+                    refined.push_light(surface, lit, vertex, &values[tint.clone()], show)?;
                     known.insert(key, index);
                     index
                 }
@@ -108,37 +139,60 @@ impl RefinedPrimitive {
         &mut self,
         surface: &Surface,
         vertex: &LitVertex,
+        source: &[SourceAttribute],
         further: &[f32],
         placement: &Placement,
-        exposure: f64,
     ) -> Result<u32, ExportError> {
-        let not_finite = |quantity: &str| ExportError::NotFinite {
-            surface: surface.name.clone(),
-            quantity: quantity.into(),
-        };
-        let finite = |value: DVec3, quantity: &str| {
-            let value = value.as_vec3();
-            if value.is_finite() { Ok(value.to_array()) } else { Err(not_finite(quantity)) }
-        };
         let index = u32::try_from(self.positions.len())
             .ok()
             .filter(|&index| index < u32::MAX)
             .ok_or(ExportError::TooLarge(usize::MAX))?;
         let position = placement.from_world.transform_point3(placement.frame.to_world(vertex.position));
         let normal = (placement.normal * vertex.normal).normalize();
-        self.positions.push(finite(position, "position")?);
-        self.normals.push(finite(normal, "normal")?);
-        self.irradiances.push(finite(vertex.irradiance, "irradiance")?);
-        self.colours.push(finite(display_colour(vertex.irradiance, exposure), "colour")?);
+        self.positions.push(finite(surface, position, "position")?);
+        self.normals.push(finite(surface, normal, "normal")?);
         let mut rest = further;
-        for (semantic, width, values) in &mut self.further {
-            let (own, others) = rest.split_at(*width);
+        for ((semantic, width, values), source) in self.further.iter_mut().zip(source) {
+            let (own, others) = rest.split_at(source.width);
             if !own.iter().all(|value| value.is_finite()) {
-                return Err(not_finite(&semantic.to_string()));
+                return Err(not_finite(surface, &semantic.to_string()));
             }
-            values.extend_from_slice(own);
+            values.extend_from_slice(&own[..*width]);
             rest = others;
         }
         Ok(index)
     }
+    /// Adds the light of the vertex that was added last. `tint` is the input's `COLOR_0` there; empty where it has none.
+    fn push_light(
+        &mut self,
+        surface: &Surface,
+        lit: &LitMesh,
+        vertex: u32,
+        tint: &[f32],
+        show: Show,
+    ) -> Result<(), ExportError> {
+        let irradiance = lit.vertices[vertex as usize].irradiance;
+        self.irradiances.push(finite(surface, irradiance, "irradiance")?);
+        let (rgb, alpha) = tint.split_at(tint.len().min(3));
+        let rgb = if rgb.is_empty() { DVec3::ONE } else { Vec3::from_slice(rgb).as_dvec3() };
+        let colour = display_colour(irradiance * rgb * show.diffuse, show.exposure);
+        self.colours.extend(finite(surface, colour, "colour")?);
+        self.colours.extend(alpha);
+        for (values, layer) in self.layers.iter_mut().zip(&lit.layers) {
+            let irradiance = layer.irradiance.get(vertex as usize).ok_or_else(|| {
+                ExportError::Mismatch(format!("group {} has no irradiance of vertex {vertex}", layer.name))
+            })?;
+            values.push(finite(surface, *irradiance, &format!("irradiance of group {}", layer.name))?);
+        }
+        Ok(())
+    }
+}
+
+fn finite(surface: &Surface, value: DVec3, quantity: &str) -> Result<[f32; 3], ExportError> {
+    let value = value.as_vec3();
+    if value.is_finite() { Ok(value.to_array()) } else { Err(not_finite(surface, quantity)) }
+}
+
+fn not_finite(surface: &Surface, quantity: &str) -> ExportError {
+    ExportError::NotFinite { surface: surface.name.clone(), quantity: quantity.into() }
 }

@@ -30,10 +30,12 @@ const NOT_IN_URI: &AsciiSet = &CONTROLS
     .add(b'|')
     .add(b'}');
 
+/// What kinds of files there are.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Format {
+pub(super) enum Format {
     Glb,
     Gltf,
+    Ply,
 }
 
 /// Finds out whether the output can be written.
@@ -45,10 +47,10 @@ pub(super) fn check(path: &Path) -> Result<(), ExportError> {
     Ok(())
 }
 
-/// Writes the document and its buffer in the format that the extension names.
+/// Writes the document and its buffer as a `.gltf` where the extension says so, else as a `.glb`.
 pub(super) fn write(mut root: Root, binary: Vec<u8>, path: &Path) -> Result<(), ExportError> {
     let contents = match format(path)? {
-        Format::Glb => vec![glb(&root, binary, path)?],
+        Format::Glb | Format::Ply => vec![glb(&root, binary, path)?],
         Format::Gltf => {
             if let Some(buffer) = root.buffers.first_mut() {
                 let name = binary_path(path);
@@ -58,6 +60,11 @@ pub(super) fn write(mut root: Root, binary: Vec<u8>, path: &Path) -> Result<(), 
             vec![root.to_vec_pretty()?, binary]
         }
     };
+    write_files(contents, path)
+}
+
+/// Writes the files of an output, the document first.
+pub(super) fn write_files(contents: Vec<Vec<u8>>, path: &Path) -> Result<(), ExportError> {
     // All contents are on the disk before the first file takes its name; the document is the last to do so.
     let written = files(path)?
         .into_iter()
@@ -79,16 +86,18 @@ pub(super) fn write(mut root: Root, binary: Vec<u8>, path: &Path) -> Result<(), 
 /// The files of an output, the document first.
 fn files(path: &Path) -> Result<Vec<PathBuf>, ExportError> {
     Ok(match format(path)? {
-        Format::Glb => vec![path.to_owned()],
+        Format::Glb | Format::Ply => vec![path.to_owned()],
         Format::Gltf => vec![path.to_owned(), binary_path(path)],
     })
 }
 
-fn format(path: &Path) -> Result<Format, ExportError> {
+/// What the path's extension says.
+pub(super) fn format(path: &Path) -> Result<Format, ExportError> {
     let extension = path.extension().map(|extension| extension.to_ascii_lowercase());
     match extension.as_ref().and_then(|extension| extension.to_str()) {
         Some("glb") => Ok(Format::Glb),
         Some("gltf") => Ok(Format::Gltf),
+        Some("ply") => Ok(Format::Ply),
         _ => Err(ExportError::Extension(path.to_owned())),
     }
 }

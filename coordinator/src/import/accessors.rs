@@ -30,6 +30,13 @@ pub(super) const COLOUR: Format = Format {
     words: "VEC3 or VEC4 of floats, unsigned bytes or unsigned shorts",
 };
 
+/// _COLOR_0.
+pub(super) const TINT: Format = Format {
+    data_types: &[DataType::F32],
+    dimensions: &[Dimensions::Vec3, Dimensions::Vec4],
+    words: "VEC3 or VEC4 of floats",
+};
+
 /// Vertex indices.
 pub(super) const INDICES: Format = Format {
     data_types: &[DataType::U8, DataType::U16, DataType::U32],
@@ -38,13 +45,13 @@ pub(super) const INDICES: Format = Format {
 };
 
 /// What the checks need to know besides the accessor.
-pub(super) struct Context<'a> {
+pub(crate) struct Context<'a> {
     /// Node and primitive, for messages.
-    pub(super) place: &'a str,
+    pub(crate) place: &'a str,
     /// The bytes of every buffer.
-    pub(super) buffers: &'a [Vec<u8>],
+    pub(crate) buffers: &'a [Vec<u8>],
     /// Bytes that an accessor without data (a sparse one over zeros) may expand to.
-    pub(super) max_bytes: u64,
+    pub(crate) max_bytes: u64,
 }
 
 /// Checks that `accessor` has one of the formats, at least one element, and all its bytes within its buffers.
@@ -72,7 +79,8 @@ pub(super) fn check(
     Err(ImportProblem::AccessorOutOfBounds { place, accessor: index, attribute })
 }
 
-fn is_within_bounds(accessor: &Accessor, context: &Context) -> bool {
+/// Whether all bytes of an accessor that has elements lie within its buffers.
+pub(crate) fn is_within_bounds(accessor: &Accessor, context: &Context) -> bool {
     let (size, count) = (accessor.size() as u64, accessor.count() as u64);
     let base = match accessor.view() {
         Some(view) => fits(&view, accessor.offset(), count, size, context.buffers),

@@ -7,7 +7,7 @@ use std::path::{Component, Path, PathBuf};
 use base64::Engine;
 use base64::alphabet;
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
-use gltf::{Document, buffer};
+use gltf::json::Root;
 use percent_encoding::percent_decode_str;
 
 use super::error::ImportProblem;
@@ -28,50 +28,66 @@ pub(super) fn read_file(path: &Path, limit: u64) -> io::Result<Option<Vec<u8>>> 
     Ok((bytes.len() as u64 <= limit).then_some(bytes))
 }
 
-/// Resolves every buffer of the document, each cut to the length that it announces.
+/// Resolves the buffers of the document that are needed (others stay empty), each cut to the length that it announces.
 ///
 /// `folder` is where relative references start; without one, references to files are refused. `budget` is the number of
 /// bytes that external files may have together, out of `limit`.
 pub(super) fn resolve(
-    document: &Document,
+    root: &Root,
+    needed: impl Fn(usize) -> bool,
     mut blob: Option<Vec<u8>>,
     folder: Option<&Path>,
     mut budget: u64,
     limit: u64,
 ) -> Result<Vec<Vec<u8>>, ImportProblem> {
     let mut buffers = Vec::new();
-    for buffer in document.buffers() {
-        let mut bytes = match buffer.source() {
+    for (index, buffer) in root.buffers.iter().enumerate() {
+        if !needed(index) {
+            buffers.push(Vec::new());
+            continue;
+        }
+        let mut bytes = match &buffer.uri {
             // Only the first buffer may stand for the binary chunk.
-            buffer::Source::Bin => (buffer.index() == 0)
+            None => (index == 0)
                 .then(|| blob.take())
                 .flatten()
-                .ok_or(ImportProblem::BufferMissing { buffer: buffer.index() })?,
-            buffer::Source::Uri(uri) => match uri.strip_prefix("data:") {
-                Some(data) => decode_data_uri(data, buffer.index())?,
+                .ok_or(ImportProblem::BufferMissing { buffer: index })?,
+            Some(uri) => match uri.strip_prefix("data:") {
+                Some(data) => decode_data_uri(data, index)?,
                 None => {
-                    let bytes = read_external(uri, folder, buffer.index(), budget)?
+                    let bytes = read_external(uri, folder, index, budget)?
                         .ok_or(ImportProblem::TooLarge { limit })?;
                     budget -= bytes.len() as u64;
                     bytes
                 }
             },
         };
-        if bytes.len() < buffer.length() {
-            let (declared, actual) = (buffer.length() as u64, bytes.len() as u64);
-            return Err(ImportProblem::BufferTooShort { buffer: buffer.index(), declared, actual });
+        let (declared, actual) = (buffer.byte_length.0, bytes.len() as u64);
+        if actual < declared {
+            return Err(ImportProblem::BufferTooShort { buffer: index, declared, actual });
         }
-        bytes.truncate(buffer.length());
+        bytes.truncate(declared as usize);
         buffers.push(bytes);
     }
     Ok(buffers)
 }
 
+/// Bytes that were read from files beside the document.
+pub(super) fn bytes_beside(root: &Root, buffers: &[Vec<u8>]) -> u64 {
+    let is_beside = |uri: &Option<String>| uri.as_ref().is_some_and(|uri| !uri.starts_with("data:"));
+    let beside = root.buffers.iter().zip(buffers).filter(|(own, _)| is_beside(&own.uri));
+    beside.map(|(_, bytes)| bytes.len() as u64).sum()
+}
+
 fn decode_data_uri(data: &str, buffer: usize) -> Result<Vec<u8>, ImportProblem> {
     let refused = |why| refuse(&format!("data:{data}"), buffer, why);
-    let (_, encoded) =
-        data.split_once(";base64,").ok_or_else(|| refused("only base64 data URIs are read"))?;
-    BASE64.decode(encoded).map_err(|_| refused("its base64 is damaged"))
+    data_uri_bytes(data).map_err(refused)
+}
+
+/// The bytes of a data URI, given without its scheme.
+pub(super) fn data_uri_bytes(data: &str) -> Result<Vec<u8>, &'static str> {
+    let (_, encoded) = data.split_once(";base64,").ok_or("only base64 data URIs are read")?;
+    BASE64.decode(encoded).map_err(|_| "its base64 is damaged")
 }
 
 /// Reads a file by its relative reference; `None` if it is larger than `budget`.
@@ -86,6 +102,23 @@ fn read_external(
     };
     let path = folder.join(relative_path(uri).map_err(|why| refuse(uri, buffer, why))?);
     read_file(&path, budget).map_err(|error| ImportProblem::ExternalFile { buffer, uri: shorten(uri), error })
+}
+
+/// Reads what a relative reference names in this folder or below, or says why not.
+pub(super) fn read_beside(folder: &Path, uri: &str, limit: u64) -> Result<Vec<u8>, String> {
+    let path = folder.join(relative_path(uri)?);
+    let bytes = read_file(&path, limit).map_err(|error| error.to_string())?;
+    bytes.ok_or_else(|| format!("it has more than {limit} bytes"))
+}
+
+/// What a URI of an image stands for: data of its own, or a file in this folder or below; or why there is nothing, or more than
+/// `limit` bytes.
+pub(crate) fn read_uri(uri: &str, folder: Option<&Path>, limit: u64) -> Result<Vec<u8>, String> {
+    if let Some(data) = uri.strip_prefix("data:") {
+        return data_uri_bytes(data).map_err(str::to_owned);
+    }
+    let folder = folder.ok_or("a scene that did not come from a file may not refer to files")?;
+    read_beside(folder, uri, limit).map_err(|why| format!("{}: {why}", shorten(uri)))
 }
 
 /// The path that a relative reference names, never outside the folder of the glTF.
@@ -107,6 +140,7 @@ fn refuse(uri: &str, buffer: usize, why: &'static str) -> ImportProblem {
     ImportProblem::RefusedUri { buffer, uri: shorten(uri), why }
 }
 
+/// A URI as messages show it.
 fn shorten(uri: &str) -> String {
     match uri.char_indices().nth(SHOWN_URI) {
         Some((end, _)) => format!("{}...", &uri[..end]),

@@ -1,35 +1,70 @@
 //! From bytes to a validated glTF document.
 
+use std::borrow::Cow;
+
 use gltf::binary;
 use gltf::json::validation::{Checked, Error as Fault};
-use gltf::{Document, Gltf, Semantic, json};
+use gltf::{Document, Semantic, json};
 
 use super::error::ImportProblem;
+use super::{prepare, scene_choice};
 
 /// Extensions that change nothing here, or are understood.
-const UNDERSTOOD: [&str; 4] = [
+const UNDERSTOOD: [&str; 7] = [
+    WEBP,
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
+    "KHR_materials_pbrSpecularGlossiness",
+    "KHR_materials_specular",
     "KHR_materials_unlit",
     "KHR_texture_transform",
 ];
 
+/// Textures with an image in WebP: read here, but not known to the crate, whose validation refuses a document that requires it.
+const WEBP: &str = "EXT_texture_webp";
+
 /// Smallest GLB: its header.
 const GLB_HEADER: usize = 12;
 
-/// Parses and validates GLB or JSON. Gives the document and the binary chunk of a GLB.
-///
-/// Images are not decoded, buffers not resolved.
-pub(super) fn parse(bytes: &[u8]) -> Result<(Document, Option<Vec<u8>>), ImportProblem> {
+/// A document that is parsed, but not validated yet: compressed ones would not pass.
+pub(super) struct Parsed<'a> {
+    /// The document.
+    pub(super) root: json::Root,
+    /// Its JSON.
+    pub(super) json: Cow<'a, [u8]>,
+    /// The binary chunk of a GLB.
+    pub(super) blob: Option<Vec<u8>>,
+}
+
+/// Parses GLB or JSON. Images are not decoded, buffers not resolved.
+pub(super) fn parse(bytes: &[u8]) -> Result<Parsed<'_>, ImportProblem> {
     check_container(bytes)?;
-    let gltf = Gltf::from_slice_without_validation(bytes).map_err(problem)?;
-    let blob = gltf.blob;
-    let root = gltf.document.into_json();
+    let (json, blob) = if bytes.starts_with(b"glTF") {
+        let glb = binary::Glb::from_slice(bytes).map_err(problem)?;
+        (glb.json, glb.bin.map(Cow::into_owned))
+    } else {
+        (Cow::Borrowed(bytes), None)
+    };
+    let root = json::Root::from_slice(&json).map_err(|error| problem(gltf::Error::Deserialize(error)))?;
     check_version(&root)?;
     check_required_extensions(&root)?;
+    Ok(Parsed { root, json, blob })
+}
+
+/// Validates a document, of which `scene` becomes the default scene.
+pub(super) fn validate(mut root: json::Root, scene: Option<&str>) -> Result<Document, ImportProblem> {
     check_position_accessors(&root)?;
-    let document = Document::from_json(root).map_err(problem)?;
-    Ok((document, blob))
+    scene_choice::choose(&mut root, scene)?;
+    root.extensions_required.retain(|name| name != WEBP);
+    Document::from_json(root).map_err(problem)
+}
+
+/// Says again that WebP is required, where a texture has no other image.
+pub(super) fn require_webp(root: &mut json::Root) {
+    let is_empty = |texture: &json::Texture| texture.source.value() == u32::MAX as usize;
+    if root.extensions_used.iter().any(|name| name == WEBP) && root.textures.iter().any(is_empty) {
+        root.extensions_required.push(WEBP.to_owned());
+    }
 }
 
 /// One warning for all extensions that are in use and ignored.
@@ -69,26 +104,16 @@ fn check_version(root: &json::Root) -> Result<(), ImportProblem> {
     Err(ImportProblem::Version { version: version.clone() })
 }
 
-/// Done before validation, which would only say "unsupported", or stumble over what the extension leaves out.
+/// Done before validation, which would only say "unsupported".
 fn check_required_extensions(root: &json::Root) -> Result<(), ImportProblem> {
-    let unsupported = |name: &&String| !json::extensions::ENABLED_EXTENSIONS.contains(&name.as_str());
-    let Some(extension) = root.extensions_required.iter().find(unsupported) else { return Ok(()) };
-    let cure = match extension.as_str() {
-        "KHR_draco_mesh_compression" => "gltf-transform copy in.glb out.glb",
-        "EXT_meshopt_compression" | "KHR_meshopt_compression" => {
-            "gltf-transform copy in.glb plain.glb && gltf-transform dequantize plain.glb out.glb"
-        }
-        "KHR_mesh_quantization" => "gltf-transform dequantize in.glb out.glb",
-        _ => return Err(ImportProblem::ExtensionRequired { extension: extension.clone() }),
+    let is_read = |name: &&String| {
+        json::extensions::ENABLED_EXTENSIONS.contains(&name.as_str())
+            || prepare::UNDONE.contains(&name.as_str())
+            || *name == WEBP
     };
-    // Meshopt files mostly require quantization as well, which its own cure already undoes.
-    let meshopt = root.extensions_required.iter().find(|name| name.ends_with("_meshopt_compression"));
-    match meshopt {
-        Some(meshopt) if meshopt != extension => Err(ImportProblem::CompressionRequired {
-            extension: format!("{meshopt} and {extension}"),
-            cure: "gltf-transform copy in.glb plain.glb && gltf-transform dequantize plain.glb out.glb",
-        }),
-        _ => Err(ImportProblem::CompressionRequired { extension: extension.clone(), cure }),
+    match root.extensions_required.iter().find(|name| !is_read(name)) {
+        Some(extension) => Err(ImportProblem::ExtensionRequired { extension: extension.clone() }),
+        None => Ok(()),
     }
 }
 
@@ -111,7 +136,7 @@ fn check_position_accessors(root: &json::Root) -> Result<(), ImportProblem> {
 }
 
 /// The crate's errors in our words.
-fn problem(error: gltf::Error) -> ImportProblem {
+pub(super) fn problem(error: gltf::Error) -> ImportProblem {
     match error {
         gltf::Error::Binary(error) => container_problem(&error),
         gltf::Error::Deserialize(error) if error.is_eof() => {

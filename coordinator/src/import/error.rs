@@ -61,19 +61,19 @@ pub enum ImportProblem {
         /// Path in the JSON.
         path: String,
     },
-    /// Draco, meshopt, quantization: needed to read the geometry, undone by a tool.
-    #[error("requires {extension}, which is not read; undo it with `{cure}`")]
-    CompressionRequired {
-        /// Name of the extension.
-        extension: String,
-        /// Command that undoes it.
-        cure: &'static str,
-    },
     /// Any other required extension.
     #[error("requires {extension}, which is not supported; export it without that extension")]
     ExtensionRequired {
         /// Name of the extension.
         extension: String,
+    },
+    /// Compressed, quantized, instanced or posed geometry that does not hold what it should.
+    #[error("{place}: cannot be decoded: {detail}; the file is damaged, export it again")]
+    Undecodable {
+        /// What stands where.
+        place: String,
+        /// What is wrong.
+        detail: String,
     },
     /// A buffer in a file of its own cannot be read.
     #[error(
@@ -117,6 +117,22 @@ pub enum ImportProblem {
         /// Length found.
         actual: u64,
     },
+    /// No scene of the name or index that was asked for.
+    #[error("has no scene `{wanted}`, but {scenes}; choose one of these with --scene")]
+    NoSuchScene {
+        /// What was asked for.
+        wanted: String,
+        /// The scenes that there are.
+        scenes: String,
+    },
+    /// Several scenes of the name that was asked for.
+    #[error("has several scenes `{wanted}` among {scenes}; choose one by its index with --scene")]
+    AmbiguousScene {
+        /// What was asked for.
+        wanted: String,
+        /// The scenes that there are.
+        scenes: String,
+    },
     /// A node that is its own ancestor, or has two parents.
     #[error(
         "{node} is reached twice: the nodes form a cycle or share a child, but must form a tree; repair the hierarchy and export again"
@@ -145,7 +161,7 @@ pub enum ImportProblem {
     },
     /// An accessor of a component type or shape that the attribute may not have.
     #[error(
-        "{place}: accessor {accessor} ({attribute}) is {found}, not {expected}; if the file is quantized, undo it with `gltf-transform dequantize in.glb out.glb`"
+        "{place}: accessor {accessor} ({attribute}) is {found}, not {expected}; if the file is quantized, it must say so in extensionsRequired"
     )]
     AccessorFormat {
         /// Node and primitive.
@@ -240,7 +256,7 @@ pub enum ImportProblem {
     NoTriangles,
     /// Nothing that gives light.
     #[error(
-        "has no light: no emissive material in use and no point light; give a material an emissiveFactor or add a KHR_lights_punctual point light"
+        "has no light: no emissive material in use and no light; give a material an emissiveFactor, add a KHR_lights_punctual light, or give --sky"
     )]
     NoLight,
     /// The scene cannot be scaled to a working size.

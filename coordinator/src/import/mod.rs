@@ -3,55 +3,85 @@
 //! | module | step |
 //! |---|---|
 //! | `document` | bytes to a validated document |
+//! | `scene_choice` | which of its scenes is baked |
 //! | `buffers` | its buffers, from the file or next to it |
+//! | `prepare` | what is compressed, quantized, instanced or posed made plain |
 //! | `nodes` | the nodes of the scene and their world matrices |
 //! | `accessors`, `primitives` | vertex data and triangles of each primitive |
-//! | `materials`, `lights` | reflectance, exitance, intensity |
+//! | `images`, `materials`, `lights` | reflectance, exitance, intensity |
+//! | `lit` | files that are lit already, for pictures |
+//! | `weld` | vertices that are nearly one made one, if asked for |
 //! | `frame`, `triangles` | triangles in the frame, welded |
 //! | `facets` | flat convex pieces |
+//! | `appearances` | what textures and vertex colours make of them |
 //! | `planes` | which of them are coplanar |
+//! | `account` | what counts, and what is passed over |
 //!
 //! Files are not trusted: whatever the bytes, the answer is a scene or an [`ImportError`].
 
-mod accessors;
+pub(crate) mod accessors;
+mod account;
+mod appearances;
 mod buffers;
 mod document;
 mod error;
 mod facets;
 mod frame;
+mod images;
 mod lights;
+mod lit;
 mod materials;
 mod nodes;
 mod planes;
+mod prepare;
 mod primitives;
+pub(crate) mod scene_choice;
 mod triangles;
+mod weld;
 
 #[cfg(test)]
 mod test_document;
 #[cfg(test)]
 mod tests;
 
+use std::collections::BTreeSet;
 use std::path::Path;
+use std::sync::Arc;
 
 use glam::{DAffine3, DVec3};
 use gltf::Document;
+use rayon::prelude::*;
 
+pub use self::account::Account;
+pub(crate) use self::buffers::read_uri;
 pub use self::error::{ImportError, ImportProblem};
+pub use self::lights::LightUnit;
+pub(crate) use self::lit::{LitDocument, LitPrimitive, image_of, import_lit};
 
 use self::accessors::Context;
+use self::account::Tally;
+use self::document::Parsed;
+use self::images::Sources;
 use self::lights::WorldLight;
-use self::materials::{Diffuse, Materials};
+use self::materials::Materials;
 use self::nodes::{PlacedNode, node_label};
+use self::prepare::{Extensions, Limits};
 use self::primitives::Geometry;
 use self::triangles::TriangleMesh;
-use crate::scene::{Scene, Side, SourceDocument, Surface};
+use crate::appearance::Pattern;
+use crate::scene::{Facet, Frame, Scene, Side, SourceDocument, Surface};
 
 /// Name of a scene in messages that did not come from a file.
 const UNNAMED: &str = "the glTF";
 
-/// Limits for files that are not trusted, or just too large for the machine.
+/// How a file is read: what of it is meant, and limits for files that are not trusted or just too large for the machine.
 #[derive(Debug, Clone)]
 pub struct ImportOptions {
+    /// Name or index of the scene to bake. Unless told otherwise it is the one that the file calls its default, or else the first.
+    pub scene: Option<String>,
+    /// Vertices closer than this, in the file's units, become one before anything else. None do unless told otherwise, but
+    /// those that are equal.
+    pub weld: Option<f64>,
     /// Most bytes of the file and its external buffers together. 4 GiB unless told otherwise.
     pub max_bytes: u64,
     /// Most triangles in the scene, counted where they stand: a mesh counts once for every node that shows it. 50 million
@@ -59,11 +89,24 @@ pub struct ImportOptions {
     pub max_triangles: usize,
     /// Whether a scene without any light is an error. It is unless told otherwise: a bake of it would be black.
     pub needs_light: bool,
+    /// How the numbers of the file's lights are meant.
+    pub light_unit: LightUnit,
+    /// Radiance of a uniform sky around the scene, in the unit of the scene's light: W/(m^2 sr), or cd/m^2. None unless told
+    /// otherwise; finite, not negative.
+    pub sky: DVec3,
 }
 
 impl Default for ImportOptions {
     fn default() -> Self {
-        Self { max_bytes: 4 << 30, max_triangles: 50_000_000, needs_light: true }
+        Self {
+            scene: None,
+            weld: None,
+            max_bytes: 4 << 30,
+            max_triangles: 50_000_000,
+            needs_light: true,
+            light_unit: LightUnit::Candela,
+            sky: DVec3::ZERO,
+        }
     }
 }
 
@@ -88,13 +131,68 @@ pub fn import_slice(bytes: &[u8], options: &ImportOptions) -> Result<Scene, Impo
 }
 
 fn read_scene(bytes: &[u8], folder: Option<&Path>, options: &ImportOptions) -> Result<Scene, ImportProblem> {
-    let (document, blob) = document::parse(bytes)?;
-    let budget = options.max_bytes - bytes.len() as u64;
-    let buffers = buffers::resolve(&document, blob, folder, budget, options.max_bytes)?;
-    let mut content = Content::default();
+    let PlainDocument { document, buffers, warnings } = read_document(bytes, folder, options)?;
+    let mut content = Content { warnings, ..Content::default() };
     document::warn_ignored_extensions(document.as_json(), &mut content.warnings);
-    content.collect(&document, &buffers, options)?;
-    content.into_scene(SourceDocument { root: document.into_json(), buffers }, options.needs_light)
+    let read = bytes.len() as u64 + buffers::bytes_beside(document.as_json(), &buffers);
+    let sources = Sources {
+        buffers: &buffers,
+        folder,
+        budget: options.max_bytes.saturating_sub(read),
+        max_bytes: options.max_bytes,
+    };
+    content.collect(&document, &sources, options)?;
+    let mut root = document.into_json();
+    document::require_webp(&mut root);
+    let source = SourceDocument { root, buffers, folder: folder.map(Path::to_owned) };
+    content.into_scene(source, options)
+}
+
+/// A validated document without anything that is compressed, quantized, instanced or posed.
+pub(crate) struct PlainDocument {
+    /// The document.
+    pub(crate) document: Document,
+    /// The bytes of its buffers.
+    pub(crate) buffers: Vec<Vec<u8>>,
+    /// What there is to say about it.
+    warnings: Vec<String>,
+}
+
+fn read_document(
+    bytes: &[u8],
+    folder: Option<&Path>,
+    options: &ImportOptions,
+) -> Result<PlainDocument, ImportProblem> {
+    let Parsed { mut root, json, blob } = document::parse(bytes)?;
+    let extensions = Extensions::read(&root, &json, blob.is_some())?;
+    let budget = options.max_bytes - bytes.len() as u64;
+    let needed = |buffer: usize| !extensions.is_fallback(buffer);
+    let mut buffers = buffers::resolve(&root, needed, blob, folder, budget, options.max_bytes)?;
+    let held: u64 = buffers.iter().map(|bytes| bytes.len() as u64).sum();
+    let limits = Limits {
+        bytes: options.max_bytes.saturating_sub(held),
+        max_bytes: options.max_bytes,
+        max_triangles: options.max_triangles,
+    };
+    prepare::undo(&mut root, &mut buffers, &extensions, limits)?;
+    let document = document::validate(root, options.scene.as_deref())?;
+    let mut warnings = Vec::new();
+    let document = prepare::pose(document, &mut buffers, limits, &mut warnings)?;
+    Ok(PlainDocument { document, buffers, warnings })
+}
+
+/// The document in `bytes` and its buffers, for other readers than the bake's: if it has anything that must be made plain
+/// first. `None` if it is plain, or is no glTF.
+pub(crate) fn made_plain(
+    bytes: &[u8],
+    folder: Option<&Path>,
+    options: &ImportOptions,
+) -> Result<Option<PlainDocument>, ImportProblem> {
+    let is_plain = document::parse(bytes).map_or(true, |parsed| prepare::is_plain(&parsed.root));
+    if is_plain || bytes.len() as u64 > options.max_bytes {
+        return Ok(None);
+    }
+    read_document(bytes, folder, options).map(Some)
 }
 
 /// A primitive of a node, before the frame is known.
@@ -104,7 +202,9 @@ struct PlacedPrimitive {
     name: String,
     world: DAffine3,
     geometry: Geometry,
-    diffuse: Diffuse,
+    /// World positions of the vertices, where they were welded.
+    welded: Option<Vec<DVec3>>,
+    pattern: Arc<Pattern>,
     double_sided: bool,
 }
 
@@ -114,24 +214,22 @@ struct Content {
     primitives: Vec<PlacedPrimitive>,
     lights: Vec<WorldLight>,
     warnings: Vec<String>,
+    tally: Tally,
 }
 
 impl Content {
     fn collect(
         &mut self,
         document: &Document,
-        buffers: &[Vec<u8>],
+        sources: &Sources,
         options: &ImportOptions,
     ) -> Result<(), ImportProblem> {
-        let mut materials = Materials::default();
+        let all_placed = nodes::walk(document)?;
+        let mut materials = self.materials(document, &all_placed, sources);
         let mut triangles_left = options.max_triangles;
-        for placed in nodes::walk(document)? {
-            self.lights.extend(lights::read(&placed, &mut self.warnings)?);
+        for placed in all_placed {
+            self.lights.extend(lights::read(&placed, options.light_unit, &mut self.warnings)?);
             let Some(mesh) = placed.node.mesh() else { continue };
-            if placed.node.skin().is_some() {
-                self.warnings
-                    .push(format!("{}: skin ignored, the mesh stays as modelled", node_label(&placed.node)));
-            }
             for primitive in mesh.primitives() {
                 let place = format!("{}, primitive {}", node_label(&placed.node), primitive.index());
                 if !primitives::has_triangles(&primitive) {
@@ -142,18 +240,21 @@ impl Content {
                 triangles_left = triangles_left
                     .checked_sub(count)
                     .ok_or_else(|| ImportProblem::TooManyTriangles { place: place.clone(), limit })?;
-                let context = Context { place: &place, buffers, max_bytes: options.max_bytes };
+                let context =
+                    Context { place: &place, buffers: sources.buffers, max_bytes: options.max_bytes };
                 let geometry = primitives::read(&primitive, &context)?;
                 check_positions(&geometry, &placed, &place)?;
                 let material = primitive.material();
-                let diffuse = materials.diffuse(&material, &mut self.warnings)?;
+                let pattern = materials.pattern(&material, &mut self.tally, &mut self.warnings)?;
+                self.look_at_vertices(&place, &pattern, &geometry);
                 self.primitives.push(PlacedPrimitive {
                     node: placed.node.index(),
                     primitive: primitive.index(),
                     name: place,
                     world: placed.world,
                     geometry,
-                    diffuse,
+                    welded: None,
+                    pattern,
                     double_sided: material.double_sided(),
                 });
             }
@@ -161,10 +262,42 @@ impl Content {
         Ok(())
     }
 
-    fn into_scene(self, source: SourceDocument, needs_light: bool) -> Result<Scene, ImportProblem> {
-        let Self { primitives, lights, mut warnings } = self;
+    /// The materials, with the images decoded that they will need.
+    fn materials(&mut self, document: &Document, placed: &[PlacedNode], sources: &Sources) -> Materials {
+        let meshes = placed.iter().filter_map(|placed| placed.node.mesh());
+        let primitives = meshes.flat_map(|mesh| mesh.primitives()).filter(primitives::has_triangles);
+        let mut in_use: Vec<gltf::Material> = primitives.map(|primitive| primitive.material()).collect();
+        in_use.sort_by_key(gltf::Material::index);
+        in_use.dedup_by_key(|material| material.index());
+        let needed: BTreeSet<usize> = in_use.iter().flat_map(materials::needed_images).collect();
+        Materials::new(images::decode(document, &needed, sources, &mut self.warnings))
+    }
+
+    /// What is to be said about a primitive's colours and texture coordinates.
+    fn look_at_vertices(&mut self, place: &str, pattern: &Pattern, geometry: &Geometry) {
+        if geometry.has_colours() {
+            if geometry.is_lit {
+                self.warnings.push(format!(
+                    "{place}: COLOR_0 beside _IRRADIANCE is light of an earlier bake and does not count as a colour"
+                ));
+            } else {
+                self.tally.modelled("primitive with vertex colours");
+            }
+        }
+        if let Some(set) = appearances::missing_set(pattern, geometry) {
+            self.warnings.push(format!(
+                "{place}: has no TEXCOORD_{set}, which its textures need: they show the texel at (0, 0) everywhere"
+            ));
+        }
+    }
+
+    fn into_scene(self, source: SourceDocument, options: &ImportOptions) -> Result<Scene, ImportProblem> {
+        let Self { mut primitives, lights, mut warnings, tally } = self;
         if primitives.iter().all(|placed| placed.geometry.triangles.is_empty()) {
             return Err(ImportProblem::NoTriangles);
+        }
+        if let Some(distance) = options.weld {
+            weld::weld(&mut primitives, distance);
         }
         let positions = primitives.iter().flat_map(PlacedPrimitive::corners);
         // Not the lights: a lamp far away must not make the surfaces small.
@@ -172,33 +305,73 @@ impl Content {
 
         let mut surfaces = Vec::new();
         let (mut degenerate_triangles, mut rounding) = (0, 0f64);
-        for placed in primitives {
-            let mesh = TriangleMesh::new(&placed.geometry, &placed.world, &frame);
-            degenerate_triangles += mesh.degenerate;
-            rounding = rounding.max(mesh.rounding);
-            if mesh.duplicates > 0 {
-                warnings.push(format!("{}: {} duplicate triangles dropped", placed.name, mesh.duplicates));
+        let flat: Vec<FlatPrimitive> = primitives
+            .into_par_iter()
+            .map(|placed| FlatPrimitive::new(placed, &frame, options.weld))
+            .collect();
+        for flat in flat {
+            degenerate_triangles += flat.degenerate;
+            rounding = rounding.max(flat.rounding);
+            if flat.duplicates > 0 {
+                let place = &flat.name;
+                warnings.push(format!("{place}: {} duplicate triangles dropped", flat.duplicates));
             }
-            if !mesh.triangles.is_empty() && placed.world.matrix3.determinant() == 0.0 {
-                return Err(ImportProblem::FlatNode { primitive: placed.name });
+            if !flat.surfaces.is_empty() && flat.is_squeezed {
+                return Err(ImportProblem::FlatNode { primitive: flat.name });
             }
-            if !mesh.triangles.is_empty() {
-                placed.add_surfaces(&mesh, &mut surfaces);
-            }
+            surfaces.extend(flat.surfaces);
         }
         if surfaces.is_empty() {
             return Err(ImportProblem::NoTriangles);
         }
         let shines = |surface: &Surface| surface.exitance != DVec3::ZERO;
-        let is_dark =
-            !surfaces.iter().any(shines) && !lights.iter().any(|light| light.intensity != DVec3::ZERO);
-        if needs_light && is_dark {
+        let is_dark = options.sky == DVec3::ZERO
+            && !surfaces.iter().any(shines)
+            && lights.iter().all(WorldLight::is_dark);
+        if options.needs_light && is_dark {
             return Err(ImportProblem::NoLight);
         }
         let rounding = rounding.max(triangles::rounding_of(frame.centre.abs().max_element() / frame.scale));
         let plane_count = planes::assign(&mut surfaces, rounding);
-        let point_lights = lights.into_iter().map(|light| light.place(&frame)).collect();
-        Ok(Scene { source, surfaces, point_lights, frame, plane_count, warnings, degenerate_triangles })
+        let lights = lights.into_iter().map(|light| light.place(&frame)).collect();
+        let mut scene = Scene {
+            source,
+            surfaces,
+            lights,
+            sky: options.sky,
+            frame,
+            plane_count,
+            warnings,
+            account: Account::default(),
+            degenerate_triangles,
+        };
+        scene.account = tally.account(&scene);
+        Ok(scene)
+    }
+}
+
+/// A primitive as facets in the frame.
+struct FlatPrimitive {
+    name: String,
+    /// The front, and the back where it is lit; none where no triangle has an area.
+    surfaces: Vec<Surface>,
+    /// Whether its node has a scale of zero.
+    is_squeezed: bool,
+    /// How far the rounding of the file's coordinates may have moved a point, frame units.
+    rounding: f64,
+    degenerate: usize,
+    duplicates: usize,
+}
+
+impl FlatPrimitive {
+    fn new(placed: PlacedPrimitive, frame: &Frame, weld: Option<f64>) -> Self {
+        let welded = placed.welded.as_deref().zip(weld);
+        let mesh = TriangleMesh::new(&placed.geometry, &placed.world, frame, welded);
+        let facets = facets::build(&mesh, &placed.geometry.attributes);
+        let TriangleMesh { rounding, degenerate, duplicates, .. } = mesh;
+        let surfaces = if facets.is_empty() { Vec::new() } else { placed.surfaces(facets) };
+        let is_squeezed = placed.world.matrix3.determinant() == 0.0;
+        Self { name: placed.name, surfaces, is_squeezed, rounding, degenerate, duplicates }
     }
 }
 
@@ -206,23 +379,29 @@ impl PlacedPrimitive {
     /// World positions of all triangles' corners.
     fn corners(&self) -> impl Iterator<Item = DVec3> {
         let corners = self.geometry.triangles.iter().flatten();
-        corners.map(|&vertex| triangles::to_world(&self.world, self.geometry.positions[vertex as usize]))
+        corners.map(|&vertex| match &self.welded {
+            Some(positions) => positions[vertex as usize],
+            None => triangles::to_world(&self.world, self.geometry.positions[vertex as usize]),
+        })
     }
 
-    fn add_surfaces(&self, mesh: &TriangleMesh, surfaces: &mut Vec<Surface>) {
+    /// The surfaces that these facets, seen from the front, are.
+    fn surfaces(&self, front: Vec<Facet>) -> Vec<Surface> {
+        let look = appearances::look(&self.pattern, &self.geometry, &front);
         let surface = |side, facets| Surface {
             node: self.node,
             primitive: self.primitive,
             side,
             name: self.name.clone(),
-            reflectance: self.diffuse.reflectance,
-            exitance: self.diffuse.exitance,
+            reflectance: look.reflectance,
+            exitance: look.exitance,
+            opacity: look.opacity,
+            appearance: look.appearance.clone(),
             facets,
         };
-        let front = facets::build(mesh, &self.geometry.attributes);
         let back = self.double_sided.then(|| front.iter().map(facets::turn).collect());
-        surfaces.push(surface(Side::Front, front));
-        surfaces.extend(back.map(|facets| surface(Side::Back, facets)));
+        let front = surface(Side::Front, front);
+        [Some(front), back.map(|facets| surface(Side::Back, facets))].into_iter().flatten().collect()
     }
 }
 

@@ -6,8 +6,11 @@
 use std::collections::HashMap;
 use std::ops::RangeInclusive;
 
+use foldhash::fast::RandomState;
 use glam::DVec3;
+use rayon::prelude::*;
 use shared::geometry::{PlaneId, area_vector};
+use smallvec::SmallVec;
 
 use crate::scene::{Facet, Surface};
 
@@ -36,10 +39,10 @@ const OFFSET_CELL: f64 = 0.125;
 /// file may have moved a point, frame units.
 pub(super) fn assign(surfaces: &mut [Surface], rounding: f64) -> u32 {
     let mut facets: Vec<&mut Facet> = surfaces.iter_mut().flat_map(|surface| &mut surface.facets).collect();
-    let thickness: Vec<f64> = facets.iter().map(|facet| least_height(facet)).collect();
+    let thickness: Vec<f64> = facets.par_iter().map(|facet| least_height(facet)).collect();
     let mut order: Vec<usize> = (0..facets.len()).collect();
     // The facets with the surest normals define the planes.
-    order.sort_by(|&a, &b| thickness[b].total_cmp(&thickness[a]).then(a.cmp(&b)));
+    order.par_sort_by(|&a, &b| thickness[b].total_cmp(&thickness[a]).then(a.cmp(&b)));
     let mut planes = Planes::new(ROUNDINGS * rounding);
     for index in order {
         let doubt = (NORMAL_TOLERANCE + ROUNDINGS * rounding / thickness[index]).min(MOST_NORMAL_DOUBT);
@@ -50,7 +53,7 @@ pub(super) fn assign(surfaces: &mut [Surface], rounding: f64) -> u32 {
 
 /// Area over diameter: about the least height of the facet.
 fn least_height(facet: &Facet) -> f64 {
-    let corners: Vec<DVec3> = facet.corners.iter().map(|corner| corner.position).collect();
+    let corners: SmallVec<[DVec3; 4]> = facet.corners.iter().map(|corner| corner.position).collect();
     let diameter = corners.iter().map(|corner| corner.distance(corners[0])).fold(f64::MIN_POSITIVE, f64::max);
     area_vector(&corners).length() / diameter
 }
@@ -64,7 +67,7 @@ struct Plane {
 /// Planes by cells of a grid over normal and offset.
 struct Planes {
     planes: Vec<Plane>,
-    cells: HashMap<[i32; 4], Vec<u32>>,
+    cells: HashMap<[i32; 4], SmallVec<[u32; 2]>, RandomState>,
     offset_tolerance: f64,
     offset_cell: f64,
 }
@@ -73,7 +76,7 @@ impl Planes {
     fn new(rounding: f64) -> Self {
         let offset_tolerance = OFFSET_TOLERANCE + rounding.min(MOST_OFFSET_DOUBT);
         let offset_cell = OFFSET_CELL.max(4.0 * offset_tolerance);
-        Self { planes: Vec::new(), cells: HashMap::new(), offset_tolerance, offset_cell }
+        Self { planes: Vec::new(), cells: HashMap::default(), offset_tolerance, offset_cell }
     }
 
     fn find_or_add(&mut self, facet: &Facet, doubt: f64) -> PlaneId {

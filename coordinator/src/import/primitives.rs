@@ -16,6 +16,22 @@ pub(super) struct Geometry {
     pub(super) attributes: VertexAttributes,
     /// Indices into the above.
     pub(super) triangles: Vec<[u32; 3]>,
+    /// Whether COLOR_0 is light of an earlier bake rather than a colour: there is _IRRADIANCE beside it.
+    pub(super) is_lit: bool,
+}
+
+impl Geometry {
+    /// Whether there is COLOR_0.
+    pub(super) fn has_colours(&self) -> bool {
+        self.attributes.sets.iter().any(|(own, _)| *own == Semantic::Colors(0))
+    }
+
+    /// COLOR_0 as a colour of the surface: linear, not negative, finite.
+    pub(super) fn albedo(&self) -> Option<Vec<[f32; 4]>> {
+        let tame = |value: f32| if value.is_finite() { value.max(0.0) } else { 1.0 };
+        let colours = self.attributes.set(Semantic::Colors(0)).filter(|_| !self.is_lit)?;
+        Some(colours.map(|colour| std::array::from_fn(|i| tame(colour[i]))).collect())
+    }
 }
 
 /// The values that are interpolated over triangles, all sets of a vertex side by side.
@@ -24,6 +40,8 @@ pub(super) struct VertexAttributes {
     /// Values per vertex.
     width: usize,
     values: Vec<f32>,
+    /// Which sets there are, and where the values of each begin.
+    sets: Vec<(Semantic, usize)>,
 }
 
 impl VertexAttributes {
@@ -33,15 +51,34 @@ impl VertexAttributes {
     }
 
     /// Puts the sets side by side; all are as long as there are vertices.
-    fn interleave(sets: &[Vec<f32>], vertices: usize) -> Self {
-        let widths: Vec<usize> = sets.iter().map(|set| set.len() / vertices.max(1)).collect();
-        let mut values = Vec::with_capacity(sets.iter().map(Vec::len).sum());
+    fn interleave(sets: Vec<(Semantic, Vec<f32>)>, vertices: usize) -> Self {
+        let widths: Vec<usize> = sets.iter().map(|(_, set)| set.len() / vertices.max(1)).collect();
+        let mut values = Vec::with_capacity(sets.iter().map(|(_, set)| set.len()).sum());
         for vertex in 0..vertices {
-            for (set, &width) in sets.iter().zip(&widths) {
+            for ((_, set), &width) in sets.iter().zip(&widths) {
                 values.extend_from_slice(&set[vertex * width..][..width]);
             }
         }
-        Self { width: widths.iter().sum(), values }
+        let starts = widths.iter().scan(0, |next, width| Some(std::mem::replace(next, *next + width)));
+        let known = sets.into_iter().zip(starts).map(|((semantic, _), start)| (semantic, start));
+        Self { width: widths.iter().sum(), values, sets: known.collect() }
+    }
+
+    /// The values of a set from its first on, vertex by vertex; none where the primitive does not have it.
+    fn set(&self, semantic: Semantic) -> Option<impl Iterator<Item = &[f32]>> {
+        let (_, start) = self.sets.iter().find(|(own, _)| *own == semantic)?;
+        Some(self.values.chunks_exact(self.width).map(|values| &values[*start..]))
+    }
+
+    /// TEXCOORD_n.
+    pub(super) fn coordinates(&self, set: u32) -> Option<Vec<[f32; 2]>> {
+        let values = self.set(Semantic::TexCoords(set))?;
+        Some(values.map(|pair| [pair[0], pair[1]]).collect())
+    }
+
+    /// Whether there is TEXCOORD_n.
+    pub(super) fn has_coordinates(&self, set: u32) -> bool {
+        self.sets.iter().any(|(own, _)| *own == Semantic::TexCoords(set))
     }
 }
 
@@ -88,7 +125,8 @@ pub(super) fn read(primitive: &Primitive, context: &Context) -> Result<Geometry,
         None => None,
     };
 
-    let mut sets: Vec<Vec<f32>> = Vec::new();
+    let mut sets: Vec<(Semantic, Vec<f32>)> = Vec::new();
+    let mut is_lit = false;
     for (semantic, accessor) in primitive.attributes() {
         let name = semantic.to_string();
         match semantic {
@@ -96,15 +134,15 @@ pub(super) fn read(primitive: &Primitive, context: &Context) -> Result<Geometry,
                 check(&accessor, &name, &TEXTURE_COORDINATES, context)?;
                 check_count(&name, accessor.count(), positions.len(), context)?;
                 let values = reader.read_tex_coords(set).ok_or_else(|| missing(&name))?;
-                sets.push(values.into_f32().flatten().collect());
+                sets.push((semantic, values.into_f32().flatten().collect()));
             }
             Semantic::Colors(set) => {
                 check(&accessor, &name, &COLOUR, context)?;
                 check_count(&name, accessor.count(), positions.len(), context)?;
                 let values = reader.read_colors(set).ok_or_else(|| missing(&name))?;
-                sets.push(values.into_rgba_f32().flatten().collect());
+                sets.push((semantic, values.into_rgba_f32().flatten().collect()));
             }
-            _ => {}
+            _ => is_lit |= name == "_IRRADIANCE",
         }
     }
 
@@ -120,11 +158,11 @@ pub(super) fn read(primitive: &Primitive, context: &Context) -> Result<Geometry,
         return Err(ImportProblem::IndexOutOfRange { place, index, count });
     }
 
-    let attributes = VertexAttributes::interleave(&sets, positions.len());
-    Ok(Geometry { triangles: triangles(primitive.mode(), &indices), positions, normals, attributes })
+    let attributes = VertexAttributes::interleave(sets, positions.len());
+    Ok(Geometry { triangles: triangles(primitive.mode(), &indices), positions, normals, attributes, is_lit })
 }
 
-fn check_count(
+pub(super) fn check_count(
     attribute: &str,
     found: usize,
     expected: usize,

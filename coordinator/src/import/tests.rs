@@ -10,3 +10,6 @@ mod joining;
 mod lights;
 mod materials;
 mod planes;
+mod scene_choice;
+mod textures;
+mod weld;

@@ -2,6 +2,7 @@
 
 use std::collections::{HashMap, HashSet};
 
+use foldhash::fast::RandomState;
 use glam::{DAffine3, DMat3, DVec3};
 
 use super::nodes::normal_matrix;
@@ -51,18 +52,27 @@ pub(super) struct TriangleMesh {
 
 impl TriangleMesh {
     /// Places a primitive. A transform that mirrors has the winding turned round, so that the front stays the front.
-    pub(super) fn new(geometry: &Geometry, world: &DAffine3, frame: &Frame) -> Self {
+    ///
+    /// `welded` are the vertices' world positions where these were moved, and how far at most.
+    pub(super) fn new(
+        geometry: &Geometry,
+        world: &DAffine3,
+        frame: &Frame,
+        welded: Option<(&[DVec3], f64)>,
+    ) -> Self {
         let mirrored = world.matrix3.determinant() < 0.0;
+        // Facets are flat within four times the rounding.
+        let moved = welded.map_or(0.0, |(_, distance)| distance / 4.0);
         let mut mesh = Self {
             points: Vec::new(),
             triangles: Vec::with_capacity(geometry.triangles.len()),
-            rounding: rounding(geometry, &world.matrix3) / frame.scale + FRAME_ROUNDING,
+            rounding: (rounding(geometry, &world.matrix3) + moved) / frame.scale + FRAME_ROUNDING,
             degenerate: 0,
             duplicates: 0,
         };
         let normals = transformed_normals(geometry, world.matrix3);
-        let welded = mesh.weld(geometry, world, frame);
-        let mut seen = HashSet::with_capacity(geometry.triangles.len());
+        let welded = mesh.weld(geometry, world, frame, welded.map(|(positions, _)| positions));
+        let mut seen = HashSet::with_capacity_and_hasher(geometry.triangles.len(), RandomState::default());
         for &[a, b, c] in &geometry.triangles {
             let vertices = if mirrored { [a, c, b] } else { [a, b, c] };
             let points = vertices.map(|vertex| welded[vertex as usize]);
@@ -82,12 +92,19 @@ impl TriangleMesh {
     }
 
     /// Gives equal positions one point, by their bits: files repeat a position for every normal and texture coordinate.
-    fn weld(&mut self, geometry: &Geometry, world: &DAffine3, frame: &Frame) -> Vec<u32> {
-        let mut known = HashMap::with_capacity(geometry.positions.len());
+    fn weld(
+        &mut self,
+        geometry: &Geometry,
+        world: &DAffine3,
+        frame: &Frame,
+        moved: Option<&[DVec3]>,
+    ) -> Vec<u32> {
+        let mut known = HashMap::with_capacity_and_hasher(geometry.positions.len(), RandomState::default());
         let mut welded = Vec::with_capacity(geometry.positions.len());
-        for &position in &geometry.positions {
+        for (vertex, &position) in geometry.positions.iter().enumerate() {
+            let position = moved.map_or_else(|| to_world(world, position), |moved| moved[vertex]);
             // Adding zero makes a negative zero positive.
-            let point = frame.to_frame(to_world(world, position)) + DVec3::ZERO;
+            let point = frame.to_frame(position) + DVec3::ZERO;
             let index = *known.entry(point.to_array().map(f64::to_bits)).or_insert_with(|| {
                 self.points.push(point);
                 self.points.len() as u32 - 1

@@ -1,7 +1,7 @@
 use glam::DVec3;
 use shared::geometry::{ConvexPolygon, area_vector};
 
-use super::{Mesh, PatchId, VertexId};
+use super::{Mesh, Patch, PatchId, VertexId};
 
 /// The surface that a vertex answers for: its corner quadrilaterals of the leaves around it.
 #[derive(Debug, Clone)]
@@ -49,9 +49,26 @@ impl Mesh {
             .collect()
     }
 
+    /// Each leaf as a share of its own, in the order of their ids, known by its first corner.
+    #[must_use]
+    pub fn leaf_shares(&self, plane_of: impl Fn(u32, u32) -> shared::geometry::PlaneId) -> Vec<Share> {
+        let share = |(id, patch): (PatchId, &Patch)| Share {
+            vertex: patch.corners[0],
+            surface: patch.surface,
+            polygons: vec![ConvexPolygon {
+                plane: plane_of(patch.surface, patch.facet),
+                corners: patch.corners.iter().map(|corner| self.position(*corner)).collect(),
+            }],
+            corners: (0..patch.corners.len()).map(|corner| (id, corner)).collect(),
+            area: patch.area,
+        };
+        self.leaves().map(share).collect()
+    }
+
     /// The part of a patch that one of its corners answers for: corner, middle of the next edge, centre of gravity, middle
     /// of the edge before.
-    fn corner_quad(&self, id: PatchId, corner: usize) -> [DVec3; 4] {
+    #[must_use]
+    pub fn corner_quad(&self, id: PatchId, corner: usize) -> [DVec3; 4] {
         let corners = &self.patch(id).corners;
         let at = |i: usize| self.position(corners[i % corners.len()]);
         let (here, next, before) = (at(corner), at(corner + 1), at(corner + corners.len() - 1));

@@ -29,7 +29,8 @@ pub(super) fn read(path: &Path, gltf: &mut Gltf) -> Result<Vec<Vec<u8>>, PlainEr
     buffers.collect()
 }
 
-fn from_uri(uri: &str, folder: &Path) -> Result<Vec<u8>, String> {
+/// The bytes that a URI means: data, or a file in this folder or below.
+pub(super) fn from_uri(uri: &str, folder: &Path) -> Result<Vec<u8>, String> {
     if let Some(data) = uri.strip_prefix("data:") {
         let (_, encoded) = data.split_once(";base64,").ok_or("only base64 data URIs are read")?;
         return STANDARD.decode(encoded).map_err(|_| "its base64 is damaged".to_owned());

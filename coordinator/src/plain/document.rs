@@ -10,6 +10,8 @@ use gltf::mesh::Mode;
 use gltf::{Accessor, Document, Gltf, Node, Primitive, Semantic};
 
 use super::{PlainError, buffers};
+use crate::import::accessors::{Context, is_within_bounds};
+use crate::import::{ImportOptions, made_plain, scene_choice};
 use crate::placement::world_matrices;
 
 /// A document with its buffers.
@@ -29,21 +31,30 @@ pub(crate) struct Geometry {
 }
 
 impl PlainDocument {
-    /// Reads a .glb or .gltf file.
-    pub(crate) fn open(path: &Path) -> Result<Self, PlainError> {
+    /// Reads a .glb or .gltf file, of which `scene` is meant, or else the default scene.
+    pub(crate) fn open(path: &Path, scene: Option<&str>) -> Result<Self, PlainError> {
         let bytes = fs::read(path).map_err(|error| PlainError::Read { path: path.to_owned(), error })?;
         let invalid = |error| PlainError::Gltf { path: path.to_owned(), error };
         if let Some(fault) = false_length(&bytes) {
             return Err(invalid(fault));
         }
         let Gltf { document, blob } = Gltf::from_slice_without_validation(&bytes).map_err(invalid)?;
-        let root = document.into_json();
+        let mut root = document.into_json();
         // The validation itself follows the index of POSITION without a look at its range.
         if let Some(fault) = missing_positions(&root) {
             return Err(invalid(gltf::Error::Validation(vec![fault])));
         }
-        let mut gltf = Gltf { document: Document::from_json(root).map_err(invalid)?, blob };
-        let buffers = buffers::read(path, &mut gltf)?;
+        let wrong = |error| PlainError::Import { path: path.to_owned(), error: Box::new(error) };
+        scene_choice::choose(&mut root, scene).map_err(wrong)?;
+        let options = ImportOptions { scene: scene.map(str::to_owned), ..ImportOptions::default() };
+        let (gltf, buffers) = match made_plain(&bytes, path.parent(), &options).map_err(wrong)? {
+            Some(made) => (Gltf { document: made.document, blob: None }, made.buffers),
+            None => {
+                let mut gltf = Gltf { document: Document::from_json(root).map_err(invalid)?, blob };
+                let buffers = buffers::read(path, &mut gltf)?;
+                (gltf, buffers)
+            }
+        };
         let world = world_matrices(&gltf);
         Ok(Self { path: path.to_owned(), gltf, buffers, world })
     }
@@ -81,9 +92,9 @@ impl PlainDocument {
         found
     }
 
-    /// World position of a node.
-    pub(super) fn position(&self, node: &Node) -> DVec3 {
-        self.world[node.index()].transform_point3(DVec3::ZERO)
+    /// Where a node stands.
+    pub(super) fn placement(&self, node: &Node) -> DMat4 {
+        self.world[node.index()]
     }
 
     /// Positions and triangles of a primitive; a transform that mirrors has the winding turned round.
@@ -143,23 +154,43 @@ impl PlainDocument {
             .ok_or_else(|| self.unreadable(node, "indices"))
     }
 
-    /// Whether a plain accessor has elements, all of them inside its buffer: the glTF reader trusts counts and strides.
+    /// Whether an accessor has elements, all of them inside its buffers: the glTF reader trusts counts and strides.
     fn holds(&self, accessor: &Accessor<'_>) -> bool {
-        let Some(view) = accessor.view() else { return false };
-        let (size, count) = (accessor.size(), accessor.count());
-        let stride = view.stride().unwrap_or(size);
-        let end = count
-            .checked_sub(1)
-            .and_then(|last| last.checked_mul(stride)?.checked_add(size)?.checked_add(accessor.offset()));
-        let view_end = view.offset().checked_add(view.length());
-        let held = self.buffers.get(view.buffer().index()).map_or(0, Vec::len);
-        accessor.sparse().is_none()
-            && stride >= size
-            && end.is_some_and(|end| end <= view.length())
-            && view_end.is_some_and(|end| end <= held)
+        let context =
+            Context { place: "", buffers: &self.buffers, max_bytes: ImportOptions::default().max_bytes };
+        accessor.count() > 0
+            && accessor.sparse().is_none_or(|sparse| sparse.count() > 0)
+            && is_within_bounds(accessor, &context)
     }
 
-    fn bytes(&self, buffer: &gltf::Buffer<'_>) -> Option<&[u8]> {
+    /// Refuses an accessor of a vertex attribute that holds other than parts of 1 of these shapes, one for each vertex.
+    pub(super) fn check(
+        &self,
+        node: &Node,
+        accessor: &Accessor<'_>,
+        vertices: usize,
+        shapes: &[Dimensions],
+        what: &'static str,
+    ) -> Result<(), PlainError> {
+        let numbers = matches!(accessor.data_type(), DataType::F32 | DataType::U8 | DataType::U16);
+        let fits = numbers && shapes.contains(&accessor.dimensions()) && accessor.count() == vertices;
+        if fits && self.holds(accessor) { Ok(()) } else { Err(self.unreadable(node, what)) }
+    }
+
+    /// The bytes of an image.
+    pub(super) fn image_bytes(&self, image: &gltf::Image<'_>) -> Option<Vec<u8>> {
+        match image.source() {
+            gltf::image::Source::View { view, .. } => {
+                let end = view.offset().checked_add(view.length())?;
+                Some(self.bytes(&view.buffer())?.get(view.offset()..end)?.to_vec())
+            }
+            gltf::image::Source::Uri { uri, .. } => {
+                buffers::from_uri(uri, self.path.parent().unwrap_or(Path::new(""))).ok()
+            }
+        }
+    }
+
+    pub(super) fn bytes(&self, buffer: &gltf::Buffer<'_>) -> Option<&[u8]> {
         self.buffers.get(buffer.index()).map(Vec::as_slice)
     }
 

@@ -1,13 +1,18 @@
-//! Scenes as plain triangles, for what measures the bake: it must not read them with the bake's own import.
+//! Scenes as plain triangles, for what measures the bake: it must not read them with the bake's own import. Only what is
+//! compressed, quantized, instanced or posed is made plain by the import first.
 //!
 //! | module | what it reads |
 //! |---|---|
+//! | `appearance` | textures, colours of vertices and alpha at a point |
 //! | `buffers` | the bytes of every buffer, from the file or next to it |
 //! | `document` | a document's primitives in file order, their triangles in the world |
-//! | `scene` | [`PlainScene`]: triangles, materials and point lights of a scene |
+//! | `lights` | point, spot and directional lights in the world |
+//! | `scene` | [`PlainScene`]: triangles, materials and lights of a scene |
 
+mod appearance;
 mod buffers;
 pub(crate) mod document;
+mod lights;
 mod scene;
 #[cfg(test)]
 mod tests;
@@ -15,7 +20,11 @@ mod tests;
 use std::io;
 use std::path::PathBuf;
 
-pub use self::scene::{PlainLight, PlainMaterial, PlainScene, PlainTriangle};
+use crate::import::ImportProblem;
+
+pub use self::appearance::PlainAppearance;
+pub use self::lights::{PlainLight, PlainLightKind};
+pub use self::scene::{PlainMaterial, PlainScene, PlainTriangle};
 
 /// Why a scene cannot be read.
 #[derive(Debug, thiserror::Error)]
@@ -36,6 +45,14 @@ pub enum PlainError {
         /// What the glTF reader says.
         error: gltf::Error,
     },
+    /// There is no such scene in the file, or what it compresses cannot be decoded.
+    #[error("{path}: {error}")]
+    Import {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        error: Box<ImportProblem>,
+    },
     /// A buffer is not there, or not whole.
     #[error("{path}: buffer {buffer} cannot be read: {why}; export as .glb, which holds its buffers itself")]
     Buffer {
@@ -48,7 +65,7 @@ pub enum PlainError {
     },
     /// Vertex data lie outside their buffer, or do not have the type that they should.
     #[error(
-        "{path}: {what} of {node} cannot be read: it must lie inside its buffer, not sparse, as float VEC3 or as indices of existing vertices"
+        "{path}: {what} of {node} cannot be read: it must lie inside its buffer, as float VEC3 or as indices of existing vertices"
     )]
     Data {
         /// The file.

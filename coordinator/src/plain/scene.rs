@@ -1,19 +1,15 @@
-//! Triangles, materials and point lights of a scene, in the world.
+//! Triangles, materials and lights of a scene, in the world.
 
 use std::collections::{BTreeSet, HashSet};
-use std::f64::consts::PI;
 use std::path::Path;
 
 use glam::DVec3;
-use gltf::khr_lights_punctual::Kind;
-use gltf::material::AlphaMode;
 use gltf::{Material, Semantic};
 
-use super::PlainError;
+use super::appearance::{Appearances, MAX_REFLECTANCE, PlainAppearance, material_name};
 use super::document::{Geometry, PlainDocument, has_triangles, label};
-
-/// Largest reflectance, as the bake has it: at 1 light in a closed scene would never be absorbed.
-const MAX_REFLECTANCE: f64 = 0.999;
+use super::{PlainError, PlainLight};
+use crate::import::{ImportOptions, LightUnit};
 
 /// Height over longest edge below which a triangle has no area to speak of.
 const LEAST_HEIGHT: f64 = 1e-10;
@@ -24,17 +20,21 @@ const SMOOTH_COSINE: f64 = 0.999_847_695;
 /// A scene as plain triangles.
 #[derive(Debug, Clone, Default)]
 pub struct PlainScene {
-    /// The material of each primitive of triangles, in the order in which a walk of the scene's nodes meets them.
+    /// The material of each primitive of triangles without its textures, in the order in which a walk of the scene's nodes meets them.
     pub materials: Vec<PlainMaterial>,
     /// All triangles that have an area, each once.
     pub triangles: Vec<PlainTriangle>,
-    /// Isotropic point lights.
-    pub point_lights: Vec<PlainLight>,
+    /// What is not the same all over a primitive; `None` where all of it looks like its material.
+    pub appearances: Vec<Option<PlainAppearance>>,
+    /// Lights without an area.
+    pub lights: Vec<PlainLight>,
+    /// Radiance of the sky, the same from all directions.
+    pub sky: DVec3,
     /// What is not modelled and was left out, in words for the user.
     pub warnings: Vec<String>,
 }
 
-/// What a primitive is made of; linear RGB.
+/// What a primitive, or a point of it, is made of; linear RGB.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlainMaterial {
     /// Diffuse reflectance, base colour x (1 - metallic), under 1.
@@ -43,6 +43,8 @@ pub struct PlainMaterial {
     pub exitance: DVec3,
     /// Whether the back is as the front; else it reflects and emits nothing.
     pub double_sided: bool,
+    /// Part of the light that does not pass through: it meets what reflects and emits as the other numbers say.
+    pub opacity: f64,
 }
 
 /// A triangle in the world.
@@ -52,6 +54,8 @@ pub struct PlainTriangle {
     pub corners: [DVec3; 3],
     /// Index of its primitive's material.
     pub primitive: usize,
+    /// The primitive's vertices that its corners are.
+    pub vertices: [usize; 3],
 }
 
 impl PlainTriangle {
@@ -63,28 +67,31 @@ impl PlainTriangle {
     }
 }
 
-/// An isotropic point light.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PlainLight {
-    /// Position in the world.
-    pub position: DVec3,
-    /// Radiant intensity, W/sr.
-    pub intensity: DVec3,
-}
-
 impl PlainScene {
     /// Reads a .glb or .gltf file.
     ///
     /// # Errors
     /// When a file cannot be read, is no valid glTF, or holds no triangle; when a material or light means nothing.
     pub fn open(path: &Path) -> Result<Self, PlainError> {
-        let document = PlainDocument::open(path)?;
-        let mut scene = Self::default();
+        Self::open_with(path, &ImportOptions::default())
+    }
+
+    /// Reads a .glb or .gltf file as the options say; its limits are not heeded.
+    ///
+    /// # Errors
+    /// As [`PlainScene::open`]; when there is no such scene.
+    pub fn open_with(path: &Path, options: &ImportOptions) -> Result<Self, PlainError> {
+        let document = PlainDocument::open(path, options.scene.as_deref())?;
+        let mut scene = Self { sky: options.sky, ..Self::default() };
+        let mut appearances = Appearances::default();
         // Each is said once, in alphabetical order.
         let mut warnings = BTreeSet::new();
         for (primitive, (node, source)) in document.primitives().into_iter().enumerate() {
-            scene.materials.push(read_material(&document, &source.material(), &mut warnings)?);
             let geometry = document.geometry(&node, &source)?;
+            let count = geometry.positions.len();
+            let appearance = appearances.read(&document, &node, &source, count, &mut warnings)?;
+            scene.materials.push(read_material(&document, &source.material(), &appearance, &mut warnings)?);
+            scene.appearances.push(Some(appearance).filter(|appearance| !appearance.is_uniform()));
             if let Some(normals) = source.get(&Semantic::Normals) {
                 let local = document.vectors(&node, Some(normals), "NORMAL")?;
                 if is_smooth(
@@ -98,11 +105,14 @@ impl PlainScene {
                     ));
                 }
             }
-            scene
-                .triangles
-                .extend(whole_triangles(&geometry).map(|corners| PlainTriangle { corners, primitive }));
+            let triangles = whole_triangles(&geometry);
+            scene.triangles.extend(triangles.map(|(vertices, corners)| PlainTriangle {
+                corners,
+                primitive,
+                vertices,
+            }));
         }
-        scene.read_lights(&document, &mut warnings)?;
+        scene.read_lights(&document, options.light_unit, &mut warnings)?;
         warn_unmodelled(&document, &mut warnings);
         scene.warnings = warnings.into_iter().collect();
         if scene.triangles.is_empty() {
@@ -111,61 +121,58 @@ impl PlainScene {
         Ok(scene)
     }
 
+    /// What a triangle is made of at a point of it, in the world.
+    #[must_use]
+    pub fn material_at(&self, triangle: &PlainTriangle, point: DVec3) -> PlainMaterial {
+        match self.appearances.get(triangle.primitive) {
+            Some(Some(appearance)) => appearance.at(triangle.vertices, weights(&triangle.corners, point)),
+            _ => self.materials[triangle.primitive],
+        }
+    }
+
     fn read_lights(
         &mut self,
         document: &PlainDocument,
+        unit: LightUnit,
         warnings: &mut BTreeSet<String>,
     ) -> Result<(), PlainError> {
         for node in document.nodes() {
             let Some(light) = node.light() else { continue };
-            if !matches!(light.kind(), Kind::Point) {
-                warnings.insert(format!(
-                    "{}: spot or directional light left out, not modelled; use a point light or an emissive surface",
-                    label(&node)
-                ));
+            let placed = PlainLight::read(&light, document.placement(&node), unit == LightUnit::Watt);
+            let Some(placed) = placed else {
+                warnings.insert(format!("{}: light left out, it has no direction", label(&node)));
                 continue;
-            }
-            let intensity = DVec3::from_array(light.color().map(f64::from)) * f64::from(light.intensity());
-            check(document, label(&node), "the light's intensity", intensity)?;
-            self.point_lights.push(PlainLight { position: document.position(&node), intensity });
+            };
+            check(document, label(&node), "the light's intensity", placed.intensity)?;
+            self.lights.push(placed);
         }
         Ok(())
     }
 }
 
+/// Barycentric coordinates of a point in the plane of a triangle.
+fn weights([a, b, c]: &[DVec3; 3], point: DVec3) -> DVec3 {
+    let normal = (*b - *a).cross(*c - *a);
+    let part = |from: DVec3, to: DVec3| normal.dot((to - from).cross(point - from)) / normal.length_squared();
+    DVec3::new(part(*b, *c), part(*c, *a), part(*a, *b))
+}
+
 fn read_material(
     document: &PlainDocument,
     material: &Material<'_>,
+    appearance: &PlainAppearance,
     warnings: &mut BTreeSet<String>,
 ) -> Result<PlainMaterial, PlainError> {
-    let name = match (material.name(), material.index()) {
-        (Some(name), _) => format!("material {name}"),
-        (None, Some(index)) => format!("material {index}"),
-        (None, None) => "the default material".to_owned(),
-    };
+    let name = material_name(material);
     let pbr = material.pbr_metallic_roughness();
     let [r, g, b, _] = pbr.base_color_factor().map(f64::from);
     let reflectance = DVec3::new(r, g, b) * (1.0 - f64::from(pbr.metallic_factor()));
-    let strength = f64::from(material.emissive_strength().unwrap_or(1.0));
-    let exitance = DVec3::from_array(material.emissive_factor().map(f64::from)) * strength * PI;
     check(document, name.clone(), "reflectance", reflectance)?;
-    check(document, name.clone(), "emission", exitance)?;
+    check(document, name.clone(), "emission", appearance.exitance)?;
     if reflectance.max_element() >= 1.0 {
         warnings.insert(format!("{name}: reflectance clamped to {MAX_REFLECTANCE}"));
     }
-    if material.alpha_mode() != AlphaMode::Opaque {
-        warnings.insert(format!("{name}: transparency is ignored, it blocks all light"));
-    }
-    let textured = pbr.base_color_texture().is_some()
-        || pbr.metallic_roughness_texture().is_some()
-        || material.emissive_texture().is_some()
-        || material.normal_texture().is_some()
-        || material.occlusion_texture().is_some();
-    if textured {
-        warnings.insert(format!("{name}: textures ignored, only its factors count"));
-    }
-    let reflectance = reflectance.min(DVec3::splat(MAX_REFLECTANCE));
-    Ok(PlainMaterial { reflectance, exitance, double_sided: material.double_sided() })
+    Ok(appearance.plain())
 }
 
 fn check(
@@ -188,9 +195,6 @@ fn warn_unmodelled(document: &PlainDocument, warnings: &mut BTreeSet<String>) {
         warnings.insert(format!("extensions ignored: {}", ignored.join(", ")));
     }
     for node in document.nodes() {
-        if node.skin().is_some() {
-            warnings.insert(format!("{}: skin ignored, the mesh stays as modelled", label(&node)));
-        }
         let mut primitives = node.mesh().into_iter().flat_map(|mesh| mesh.primitives());
         if primitives.any(|primitive| !has_triangles(&primitive)) {
             warnings.insert(format!("{}: points and lines left out, only triangles are lit", label(&node)));
@@ -198,11 +202,14 @@ fn warn_unmodelled(document: &PlainDocument, warnings: &mut BTreeSet<String>) {
     }
 }
 
-/// The corners of those triangles that have an area, each triangle once.
-fn whole_triangles(geometry: &Geometry) -> impl Iterator<Item = [DVec3; 3]> {
+/// Vertices and corners of those triangles that have an area, each triangle once.
+fn whole_triangles(geometry: &Geometry) -> impl Iterator<Item = ([usize; 3], [DVec3; 3])> {
     let mut seen = HashSet::new();
-    geometry.triangles.iter().map(|corners| corners.map(|corner| geometry.positions[corner])).filter(
-        move |corners| {
+    geometry
+        .triangles
+        .iter()
+        .map(|vertices| (*vertices, vertices.map(|vertex| geometry.positions[vertex])))
+        .filter(move |(_, corners)| {
             let [a, b, c] = *corners;
             let longest = [b - a, c - b, a - c].map(DVec3::length_squared).into_iter().fold(0.0, f64::max);
             let has_area = (b - a).cross(c - a).length() > LEAST_HEIGHT * longest;
@@ -210,8 +217,7 @@ fn whole_triangles(geometry: &Geometry) -> impl Iterator<Item = [DVec3; 3]> {
             let bits = corners.map(|corner| (corner + DVec3::ZERO).to_array().map(f64::to_bits));
             let turns = [bits, [bits[1], bits[2], bits[0]], [bits[2], bits[0], bits[1]]];
             has_area && turns.into_iter().min().is_some_and(|turn| seen.insert(turn))
-        },
-    )
+        })
 }
 
 /// Whether the file's normals deviate from those of the triangles, in the node's coordinates.

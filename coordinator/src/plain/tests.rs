@@ -107,15 +107,17 @@ fn what_is_not_modelled_is_said() {
         scene.warnings,
         [
             "extensions ignored: KHR_materials_clearcoat",
+            "material paint: a texture ignored, its image or TEXCOORD_0 is missing",
             "material paint: reflectance clamped to 0.999",
-            "material paint: textures ignored, only its factors count",
-            "material paint: transparency is ignored, it blocks all light",
-            "node sheet: spot or directional light left out, not modelled; use a point light or an emissive surface",
         ]
     );
     assert_eq!(scene.materials[0].reflectance, DVec3::new(0.999, 0.0, 0.0));
-    let light = PlainLight { position: DVec3::new(2.0, 2.0, 3.0), intensity: DVec3::new(2.0, 1.0, 0.0) };
-    assert_eq!(scene.point_lights, [light]);
+    let kind = PlainLightKind::Point { position: DVec3::new(2.0, 2.0, 3.0) };
+    assert_eq!(scene.lights[1], PlainLight { kind, intensity: DVec3::new(2.0, 1.0, 0.0) });
+    let PlainLightKind::Spot { along, ramp, .. } = scene.lights[0].kind else { panic!("{:?}", scene.lights) };
+    assert_eq!(along, DVec3::NEG_Z);
+    // From the axis to an eighth of a turn, where the file has no cones.
+    assert!((ramp[0] + ramp[1] - 1.0).abs() <= 1e-6 && (ramp[0] * 0.5_f64.sqrt() + ramp[1]).abs() <= 1e-6);
 }
 
 #[test]
@@ -132,7 +134,7 @@ fn wrong_files_are_refused_with_their_place() {
             &|root| root["meshes"][0]["primitives"][0]["attributes"]["POSITION"] = json!(7),
             "is not a valid glTF",
         ),
-        (&|root| root["extensionsRequired"] = json!(["KHR_draco_mesh_compression"]), "is not a valid glTF"),
+        (&|root| root["extensionsRequired"] = json!(["EXT_unheard_of"]), "is not a valid glTF"),
         (
             &|root| root["materials"][0]["emissiveFactor"] = json!([-1.0, 0.0, 0.0]),
             "emission of material paint must be finite and not negative",
@@ -150,4 +152,80 @@ fn wrong_files_are_refused_with_their_place() {
     }
     let missing = PlainScene::open(&test_scene("missing.glb")).unwrap_err().to_string();
     assert!(missing.contains("missing.glb cannot be read"), "{missing}");
+}
+
+#[test]
+fn compressed_scenes_are_the_plain_one() {
+    let areas = |name: &str| {
+        let scene = PlainScene::open(&test_scene(&format!("../fixtures/compressed/{name}.glb"))).unwrap();
+        let area = |primitive: usize| {
+            let triangles = scene.triangles.iter().filter(|triangle| triangle.primitive == primitive);
+            triangles.map(PlainTriangle::area_vector).sum::<DVec3>()
+        };
+        (scene.triangles.len(), area(0), area(1))
+    };
+    let (count, sheet, lamp) = areas("plain");
+    for name in ["quantized", "meshopt_plain", "meshopt_filtered", "draco_edgebreaker", "draco_sequential"] {
+        let (found, first, second) = areas(name);
+        assert_eq!(found, count, "{name}");
+        assert!(
+            (first - sheet).length() < 5e-3 && (second - lamp).length() < 5e-3,
+            "{name}: {first} {second}"
+        );
+    }
+}
+
+/// Left half red and opaque, right half white with a quarter of alpha; texture coordinates go over the square once.
+fn with_picture(change: impl Fn(&mut Value)) -> PlainScene {
+    let mut builder = Builder::default();
+    let mut square = builder.square();
+    square["attributes"]["TEXCOORD_0"] =
+        json!(builder.floats(&[[0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]]));
+    square["attributes"]["COLOR_0"] =
+        json!(builder.floats(&[[1.0, 1.0, 1.0], [1.0, 1.0, 1.0], [0.5, 1.0, 0.0], [0.5, 1.0, 0.0]]));
+    square["material"] = json!(0);
+    let image = image::RgbaImage::from_raw(2, 1, vec![255, 0, 0, 255, 255, 255, 255, 64]).unwrap();
+    let mut png = std::io::Cursor::new(vec![]);
+    image.write_to(&mut png, image::ImageFormat::Png).unwrap();
+    let view = builder.view(&png.into_inner());
+    let (mut root, bytes) = builder.finish(json!({
+        "asset": { "version": "2.0" }, "scene": 0, "scenes": [{ "nodes": [0] }],
+        "nodes": [{ "mesh": 0, "scale": [2.0, 1.0, 1.0] }],
+        "meshes": [{ "primitives": [square] }],
+        "images": [{ "bufferView": view, "mimeType": "image/png" }],
+        "samplers": [{ "magFilter": 9728 }],
+        "textures": [{ "source": 0, "sampler": 0 }],
+        "materials": [{
+            "pbrMetallicRoughness": { "baseColorFactor": [0.8, 0.5, 0.25, 1.0], "metallicFactor": 0.0, "baseColorTexture": { "index": 0 } },
+        }],
+    }));
+    change(&mut root);
+    root["buffers"][0]["uri"] = json!("data.bin");
+    let folder = TempDir::new().unwrap();
+    std::fs::write(folder.path().join("data.bin"), bytes).unwrap();
+    let path = folder.path().join("square.gltf");
+    std::fs::write(&path, root.to_string()).unwrap();
+    PlainScene::open(&path).unwrap()
+}
+
+fn look(scene: &PlainScene, x: f64, y: f64) -> PlainMaterial {
+    // The square is two triangles, below and above its diagonal, twice as wide as high.
+    let triangle = &scene.triangles[usize::from(y > x / 2.0)];
+    scene.material_at(triangle, DVec3::new(x, y, 0.0))
+}
+
+#[test]
+fn textures_and_colours_are_those_of_the_point() {
+    let scene = with_picture(|_| ());
+    let near = |found: PlainMaterial, expected: DVec3| {
+        assert!(found.reflectance.abs_diff_eq(expected, 1e-7), "{}, not {expected}", found.reflectance);
+    };
+    near(look(&scene, 0.5, 0.0), DVec3::new(0.8, 0.0, 0.0));
+    near(look(&scene, 1.5, 0.0), DVec3::new(0.8, 0.5, 0.25));
+    near(look(&scene, 1.5, 0.6), DVec3::new(0.8 * 0.7, 0.5, 0.25 * 0.4));
+    near(look(&scene, 0.5, 0.6), DVec3::new(0.8 * 0.7, 0.0, 0.0));
+    assert_eq!(look(&scene, 1.5, 0.6).opacity, 1.0);
+    let mode = |mode: &str| with_picture(|root| root["materials"][0]["alphaMode"] = json!(mode));
+    assert_eq!([0.5, 1.5].map(|x| look(&mode("MASK"), x, 0.1).opacity), [1.0, 0.0]);
+    assert_eq!([0.5, 1.5].map(|x| look(&mode("BLEND"), x, 0.1).opacity), [1.0, 64.0 / 255.0]);
 }

@@ -1,10 +1,13 @@
-//! Where light comes from: triangles that emit, and point lights; chosen by their power.
+//! Where light comes from: triangles that emit, and lights without an area; chosen by their power.
 
 use glam::DVec3;
 
 use super::places::point_of;
 use super::solid::{CLEARANCE, Solid};
-use crate::plain::PlainLight;
+use crate::plain::{PlainLight, PlainLightKind};
+
+/// Distance of the place from which light comes from far, in the frame: its extent is 1, so that nothing is beyond.
+const FAR: f64 = 4.0;
 
 /// The light sources of a scene, in the frame of its solid.
 pub(super) struct Lights {
@@ -12,8 +15,10 @@ pub(super) struct Lights {
     emitters: Vec<(f64, usize)>,
     /// Chance per area to choose a point, of every triangle of the solid; 0 where it does not emit.
     densities: Vec<f64>,
-    /// Running sum of power over the point lights, their chance to be chosen, position and intensity in the frame.
+    /// Running sum of power over the point and spot lights, their chance to be chosen, and they themselves in the frame.
     points: Vec<(f64, f64, PlainLight)>,
+    /// Where the light of directional lights travels to, and their irradiance.
+    far: Vec<(DVec3, DVec3)>,
 }
 
 /// Light that could fall on a point from a chosen place, before visibility.
@@ -26,16 +31,20 @@ pub(super) struct Sample {
 
 impl Lights {
     /// Collects the light sources; `None` where there are none.
-    pub(super) fn new(solid: &Solid, point_lights: &[PlainLight]) -> Option<Self> {
+    pub(super) fn new(solid: &Solid, without_area: &[PlainLight]) -> Option<Self> {
         let area = |index: usize| {
             let [a, b, c] = solid.triangles[index].corners;
             (b - a).cross(c - a).length() / 2.0
         };
-        let mut lights =
-            Self { emitters: vec![], densities: vec![0.0; solid.triangles.len()], points: vec![] };
+        let mut lights = Self {
+            emitters: vec![],
+            densities: vec![0.0; solid.triangles.len()],
+            points: vec![],
+            far: vec![],
+        };
         let mut total = 0.0;
         for (index, triangle) in solid.triangles.iter().enumerate() {
-            let exitance = triangle.material.exitance.element_sum();
+            let exitance = solid.emitted(triangle).element_sum();
             if exitance > 0.0 {
                 total += exitance * area(index);
                 lights.emitters.push((total, index));
@@ -43,19 +52,27 @@ impl Lights {
             }
         }
         lights.densities.iter_mut().for_each(|density| *density /= total.max(f64::MIN_POSITIVE));
-        let power = |light: &PlainLight| light.intensity.element_sum();
-        let all: f64 = point_lights.iter().map(power).sum();
+        let scale = solid.frame.scale;
+        let power = |light: &PlainLight| match light.kind {
+            PlainLightKind::Directional { .. } => 0.0,
+            PlainLightKind::Point { .. } | PlainLightKind::Spot { .. } => light.intensity.element_sum(),
+        };
+        let all: f64 = without_area.iter().map(power).sum();
         let mut sum = 0.0;
-        for light in point_lights.iter().filter(|light| power(light) > 0.0) {
-            sum += power(light) / all;
-            let scale = solid.frame.scale;
-            let placed = PlainLight {
-                position: solid.frame.place(light.position),
-                intensity: light.intensity / (scale * scale),
-            };
-            lights.points.push((sum, power(light) / all, placed));
+        for light in without_area.iter().filter(|light| light.intensity != DVec3::ZERO) {
+            let mut placed = *light;
+            match &mut placed.kind {
+                PlainLightKind::Point { position } | PlainLightKind::Spot { position, .. } => {
+                    sum += power(light) / all;
+                    *position = solid.frame.place(*position);
+                    placed.intensity /= scale * scale;
+                    lights.points.push((sum, power(light) / all, placed));
+                }
+                PlainLightKind::Directional { along } => lights.far.push((*along, light.intensity)),
+            }
         }
-        (!lights.emitters.is_empty() || !lights.points.is_empty()).then_some(lights)
+        let is_lit = !(lights.emitters.is_empty() && lights.points.is_empty() && lights.far.is_empty());
+        is_lit.then_some(lights)
     }
 
     /// Chance per area at which [`Self::surface`] chooses a point of this triangle.
@@ -74,23 +91,44 @@ impl Lights {
         let side = triangle.side(point - at)?;
         let kernel = kernel(at, normal, point, side);
         let density = self.densities[index];
-        (kernel > 0.0).then(|| Sample {
-            irradiance: triangle.material.exitance * kernel / density * weight(density, kernel),
-            from: point + side * CLEARANCE,
+        (kernel > 0.0).then(|| {
+            let material = solid.material(triangle, point);
+            let exitance = material.exitance * material.opacity;
+            Sample {
+                irradiance: exitance * kernel / density * weight(density, kernel),
+                from: point + side * CLEARANCE,
+            }
         })
     }
 
-    /// The irradiance at a point from a random point light.
+    /// The irradiance at a point from a random point or spot light.
     pub(super) fn point(&self, at: DVec3, normal: DVec3, draw: f64) -> Option<Sample> {
         let chosen =
             self.points.partition_point(|light| light.0 <= draw).min(self.points.len().checked_sub(1)?);
         let (_, chance, light) = &self.points[chosen];
-        let span = light.position - at;
+        let (position, part) = match light.kind {
+            PlainLightKind::Point { position } => (position, 1.0),
+            PlainLightKind::Spot { position, along, ramp: [scale, offset] } => {
+                let cosine = (at - position).normalize_or_zero().dot(along);
+                (position, (cosine * scale + offset).clamp(0.0, 1.0).powi(2))
+            }
+            PlainLightKind::Directional { .. } => return None,
+        };
+        let span = position - at;
         let cosine = span.normalize_or_zero().dot(normal);
-        (cosine > 0.0).then(|| Sample {
-            irradiance: light.intensity * cosine / (span.length_squared() * chance),
-            from: light.position,
+        (cosine > 0.0 && part > 0.0).then(|| Sample {
+            irradiance: light.intensity * cosine * part / (span.length_squared() * chance),
+            from: position,
         })
+    }
+
+    /// The irradiance at a point from each directional light.
+    pub(super) fn far(&self, at: DVec3, normal: DVec3) -> impl Iterator<Item = Sample> {
+        let sample = move |&(along, irradiance): &(DVec3, DVec3)| {
+            let cosine = -along.dot(normal);
+            (cosine > 0.0).then(|| Sample { irradiance: irradiance * cosine, from: at - along * FAR })
+        };
+        self.far.iter().filter_map(sample)
     }
 }
 

@@ -29,7 +29,7 @@ use rayon::prelude::*;
 
 pub use self::agreement::Agreement;
 pub use self::file::{ReferenceFileError, read, to_csv};
-pub use self::places::{locate, random};
+pub use self::places::{locate, materials, random};
 
 use self::paths::Tracer;
 use crate::plain::PlainScene;
@@ -57,7 +57,7 @@ pub struct Place {
 pub struct ReferencePoint {
     /// Where.
     pub place: Place,
-    /// Radiosity, emitted and reflected: exitance + reflectance x irradiance, W/m^2.
+    /// Radiosity, emitted and reflected: opacity x (exitance + reflectance x irradiance), W/m^2.
     pub radiosity: DVec3,
     /// Standard error of the radiosity.
     pub standard_error: DVec3,
@@ -90,7 +90,7 @@ pub enum ReferenceError {
     NoReflection,
     /// Nothing gives light.
     #[error(
-        "the scene has no light: give a material an emissiveFactor or add a KHR_lights_punctual point light"
+        "the scene has no light: give a material an emissiveFactor, add a KHR_lights_punctual light, or give --sky"
     )]
     NoLight,
     /// The other reference has points that the scene does not have.

@@ -1,6 +1,6 @@
 //! The estimator: paths from a point, light gathered along them.
 
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
 use sobol_burley::{NUM_DIMENSION_SETS_4D, sample_4d};
@@ -8,7 +8,7 @@ use sobol_burley::{NUM_DIMENSION_SETS_4D, sample_4d};
 use super::lights::{Lights, kernel, weight};
 use super::solid::{CLEARANCE, Solid};
 use super::{GROUPS, Place, ReferencePoint};
-use crate::plain::{PlainMaterial, PlainScene};
+use crate::plain::PlainScene;
 
 /// Bounces after which chance may end a path.
 const CERTAIN_BOUNCES: u32 = 3;
@@ -22,8 +22,9 @@ const BOUNCES_PER_SEED: u32 = NUM_DIMENSION_SETS_4D / SETS_PER_BOUNCE;
 /// A scene ready to be traced.
 pub(super) struct Tracer<'a> {
     scene: &'a PlainScene,
-    solid: Solid,
-    lights: Lights,
+    solid: Solid<'a>,
+    /// None under a sky alone.
+    lights: Option<Lights>,
 }
 
 /// A path: which of its group, and the seed of the group.
@@ -48,22 +49,24 @@ impl<'a> Tracer<'a> {
     /// Prepares a scene; `None` where nothing gives light.
     pub(super) fn new(scene: &'a PlainScene) -> Option<Self> {
         let solid = Solid::new(scene);
-        let lights = Lights::new(&solid, &scene.point_lights)?;
-        Some(Self { scene, solid, lights })
+        let lights = Lights::new(&solid, &scene.lights);
+        let shines = scene.sky != DVec3::ZERO || lights.is_some();
+        shines.then_some(Self { scene, solid, lights })
     }
 
     /// The radiosity at a place from [`GROUPS`] groups of so many paths each; `index` tells its random numbers from those of
     /// other places.
     pub(super) fn point(&self, place: &Place, index: u64, paths: u32, seed: u64) -> ReferencePoint {
-        let material = self.scene.materials[place.primitive];
+        let material = super::places::material(self.scene, &self.solid, place);
         let groups = [(); GROUPS as usize].map({
             let mut group = 0;
             move |()| {
                 let seed = mix(mix(seed, index), group);
                 group += 1;
-                let sum: DVec3 =
-                    (0..paths).map(|index| self.gather(place, &material, Path { index, seed })).sum();
-                material.exitance + sum / f64::from(paths)
+                let sum: DVec3 = (0..paths)
+                    .map(|index| self.gather(place, material.reflectance, Path { index, seed }))
+                    .sum();
+                (material.exitance + sum / f64::from(paths)) * material.opacity
             }
         });
         let count = f64::from(GROUPS);
@@ -74,37 +77,44 @@ impl<'a> Tracer<'a> {
     }
 
     /// What one path says of the reflected radiosity at a place.
-    fn gather(&self, place: &Place, material: &PlainMaterial, path: Path) -> DVec3 {
+    fn gather(&self, place: &Place, reflectance: DVec3, path: Path) -> DVec3 {
         let mut gathered = DVec3::ZERO;
         // The part of irradiance at the present surface that becomes radiosity at the place.
-        let mut share = material.reflectance;
+        let mut share = reflectance;
         let mut normal = place.normal;
         let mut at = self.solid.frame.place(place.position) + normal * CLEARANCE;
         for bounce in 0.. {
             if share == DVec3::ZERO {
                 break;
             }
-            let [u, v, survival, which_point, which_emitter, s, t, _] = path.draw(bounce);
-            let samples = [
-                self.lights.point(at, normal, which_point),
-                self.lights.surface(&self.solid, at, normal, [which_emitter, s, t]),
-            ];
-            for sample in samples.into_iter().flatten() {
-                if self.solid.is_clear(at, sample.from) {
-                    gathered += share * sample.irradiance;
+            let [u, v, survival, which_point, which_emitter, s, t, chance] = path.draw(bounce);
+            let samples = self.lights.iter().flat_map(|lights| {
+                let chosen = [
+                    lights.point(at, normal, which_point),
+                    lights.surface(&self.solid, at, normal, [which_emitter, s, t]),
+                ];
+                chosen.into_iter().flatten().chain(lights.far(at, normal))
+            });
+            for sample in samples {
+                let passing = self.solid.transmittance(at, sample.from);
+                if passing > 0.0 {
+                    gathered += share * sample.irradiance * passing;
                 }
             }
             let direction = by_cosine(normal, u, v);
-            let Some(hit) = self.solid.first_hit(at, direction) else { break };
+            let Some(hit) = self.solid.first_hit(at, direction, chance.to_bits()) else {
+                gathered += share * PI * self.scene.sky;
+                break;
+            };
             let triangle = &self.solid.triangles[hit.triangle];
             let Some(side) = triangle.side(direction) else { break };
             let met = at + direction * hit.distance;
-            let density = self.lights.density(hit.triangle);
+            let material = self.solid.material(triangle, met);
+            let density = self.lights.as_ref().map_or(0.0, |lights| lights.density(hit.triangle));
             if density > 0.0 {
-                gathered +=
-                    share * triangle.material.exitance * weight(kernel(at, normal, met, side), density);
+                gathered += share * material.exitance * weight(kernel(at, normal, met, side), density);
             }
-            let reflectance = triangle.material.reflectance;
+            let reflectance = material.reflectance;
             share *= reflectance;
             if bounce >= CERTAIN_BOUNCES {
                 let chance = reflectance.max_element();

@@ -6,7 +6,7 @@ use sobol_burley::sample_4d;
 use super::paths::mix;
 use super::solid::Solid;
 use super::{Place, ReferenceError};
-use crate::plain::PlainScene;
+use crate::plain::{PlainMaterial, PlainScene};
 
 /// How far a point may lie off its surface, as a share of the scene's extent: coordinates are rounded in the file.
 const DISTANCE: f64 = 1e-4;
@@ -73,6 +73,31 @@ pub fn locate(scene: &PlainScene, places: &[Place]) -> Vec<Option<Place>> {
             candidates.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, place)| place)
         })
         .collect()
+}
+
+/// What the surface is made of at these places, each on a side of its primitive; without its textures where none is near.
+#[must_use]
+pub fn materials(scene: &PlainScene, places: &[Place]) -> Vec<PlainMaterial> {
+    let solid = Solid::new(scene);
+    places.iter().map(|place| material(scene, &solid, place)).collect()
+}
+
+/// What the surface is made of at a place.
+pub(super) fn material(scene: &PlainScene, solid: &Solid<'_>, place: &Place) -> PlainMaterial {
+    let plain = scene.materials[place.primitive];
+    if !matches!(scene.appearances.get(place.primitive), Some(Some(_))) {
+        return plain;
+    }
+    let candidates = solid.near(place.position, DISTANCE * solid.frame.scale).filter_map(|index| {
+        let triangle = &scene.triangles[index];
+        let facing = triangle.area_vector().normalize().dot(place.normal).abs() > 0.5;
+        (triangle.primitive == place.primitive && facing).then(|| {
+            let position = nearest_point(&triangle.corners, place.position);
+            (position.distance(place.position), triangle, position)
+        })
+    });
+    let nearest = candidates.min_by(|a, b| a.0.total_cmp(&b.0));
+    nearest.map_or(plain, |(_, triangle, position)| scene.material_at(triangle, position))
 }
 
 /// The point of a triangle that two uniform numbers stand for, uniform over the area.

@@ -7,7 +7,8 @@ use obvhs::bvh2::builder::build_bvh2;
 use obvhs::ray::{Ray, RayHit};
 use obvhs::{Boundable, BvhBuildParams};
 
-use crate::plain::{PlainMaterial, PlainScene};
+use super::paths::mix;
+use crate::plain::{PlainMaterial, PlainScene, PlainTriangle};
 
 /// How far rays start and end off surfaces, as a share of the scene's extent: some last places of the f32 that files hold, so
 /// that surfaces meant to lie in one plane do not hide each other. Boxes are padded by as much.
@@ -40,8 +41,10 @@ pub(super) struct Triangle {
     pub(super) corners: [DVec3; 3],
     /// Unit normal of the front.
     pub(super) normal: DVec3,
-    /// What it is made of.
+    /// What it is made of, without textures.
     pub(super) material: PlainMaterial,
+    /// Its place in the scene, if it does not look like that all over.
+    varies: Option<usize>,
 }
 
 impl Triangle {
@@ -74,7 +77,8 @@ pub(super) struct Hit {
 }
 
 /// A scene's triangles.
-pub(super) struct Solid {
+pub(super) struct Solid<'a> {
+    scene: &'a PlainScene,
     /// How their coordinates relate to the world's.
     pub(super) frame: Frame,
     /// In the order of the hierarchy's leaves.
@@ -97,9 +101,9 @@ fn padded(corners: &[DVec3], padding: f64) -> Padded {
     Padded(Aabb::new(tight.min - padding, tight.max + padding))
 }
 
-impl Solid {
+impl<'a> Solid<'a> {
     /// Builds the hierarchy.
-    pub(super) fn new(scene: &PlainScene) -> Self {
+    pub(super) fn new(scene: &'a PlainScene) -> Self {
         let frame = Frame::of(scene);
         let corners = |index: usize| scene.triangles[index].corners.map(|corner| frame.place(corner));
         let boxes: Vec<Padded> =
@@ -108,16 +112,47 @@ impl Solid {
         let triangles = bvh.primitive_indices.iter().map(|&index| {
             let source = &scene.triangles[index as usize];
             let material = scene.materials[source.primitive];
-            Triangle { corners: corners(index as usize), normal: source.area_vector().normalize(), material }
+            let varies = matches!(scene.appearances.get(source.primitive), Some(Some(_)));
+            Triangle {
+                corners: corners(index as usize),
+                normal: source.area_vector().normalize(),
+                material,
+                varies: varies.then_some(index as usize),
+            }
         });
-        Self { frame, triangles: triangles.collect(), bvh }
+        Self { scene, frame, triangles: triangles.collect(), bvh }
     }
 
-    /// The first triangle that a ray of unit direction meets.
+    /// What a triangle is made of at a point of it, in the frame.
+    pub(super) fn material(&self, triangle: &Triangle, point: DVec3) -> PlainMaterial {
+        let Some(index) = triangle.varies else { return triangle.material };
+        // Barycentric coordinates are the same in the frame.
+        let source = PlainTriangle { corners: triangle.corners, ..self.scene.triangles[index] };
+        self.scene.material_at(&source, point)
+    }
+
+    /// The exitance of a triangle where its texture is brightest.
+    pub(super) fn emitted(&self, triangle: &Triangle) -> DVec3 {
+        triangle.material.exitance
+    }
+
+    /// Whether a triangle, met at this distance, lets a ray pass.
+    fn lets_pass(&self, index: usize, origin: DVec3, direction: DVec3, distance: f64, chance: u64) -> bool {
+        let triangle = &self.triangles[index];
+        if triangle.varies.is_none() && triangle.material.opacity >= 1.0 {
+            return false;
+        }
+        let opacity = self.material(triangle, origin + direction * distance).opacity;
+        // Each triangle draws its own number, whatever the order in which they are met.
+        let draw = mix(chance, index as u64) as f64 / u64::MAX as f64;
+        opacity < 1.0 && draw >= opacity
+    }
+
+    /// The first triangle that a ray of unit direction meets and does not pass; `chance` decides what it passes.
     ///
     /// Of several at one place the one that emits towards the ray counts, else the one that shows its front: a thin wall of two
     /// sheets is seen from both sides, and a lamp in the plane of a ceiling is seen.
-    pub(super) fn first_hit(&self, origin: DVec3, direction: DVec3) -> Option<Hit> {
+    pub(super) fn first_hit(&self, origin: DVec3, direction: DVec3, chance: u64) -> Option<Hit> {
         let mut least = f64::INFINITY;
         let mut found = None;
         let ray = Ray::new(origin.as_vec3a(), direction.as_vec3a(), 0.0, f32::INFINITY);
@@ -132,7 +167,7 @@ impl Solid {
                 None => 0.0,
             };
             let key = distance - rank * CLEARANCE;
-            if key >= least {
+            if key >= least || self.lets_pass(index, origin, direction, distance, chance) {
                 return f32::INFINITY;
             }
             least = key;
@@ -143,16 +178,22 @@ impl Solid {
         found
     }
 
-    /// Whether nothing lies between two points.
-    pub(super) fn is_clear(&self, from: DVec3, to: DVec3) -> bool {
+    /// Part of the light that passes from one point to another.
+    pub(super) fn transmittance(&self, from: DVec3, to: DVec3) -> f64 {
         let span = to - from;
         let length = span.length();
         let direction = span / length;
         let ray = Ray::new(from.as_vec3a(), direction.as_vec3a(), 0.0, (length + CLEARANCE) as f32);
-        self.bvh.ray_traverse_miss(ray, |_, index| {
-            let blocks = |distance: f64| distance > 0.0 && distance < length;
-            if self.triangles[index].meet(from, direction).is_some_and(blocks) { 0.0 } else { f32::INFINITY }
-        })
+        let mut passing = 1.0;
+        let is_clear = self.bvh.ray_traverse_miss(ray, |_, index| {
+            let triangle = &self.triangles[index];
+            let Some(distance) = triangle.meet(from, direction).filter(|d| *d > 0.0 && *d < length) else {
+                return f32::INFINITY;
+            };
+            passing *= 1.0 - self.material(triangle, from + direction * distance).opacity;
+            if passing > 0.0 { f32::INFINITY } else { 0.0 }
+        });
+        if is_clear { passing } else { 0.0 }
     }
 
     /// Indices, in the scene, of the triangles near a world position, and of some more.

@@ -5,14 +5,19 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use glam::DVec3;
 
 use super::*;
-use crate::plain::{PlainLight, PlainMaterial, PlainTriangle};
+use crate::plain::{PlainLight, PlainLightKind, PlainMaterial, PlainTriangle};
 
 fn grey(reflectance: f64, exitance: f64) -> PlainMaterial {
     PlainMaterial {
         reflectance: DVec3::splat(reflectance),
         exitance: DVec3::splat(exitance),
         double_sided: false,
+        opacity: 1.0,
     }
+}
+
+fn point_light(position: DVec3, intensity: DVec3) -> PlainLight {
+    PlainLight { kind: PlainLightKind::Point { position }, intensity }
 }
 
 /// Adds a parallelogram, lit where its edges turn counter-clockwise.
@@ -21,7 +26,7 @@ fn add(scene: &mut PlainScene, material: PlainMaterial, corner: DVec3, edges: [D
     scene.materials.push(material);
     let [a, b] = edges;
     let triangles = [[corner, corner + a, corner + a + b], [corner, corner + a + b, corner + b]];
-    scene.triangles.extend(triangles.map(|corners| PlainTriangle { corners, primitive }));
+    scene.triangles.extend(triangles.map(|corners| PlainTriangle { corners, primitive, vertices: [0; 3] }));
 }
 
 /// A square of this side in z = height, centred, lit from above; from below with a negative side.
@@ -78,9 +83,10 @@ fn floor_under_a_point_light_is_exact() {
     let mut scene = PlainScene::default();
     square(&mut scene, grey(0.6, 0.0), 0.0, 4.0);
     let intensity = DVec3::new(3.0, 2.0, 1.0);
-    scene.point_lights = vec![PlainLight { position: DVec3::new(0.5, 0.0, 2.0), intensity }];
+    let position = DVec3::new(0.5, 0.0, 2.0);
+    scene.lights = vec![point_light(position, intensity)];
     for point in traced(&scene, &[floor_place(0.0, 0.0), floor_place(-1.5, 0.7)], 32) {
-        let span = scene.point_lights[0].position - point.place.position;
+        let span = position - point.place.position;
         let expected = 0.6 * intensity * span.z / span.length().powi(3);
         // Rays start a millionth of the scene's extent off the surface.
         assert!(point.radiosity.abs_diff_eq(expected, 1e-5 * expected.x), "{} {expected}", point.radiosity);
@@ -92,17 +98,87 @@ fn floor_under_a_point_light_is_exact() {
 fn point_lights_add_up() {
     let mut scene = PlainScene::default();
     square(&mut scene, grey(0.6, 0.0), 0.0, 4.0);
-    let light =
-        |x, intensity| PlainLight { position: DVec3::new(x, 0.0, 2.0), intensity: DVec3::splat(intensity) };
-    scene.point_lights = vec![light(0.5, 1.0), light(-0.5, 2.7), light(0.0, 0.0)];
+    let lights = [(0.5, 1.0), (-0.5, 2.7), (0.0, 0.0)];
+    let position = |x| DVec3::new(x, 0.0, 2.0);
+    scene.lights = lights.map(|(x, intensity)| point_light(position(x), DVec3::splat(intensity))).to_vec();
     let points = traced(&scene, &[floor_place(0.3, 0.1), floor_place(1.0, 1.0), floor_place(-1.0, 0.5)], 512);
     assert_agrees(&points, |place| {
-        let from = |light: &PlainLight| {
-            let span = light.position - place.position;
-            0.6 * light.intensity.x * span.z / span.length().powi(3)
+        let from = |(x, intensity): (f64, f64)| {
+            let span = position(x) - place.position;
+            0.6 * intensity * span.z / span.length().powi(3)
         };
-        scene.point_lights.iter().map(from).sum()
+        lights.into_iter().map(from).sum()
     });
+}
+
+/// A spot light and two directional ones: without anything to bounce light, they leave nothing to chance.
+#[test]
+fn spot_and_directional_lights_add_up() {
+    let mut scene = PlainScene::default();
+    square(&mut scene, grey(0.6, 0.0), 0.0, 4.0);
+    let (position, axis) = (DVec3::new(0.5, 0.2, 2.0), DVec3::new(0.1, -0.2, -1.0).normalize());
+    let (inner, outer) = (0.95, 0.8);
+    let ramp = [1.0 / (inner - outer), -outer / (inner - outer)];
+    let directional = |along: DVec3, lux| PlainLight {
+        kind: PlainLightKind::Directional { along: along.normalize() },
+        intensity: DVec3::splat(lux),
+    };
+    scene.lights = vec![
+        PlainLight {
+            kind: PlainLightKind::Spot { position, along: axis, ramp },
+            intensity: DVec3::splat(5.0),
+        },
+        directional(DVec3::new(1.0, 0.0, -1.0), 0.5),
+        directional(DVec3::new(0.0, 0.0, 1.0), 0.5),
+    ];
+    let places = [(0.5, 0.0), (-0.4, 0.3), (0.9, -1.2), (-1.9, 1.9)].map(|(x, y)| floor_place(x, y));
+    let expected = |place: &Place| {
+        let span = place.position - position;
+        let distance = span.length();
+        let part = ((span.dot(axis) / distance - outer) / (inner - outer)).clamp(0.0, 1.0);
+        let spot = 5.0 * part * part * -span.z / distance.powi(3);
+        0.6 * (spot + 0.5 * 0.5_f64.sqrt())
+    };
+    // Inside, on the ramp, and outside.
+    assert_eq!(expected(&places[3]), 0.3 * 0.5_f64.sqrt());
+    for point in traced(&scene, &places, 32) {
+        let expected = expected(&point.place);
+        // Rays start a millionth of the scene's extent off the surface.
+        let error = (point.radiosity.x - expected).abs();
+        assert!(error <= 1e-4 * expected, "{}: {}, not {expected}", point.place.position, point.radiosity);
+    }
+}
+
+/// Beside a sheet that lets 40 % pass, and with a mask of holes.
+#[test]
+fn sky_and_sun_pass_what_is_not_opaque() {
+    let sky = 2.0;
+    for (opacity, reflectance) in [(1.0, 0.0), (0.6, 0.0), (0.0, 0.5)] {
+        let mut scene = PlainScene { sky: DVec3::splat(sky), ..PlainScene::default() };
+        square(&mut scene, grey(0.5, 0.0), 0.0, 0.1);
+        // Nearly all of the hemisphere.
+        square(&mut scene, PlainMaterial { opacity, ..grey(reflectance, 0.0) }, 0.01, -40.0);
+        let along = DVec3::new(0.6, 0.0, -0.8);
+        let intensity = DVec3::splat(10.0);
+        scene.lights = vec![PlainLight { kind: PlainLightKind::Directional { along }, intensity }];
+        let points = traced(&scene, &[floor_place(0.01, 0.02)], 4096);
+        let expected = 0.5 * (1.0 - opacity) * (PI * sky + 8.0);
+        let (radiosity, error) = (points[0].radiosity.x, points[0].standard_error.x);
+        // Something of the sky is seen past the sheet's edge.
+        let within = 4.5 * error + 1e-5;
+        assert!((radiosity - expected).abs() <= within, "{opacity}: {radiosity}, not {expected}");
+        // Of draws of 0 or pi L, one half reflected.
+        assert!(error < 0.05, "{opacity}: {error}");
+    }
+}
+
+#[test]
+fn free_plate_under_the_sky_is_exact() {
+    let mut scene = PlainScene { sky: DVec3::new(1.0, 2.0, 3.0), ..PlainScene::default() };
+    square(&mut scene, grey(0.5, 0.0), 0.0, 4.0);
+    for point in traced(&scene, &[floor_place(0.3, 0.1)], 32) {
+        assert!(point.radiosity.abs_diff_eq(0.5 * PI * scene.sky, 1e-12), "{}", point.radiosity);
+    }
 }
 
 /// Form factor of a point to a rectangle above it, from the corner over the point to (a, b), at distance 1.
@@ -137,7 +213,7 @@ fn floor_under_a_lamp_has_the_form_factor_times_exitance() {
 fn flux_in_a_closed_room_is_emission_over_absorption() {
     let reflectance = 0.7;
     let mut scene = room(grey(reflectance, 0.0));
-    scene.point_lights = vec![PlainLight { position: DVec3::new(0.5, 0.4, 0.3), intensity: DVec3::ONE }];
+    scene.lights = vec![point_light(DVec3::new(0.5, 0.4, 0.3), DVec3::ONE)];
     let points = traced(&scene, &random(&scene, 1024, 5).unwrap(), 64);
     let mean = points.iter().map(|point| point.radiosity.x).sum::<f64>() / points.len() as f64;
     // Six walls of area 1 absorb (1 - rho) / rho of their radiosity.
@@ -186,14 +262,13 @@ fn emission_of_the_place_itself_counts() {
 fn units_and_place_of_the_scene_do_not_matter() {
     let mut scene = room(grey(0.5, 1.0));
     scene.materials[0].reflectance = DVec3::splat(0.2);
-    scene.point_lights = vec![PlainLight { position: DVec3::splat(0.4), intensity: DVec3::ONE }];
+    scene.lights = vec![point_light(DVec3::splat(0.4), DVec3::ONE)];
     let places = random(&scene, 20, 1).unwrap();
     let (scale, shift) = (1024.0, DVec3::new(1e4, -1e5, 0.0));
     let moved = |position: DVec3| position * scale + shift;
     let mut far = scene.clone();
     far.triangles.iter_mut().for_each(|triangle| triangle.corners = triangle.corners.map(moved));
-    far.point_lights[0] =
-        PlainLight { position: moved(DVec3::splat(0.4)), intensity: DVec3::splat(scale * scale) };
+    far.lights[0] = point_light(moved(DVec3::splat(0.4)), DVec3::splat(scale * scale));
     let far_places: Vec<Place> = places.iter().map(|p| Place { position: moved(p.position), ..*p }).collect();
     for (near, far) in traced(&scene, &places, 64).iter().zip(traced(&far, &far_places, 64)) {
         assert!(near.radiosity.abs_diff_eq(far.radiosity, 1e-6), "{} {}", near.radiosity, far.radiosity);

@@ -18,6 +18,16 @@ impl fmt::Display for JobId {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct WorkerId(pub u32);
 
+/// When jobs are sent.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Policy {
+    /// At once, whatever made it possible: as a rule the FINISHED of another job.
+    #[default]
+    Finished,
+    /// On [`Event::Tick`] only. Slower at any period; kept to measure against.
+    Periodic,
+}
+
 /// What happened.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Event {
@@ -28,10 +38,12 @@ pub enum Event {
         /// How many jobs it computes at the same time.
         threads: usize,
     },
-    /// A worker is gone, for whatever reason. Its jobs go back to the head of the queue.
+    /// A worker is gone. Its jobs go back to their places in the queue.
     WorkerLost {
         /// The worker.
         worker: WorkerId,
+        /// True where it said goodbye, or was told to leave: then it does not count against the jobs that it held.
+        orderly: bool,
     },
     /// There is more to do. Jobs that are known already are left as they are.
     Submitted {
@@ -57,6 +69,13 @@ pub enum Event {
         /// The job.
         job: JobId,
     },
+    /// A worker had not begun a job when it heard that it is not wanted any more.
+    Cancelled {
+        /// Who answered so.
+        worker: WorkerId,
+        /// The job.
+        job: JobId,
+    },
     /// A worker does not hold the replicas of a job any more. Does not count as a try.
     ForgotReplica {
         /// Who answered so.
@@ -78,6 +97,8 @@ pub enum Event {
         /// The job.
         job: JobId,
     },
+    /// A period is over: see [`Policy::Periodic`].
+    Tick,
 }
 
 /// What is to be done.
@@ -97,9 +118,16 @@ pub enum Action {
         /// The replica.
         digest: Digest,
     },
-    /// Send a job to a worker.
+    /// Send a job to a worker, which must answer it once, whatever comes after.
     Send {
         /// Where to.
+        worker: WorkerId,
+        /// The job.
+        job: JobId,
+    },
+    /// Tell a worker that a job it holds is not wanted any more. It answers all the same.
+    Cancel {
+        /// Whom.
         worker: WorkerId,
         /// The job.
         job: JobId,
@@ -116,8 +144,6 @@ pub enum Action {
         /// Why.
         why: Abandonment,
     },
-    /// Report that nobody is left to work.
-    AllWorkersLost,
 }
 
 /// Why a job is given up.
@@ -132,4 +158,10 @@ pub enum Abandonment {
     /// Workers forgot its replicas [`super::MOST_RELOADS`] times.
     #[error("workers keep forgetting its replicas: give them more room with --replica-bytes")]
     ReplicasForgotten,
+    /// Workers were lost [`super::MOST_LOSSES_ALONE`] times while they computed nothing else.
+    #[error(
+        "{} workers were lost while they computed this job and nothing else: see their logs, or give them more memory",
+        super::MOST_LOSSES_ALONE
+    )]
+    KillsWorkers,
 }

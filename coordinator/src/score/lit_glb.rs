@@ -22,7 +22,7 @@ pub(super) struct LitTriangles {
 
 /// Reads the triangles of a lit scene.
 pub(super) fn read(path: &Path) -> Result<LitTriangles, ScoreError> {
-    let document = PlainDocument::open(path)?;
+    let document = PlainDocument::open(path, None)?;
     let mut lit = LitTriangles::default();
     for (node, primitive) in document.primitives() {
         let accessor = primitive.get(&Semantic::Extras("IRRADIANCE".into()));

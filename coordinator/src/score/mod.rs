@@ -16,7 +16,7 @@ use glam::DVec3;
 
 use self::locate::TriangleGrid;
 use crate::plain::{PlainError, PlainScene};
-use crate::reference::{Place, ReferenceFileError, ReferencePoint, locate, read};
+use crate::reference::{Place, ReferenceFileError, ReferencePoint, locate, materials, read};
 
 /// Weights of linear RGB in luminance, after Rec. 709.
 const LUMINANCE: DVec3 = DVec3::new(0.2126, 0.7152, 0.0722);
@@ -126,13 +126,15 @@ pub fn score(lit: &Path, reference: &Path, scene: &Path) -> Result<Score, ScoreE
     let bound = |pick: fn(DVec3, DVec3) -> DVec3, start| corners.iter().copied().fold(start, pick);
     let extent = bound(DVec3::max, DVec3::MIN) - bound(DVec3::min, DVec3::MAX);
     let grid = TriangleGrid::new(&mesh.triangles, extent.max_element());
+    let places: Vec<Place> = points.iter().map(|point| point.place).collect();
     let radiosities: Vec<Option<DVec3>> = points
         .iter()
-        .map(|point| {
+        .zip(materials(&source, &places))
+        .map(|(point, material)| {
             let (triangle, weights) = grid.locate(point.place.position, point.place.normal)?;
             let [a, b, c] = mesh.irradiances[triangle];
-            let material = source.materials[point.place.primitive];
-            Some(material.exitance + material.reflectance * (weights.x * a + weights.y * b + weights.z * c))
+            let irradiance = weights.x * a + weights.y * b + weights.z * c;
+            Some((material.exitance + material.reflectance * irradiance) * material.opacity)
         })
         .collect();
     let covered = radiosities.iter().flatten().count();

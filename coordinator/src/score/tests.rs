@@ -20,7 +20,7 @@ struct Files {
 impl Files {
     fn new(scene: &Scene, lit: &LitMesh, rows: &[&str]) -> Self {
         let files = Self { directory: TempDir::new().unwrap() };
-        let settings = ExportSettings { exposure: None, unit: "W/m^2".into(), extras: ().into() };
+        let settings = ExportSettings::default();
         export(scene, lit, &settings, &files.path("lit.glb")).unwrap();
         files.write_reference(&[&[HEADER], rows].concat());
         files

@@ -6,7 +6,7 @@ use serde::Serialize;
 /// Fluxes in W (or lumen), RGB. Emitted = absorbed + unshot + escaped + imbalance.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct EnergyBalance {
-    /// What the light sources emit.
+    /// What the light sources emit; of directional lights and the sky, what of it falls on lit sides.
     pub emitted: [f64; 3],
     /// What the surfaces absorb.
     pub absorbed: [f64; 3],

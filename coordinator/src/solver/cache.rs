@@ -85,6 +85,12 @@ impl RowCache {
         self.used
     }
 
+    /// Bytes that more rows may take.
+    #[must_use]
+    pub fn room(&self) -> usize {
+        (self.limit - self.reserved).saturating_sub(self.used)
+    }
+
     /// Most bytes that they ever took.
     #[must_use]
     pub fn most_bytes(&self) -> usize {

@@ -17,28 +17,55 @@ const FIT: f64 = 1.0 / 6.0;
 /// The values of the best fit, from the exact ones (irradiance per vertex).
 #[must_use]
 pub fn best_fit(mesh: &Mesh, exact: &[DVec3]) -> Vec<DVec3> {
-    let curvature: Vec<Option<DVec3>> = (0..mesh.patches.len() as u32)
-        .map(PatchId)
-        .map(|id| mesh.patch(id).first_child.map(|_| mean_curvature(&revealed_errors(mesh, id, exact))))
-        .collect();
+    let curvatures = curvatures(mesh, exact);
+    // The fit, and the extrapolated means that shares shoot, can fall a hair below 0 where light jumps.
+    fit(mesh, exact, &curvatures, &curvatures).into_iter().map(|fitted| fitted.max(DVec3::ZERO)).collect()
+}
+
+/// The values of a part of the light, fitted with what the whole light chose: parts that sum to the whole still do.
+///
+/// A part can be below 0 where light jumps, by a hair, for the other parts are above by as much; where that would hold of the
+/// whole, all are 0.
+#[must_use]
+pub fn best_fit_of_part(mesh: &Mesh, whole: &[DVec3], part: &[DVec3]) -> Vec<DVec3> {
+    let of_whole = curvatures(mesh, whole);
+    let whole = fit(mesh, whole, &of_whole, &of_whole);
+    let part = fit(mesh, part, &of_whole, &curvatures(mesh, part));
+    let kept = |(part, whole): (DVec3, DVec3)| DVec3::select(whole.cmple(DVec3::ZERO), DVec3::ZERO, part);
+    part.into_iter().zip(whole).map(kept).collect()
+}
+
+/// Curvature of each patch that was divided.
+fn curvatures(mesh: &Mesh, exact: &[DVec3]) -> Vec<Option<DVec3>> {
+    let divided =
+        |id: PatchId| mesh.patch(id).first_child.map(|_| mean_curvature(&revealed_errors(mesh, id, exact)));
+    (0..mesh.patches.len() as u32).map(PatchId).map(divided).collect()
+}
+
+/// Moves exact values by their own curvature, or that of the coarser level: whichever is the smaller of the whole light's.
+fn fit(mesh: &Mesh, exact: &[DVec3], whole: &[Option<DVec3>], own: &[Option<DVec3>]) -> Vec<DVec3> {
     let mut sums = vec![(DVec3::ZERO, 0.0); exact.len()];
     for (_, patch) in mesh.leaves() {
         let Some(parent) = patch.parent else { continue };
-        let own = curvature[parent.index()].unwrap_or_default();
+        let at = |of: &[Option<DVec3>], id: PatchId| of[id.index()].unwrap_or_default();
         // A shadow line shows the same jump on every level, where smooth light shows a quarter: trust the smaller.
-        let coarse = mesh.patch(parent).parent.and_then(|grandparent| curvature[grandparent.index()]);
-        let smooth = coarse.map_or(own * 0.25, |coarse| minmod(own, coarse * 0.25));
+        let grandparent = mesh.patch(parent).parent.filter(|id| whole[id.index()].is_some());
+        let smooth = match grandparent {
+            None => at(own, parent) * 0.25,
+            Some(grandparent) => {
+                let [fine, coarse] = smaller(at(whole, parent), at(whole, grandparent) * 0.25);
+                at(own, parent) * fine + at(own, grandparent) * 0.25 * coarse
+            }
+        };
         for corner in &patch.corners {
             sums[corner.index()].0 += smooth * patch.area;
             sums[corner.index()].1 += patch.area;
         }
     }
-    let fit = |(exact, (shift, area)): (&DVec3, (DVec3, f64))| {
-        let fitted = if area > 0.0 { *exact + shift * (FIT / area) } else { *exact };
-        // The fit, and the extrapolated means that shares shoot, can fall a hair below 0 where light jumps.
-        fitted.max(DVec3::ZERO)
+    let shifted = |(exact, (shift, area)): (&DVec3, (DVec3, f64))| {
+        if area > 0.0 { *exact + shift * (FIT / area) } else { *exact }
     };
-    exact.iter().zip(sums).map(fit).collect()
+    exact.iter().zip(sums).map(shifted).collect()
 }
 
 /// The error at the centre of a patch, estimated in both ways that it shows.
@@ -47,7 +74,9 @@ fn mean_curvature(revealed: &Revealed) -> DVec3 {
     (from_edges + revealed.centre) * 0.5
 }
 
-fn minmod(a: DVec3, b: DVec3) -> DVec3 {
-    let smaller = DVec3::select(a.abs().cmplt(b.abs()), a, b);
-    DVec3::select((a * b).cmpgt(DVec3::ZERO), smaller, DVec3::ZERO)
+/// 1 for the smaller of two values and 0 for the other, by channel; 0 for both where their signs differ.
+fn smaller(a: DVec3, b: DVec3) -> [DVec3; 2] {
+    let alike = (a * b).cmpgt(DVec3::ZERO);
+    let is_first = a.abs().cmplt(b.abs());
+    [is_first, !is_first].map(|chosen| DVec3::select(alike & chosen, DVec3::ONE, DVec3::ZERO))
 }

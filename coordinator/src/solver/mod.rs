@@ -23,7 +23,7 @@ pub mod sweeps;
 mod tests;
 
 use glam::DVec3;
-use shared::row::Row;
+use shared::row::{GROUP, Row};
 
 pub use light::Light;
 
@@ -71,7 +71,21 @@ pub fn interreflection_bound<L: Light>(shares: &[ShareEnergy<L>]) -> L {
 
 /// Adds what `radiosity` of a row's shooter gives to the receivers of the row.
 pub fn add_row<L: Light>(irradiance: &mut [L], row: &Row, radiosity: L) {
-    row.for_each(|receiver, factor| irradiance[receiver] += radiosity * f64::from(factor));
+    for (first, mask, factors) in row.groups() {
+        let end = (first + GROUP).min(irradiance.len());
+        let irradiance = &mut irradiance[first..end];
+        if mask == u32::MAX {
+            for (irradiance, factor) in irradiance.iter_mut().zip(factors) {
+                *irradiance += radiosity * f64::from(*factor);
+            }
+        } else {
+            let mut rest = mask;
+            for factor in factors {
+                irradiance[rest.trailing_zeros() as usize] += radiosity * f64::from(*factor);
+                rest &= rest.wrapping_sub(1);
+            }
+        }
+    }
 }
 
 /// The shares at each receiver: a vertex between two surfaces has a share on each.

@@ -8,10 +8,10 @@
 
 use std::collections::{HashMap, VecDeque};
 
-use shared::row::Row;
+use shared::row::{GROUP, Row};
 
 use super::cache::{RowCache, SetId};
-use super::{Light, ShareEnergy, ShareId, SharesAt, add_row, interreflection_bound};
+use super::{Light, ShareEnergy, ShareId, add_row, interreflection_bound};
 
 /// Shares of a block. A row reaches a room of some thousand shares, which follow each other: some blocks of this size.
 const BLOCK: usize = 128;
@@ -19,7 +19,6 @@ const BLOCK: usize = 128;
 /// The state of a shooting solution.
 pub struct Shooting<L> {
     shares: Vec<ShareEnergy<L>>,
-    shares_at: SharesAt,
     /// Irradiance of every receiver: total energy.
     irradiance: Vec<L>,
     /// Radiosity that each share has shot.
@@ -34,6 +33,7 @@ pub struct Shooting<L> {
     /// Shares that have shot: to sweep over these later costs no more than to let them shoot again now.
     has_shot: Vec<bool>,
     blocks: Vec<Block<L>>,
+    blocks_at: BlocksAt,
     /// Blocks in which shares have changed since they were counted.
     uncounted: Vec<usize>,
     /// See [`interreflection_bound`].
@@ -86,7 +86,7 @@ impl<L: Light> Shooting<L> {
             brightest: None,
         };
         let mut shooting = Self {
-            shares_at: SharesAt::new(&shares, direct.len()),
+            blocks_at: BlocksAt::new(&shares, direct.len()),
             irradiance: direct,
             shot: vec![L::default(); shares.len()],
             set,
@@ -135,6 +135,22 @@ impl<L: Light> Shooting<L> {
         wanted
     }
 
+    /// Whether a shot of this share is chosen and not yet applied.
+    #[must_use]
+    pub fn wants(&self, share: ShareId) -> bool {
+        self.is_chosen[share.index()]
+    }
+
+    /// All shares, those with the largest unshot flux first: about the order in which they will shoot.
+    #[must_use]
+    pub fn by_unshot(&self) -> VecDeque<ShareId> {
+        let flux = |share: usize| (self.unshot(share) * self.shares[share].area).sum_of_channels();
+        let mut shares: Vec<(f64, ShareId)> =
+            (0..self.shares.len()).map(|share| (flux(share), ShareId(share as u32))).collect();
+        shares.sort_by(|a, b| b.0.total_cmp(&a.0));
+        shares.into_iter().map(|(_, share)| share).collect()
+    }
+
     /// True when no shot is chosen and none is worth choosing.
     #[must_use]
     pub fn is_done(&self) -> bool {
@@ -181,13 +197,16 @@ impl<L: Light> Shooting<L> {
             reflected: L::default(),
             brightest: None,
         };
-        for index in block * BLOCK..((block + 1) * BLOCK).min(self.shares.len()) {
-            let ShareEnergy { receiver, area, reflectance } = self.shares[index];
-            let flux = self.unshot(index) * area;
+        let range = block * BLOCK..((block + 1) * BLOCK).min(self.shares.len());
+        let states = self.is_chosen[range.clone()].iter().zip(&self.has_shot[range.clone()]);
+        let energies = self.shares[range.clone()].iter().zip(&self.shot[range.clone()]);
+        for ((index, (share, shot)), (is_chosen, has_shot)) in range.zip(energies).zip(states) {
+            let target = share.reflectance * self.irradiance[share.receiver];
+            let flux = (target - *shot) * share.area;
             counted.unshot += flux;
-            counted.reflected += reflectance * self.irradiance[receiver] * area;
-            if !self.is_chosen[index] {
-                if !self.has_shot[index] {
+            counted.reflected += target * share.area;
+            if !is_chosen {
+                if !has_shot {
                     counted.held += flux;
                 }
                 let flux = flux.sum_of_channels();
@@ -232,19 +251,47 @@ impl<L: Light> Shooting<L> {
         let current = self.unshot(index);
         self.shot[index] += current;
         add_row(&mut self.irradiance, row, current);
-        row.for_each(|receiver, _| {
-            for share in self.shares_at.receiver(receiver) {
-                has_changed(&mut self.blocks, &mut self.uncounted, *share);
+        for (first, _, _) in row.groups() {
+            for block in self.blocks_at.group(first / GROUP) {
+                mark(&mut self.blocks, &mut self.uncounted, *block as usize);
             }
-        });
+        }
         self.shots += 1;
         self.count();
     }
 }
 
+/// Which blocks have shares at the receivers of each group of a row.
+struct BlocksAt {
+    /// Where the blocks of each group begin, and where the last ones end.
+    starts: Vec<u32>,
+    /// By group.
+    blocks: Vec<u32>,
+}
+
+impl BlocksAt {
+    fn new<L>(shares: &[ShareEnergy<L>], receivers: usize) -> Self {
+        let place =
+            |(index, share): (usize, &ShareEnergy<L>)| (share.receiver / GROUP, (index / BLOCK) as u32);
+        let mut places: Vec<(usize, u32)> = shares.iter().enumerate().map(place).collect();
+        places.sort_unstable();
+        places.dedup();
+        let groups = 0..=receivers.div_ceil(GROUP);
+        let starts = groups.map(|group| places.partition_point(|place| place.0 < group) as u32).collect();
+        Self { starts, blocks: places.into_iter().map(|(_, block)| block).collect() }
+    }
+
+    fn group(&self, group: usize) -> &[u32] {
+        &self.blocks[self.starts[group] as usize..self.starts[group + 1] as usize]
+    }
+}
+
 /// Notes that the block of a share must be counted again.
 fn has_changed<L>(blocks: &mut [Block<L>], uncounted: &mut Vec<usize>, share: ShareId) {
-    let block = share.index() / BLOCK;
+    mark(blocks, uncounted, share.index() / BLOCK);
+}
+
+fn mark<L>(blocks: &mut [Block<L>], uncounted: &mut Vec<usize>, block: usize) {
     if std::mem::replace(&mut blocks[block].is_counted, false) {
         uncounted.push(block);
     }

@@ -10,7 +10,7 @@
 
 use std::convert::Infallible;
 
-use shared::row::Row;
+use shared::row::{GROUP, Row};
 
 use super::{Light, ShareEnergy, SharesAt, add_row, interreflection_bound};
 use crate::disjoint_sets::DisjointSets;
@@ -85,21 +85,16 @@ pub fn solve<L: Light, T: Transfer>(
     let mut irradiance = direct;
     let shares_at = SharesAt::new(shares, irradiance.len());
     let mut level_irradiance = vec![L::default(); irradiance.len()];
-    let mut reached = DisjointSets::new(shares.len());
+    let mut reach = Reach::new(shares.len(), irradiance.len());
     transfer.pass(&mut |share, row| {
         let (radiosity, reflectance) = (radiosity[share], shares[share].reflectance);
         row.for_each(|receiver, factor| {
             irradiance[receiver] += radiosity * f64::from(factor);
             level_irradiance[receiver] += reflectance * f64::from(factor);
         });
-        if reached.count() > 1 {
-            let lit = |receiver, factor| if factor > 0.0 { shares_at.receiver(receiver) } else { &[] };
-            row.for_each(|receiver, factor| {
-                lit(receiver, factor).iter().for_each(|to| reached.join(share, to.index()));
-            });
-        }
+        reach.add(share, row, &shares_at);
     })?;
-    let rooms = Rooms::new(&mut reached, shares.len());
+    let rooms = Rooms::new(&mut reach.sets, shares.len());
     let level = Level::new(shares, level_irradiance, &rooms);
     let bound = interreflection_bound(shares);
     let (mut residual, mut missing) = (f64::INFINITY, f64::INFINITY);
@@ -123,6 +118,50 @@ pub fn solve<L: Light, T: Transfer>(
         .map(|(share, radiosity)| (share.reflectance * irradiance[share.receiver] - *radiosity) * share.area)
         .sum();
     Ok(Solution { unshot, radiosity, residual, missing, sweeps })
+}
+
+/// Finds out between which shares light can pass.
+struct Reach {
+    sets: DisjointSets,
+    /// Least share of the set that `joined` is about.
+    first: usize,
+    /// A bit for each receiver whose shares were joined to that set: most rows reach what others have reached before.
+    joined: Vec<u32>,
+}
+
+impl Reach {
+    fn new(shares: usize, receivers: usize) -> Self {
+        Self { sets: DisjointSets::new(shares), first: 0, joined: vec![0; receivers.div_ceil(GROUP)] }
+    }
+
+    /// Takes in the row of a share.
+    fn add(&mut self, share: usize, row: &Row, shares_at: &SharesAt) {
+        if self.sets.count() <= 1 {
+            return;
+        }
+        let first = self.sets.representative(share);
+        if first != self.first {
+            self.joined.fill(0);
+        }
+        for (start, mask, factors) in row.groups() {
+            let joined = &mut self.joined[start / GROUP];
+            if mask & !*joined == 0 {
+                continue;
+            }
+            let mut rest = mask;
+            for factor in factors {
+                let receiver = rest.trailing_zeros();
+                rest &= rest.wrapping_sub(1);
+                if *factor > 0.0 && *joined & (1 << receiver) == 0 {
+                    *joined |= 1 << receiver;
+                    for to in shares_at.receiver(start + receiver as usize) {
+                        self.sets.join(share, to.index());
+                    }
+                }
+            }
+        }
+        self.first = self.sets.representative(share);
+    }
 }
 
 /// Shares between which light can pass, by way of others too.

@@ -188,7 +188,7 @@ fn element_pairs(
     settings: &ViewFactorSettings,
     progress: &(dyn Fn(u64, u64) + Sync),
 ) -> (Vec<ElementPair>, PairCounts) {
-    let polygons = occluders(scene);
+    let polygons = occluders(scene).polygons;
     let blockers: Vec<Blocker> = polygons.iter().map(Blocker::new).collect();
     let precision = Precision { form_factor_error: 0.0, seed: settings.seed, ..Precision::DEFAULT };
     let way = Way {

@@ -37,8 +37,11 @@ impl Bakery {
     }
 
     pub fn publish(&self, cluster: &Cluster) {
-        cluster.publish(self.scene_replica.clone());
-        cluster.publish(self.receivers_replica.clone());
+        self.replicas().into_iter().for_each(|replica| cluster.publish(replica));
+    }
+
+    pub fn replicas(&self) -> [EncodedReplica; 2] {
+        [self.scene_replica.clone(), self.receivers_replica.clone()]
     }
 
     pub fn digests(&self) -> [Digest; 2] {

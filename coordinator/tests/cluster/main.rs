@@ -1,14 +1,15 @@
 //! A driver against real and faked workers.
 
 mod bakery;
+mod names;
 mod server;
 
 use std::time::Duration;
 
-use coordinator::cluster::{Cluster, ClusterError, JobId, Workers};
+use coordinator::cluster::{Cluster, ClusterError, ClusterSettings, JobId, Workers};
 use coordinator::scheduler::Abandonment;
 use shared::protocol::worker_message::Body;
-use shared::protocol::{FailureReason, Finished, JobFailed, RowJob, RowStatistics};
+use shared::protocol::{FailureReason, Finished, JobFailed, RowJob, RowStatistics, digest_of_rows};
 use shared::replica::Digest;
 use shared::row::RowRequest;
 
@@ -17,15 +18,18 @@ use server::Server;
 
 /// A cluster of these servers, which knows the replicas.
 fn cluster(servers: &[&Server], bakery: &Bakery) -> Cluster {
-    let addresses = servers.iter().map(|server| server.address.clone()).collect();
-    let cluster = Cluster::start(&Workers::Remote(addresses)).unwrap();
+    let cluster = Cluster::start(&settings(servers.iter().map(|server| server.address.clone()))).unwrap();
     bakery.publish(&cluster);
     cluster
 }
 
+/// A cluster of these workers that does not wait long for lost ones.
+fn settings(addresses: impl Iterator<Item = String>) -> ClusterSettings {
+    ClusterSettings { grace: Duration::from_millis(600), ..Workers::Remote(addresses.collect()).into() }
+}
+
 fn start_error(addresses: &[&str]) -> ClusterError {
-    let addresses = addresses.iter().map(ToString::to_string).collect();
-    Cluster::start(&Workers::Remote(addresses)).err().unwrap()
+    Cluster::start(&settings(addresses.iter().map(ToString::to_string))).err().unwrap()
 }
 
 #[test]
@@ -33,7 +37,7 @@ fn embedded_and_remote_workers_give_the_rows_of_the_engine() {
     let bakery = Bakery::new();
     let expected = bakery.rows();
 
-    let mut embedded = Cluster::start(&Workers::Embedded { threads: 2 }).unwrap();
+    let mut embedded = Cluster::start(&Workers::Embedded { threads: 2 }.into()).unwrap();
     bakery.publish(&embedded);
     submit_all(&embedded, &bakery);
     assert_eq!(take_all(&mut embedded, &bakery), expected);
@@ -66,7 +70,10 @@ fn a_wrong_address_is_named_with_the_cure() {
         assert_eq!(start_error(&[malformed]), ClusterError::Address { address: malformed.into() });
     }
     assert_eq!(start_error(&[]), ClusterError::NoWorkers);
-    assert_eq!(Cluster::start(&Workers::Embedded { threads: 0 }).err().unwrap(), ClusterError::NoWorkers);
+    assert_eq!(
+        Cluster::start(&Workers::Embedded { threads: 0 }.into()).err().unwrap(),
+        ClusterError::NoWorkers
+    );
 }
 
 #[test]
@@ -108,7 +115,6 @@ fn all_workers_lost_is_an_error_and_stays_one() {
     let mut servers = vec![Server::fake_worker(|_| None), Server::fake_worker(|_| None)];
     let mut cluster = cluster(&[&servers[0], &servers[1]], &bakery);
     submit_all(&cluster, &bakery);
-    assert_eq!(cluster.next_timeout(Duration::from_millis(10)), Ok(None));
     servers.clear();
     let Err(ClusterError::AllWorkersLost { reasons }) = cluster.next() else { panic!("not lost") };
     assert_eq!(reasons.len(), 2);
@@ -130,17 +136,24 @@ fn a_worker_that_falls_silent_is_lost() {
 #[test]
 fn garbage_costs_a_worker_its_place_and_no_job_its_rows() {
     let bakery = Bakery::new();
-    let finished = |job_id, rows, statistics| Some(Body::Finished(Finished { job_id, rows, statistics }));
+    let finished = |job_id, rows: Vec<_>, statistics| {
+        let digest = digest_of_rows(&rows).to_bytes();
+        Some(Body::Finished(Finished { job_id, rows, statistics, digest }))
+    };
     let honest = Server::real();
     let costs = |job: &RowJob| vec![RowStatistics::default(); job.shooters.len()];
     let liars = [
-        // No row, a row of no length, statistics missing, the answer to another job.
+        // No row, a row with a byte too much, statistics missing, the answer to another job, a digest of other rows.
         Server::fake_worker(move |job| finished(job.job_id, vec![], costs(job))),
         Server::fake_worker(move |job| {
-            finished(job.job_id, vec![Default::default(); job.shooters.len()], costs(job))
+            finished(job.job_id, vec![vec![0].into(); job.shooters.len()], costs(job))
         }),
         Server::fake_worker(move |job| finished(job.job_id, bakery::dark_rows(job), vec![])),
         Server::fake_worker(move |job| finished(job.job_id + 1000, bakery::dark_rows(job), costs(job))),
+        Server::fake_worker(move |job| {
+            let (rows, digest) = (bakery::dark_rows(job), digest_of_rows(&[]).to_bytes());
+            Some(Body::Finished(Finished { job_id: job.job_id, rows, statistics: costs(job), digest }))
+        }),
     ];
     for liar in &liars {
         let mut alone = cluster(&[liar], &bakery);
@@ -171,7 +184,7 @@ fn a_replica_that_a_worker_forgot_is_loaded_again() {
 #[test]
 fn a_released_replica_can_be_published_again() {
     let bakery = Bakery::new();
-    let mut cluster = Cluster::start(&Workers::Embedded { threads: 1 }).unwrap();
+    let mut cluster = Cluster::start(&Workers::Embedded { threads: 1 }.into()).unwrap();
     for _ in 0..2 {
         bakery.publish(&cluster);
         submit_all(&cluster, &bakery);
@@ -193,7 +206,7 @@ fn a_job_that_cannot_be_done_is_reported() {
     let error = ClusterError::Abandoned { job: JobId(1), why, message: "out of luck".into() };
     assert_eq!(failing.next(), Err(error));
 
-    let mut cluster = Cluster::start(&Workers::Embedded { threads: 1 }).unwrap();
+    let mut cluster = Cluster::start(&Workers::Embedded { threads: 1 }.into()).unwrap();
     bakery.publish(&cluster);
     let beyond = RowRequest { receiver_count: 1 << 20, ..bakery.requests()[0].clone() };
     cluster.submit(vec![(JobId(1), beyond)]);

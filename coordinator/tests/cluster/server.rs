@@ -4,6 +4,7 @@ use std::num::NonZeroUsize;
 use std::sync::Arc;
 
 use shared::protocol::coordinator_message::Body as Incoming;
+use shared::protocol::replica_chunk::Body as Chunk;
 use shared::protocol::worker_client::WorkerClient;
 use shared::protocol::worker_message::Body;
 use shared::protocol::worker_server::{Worker, WorkerServer};
@@ -41,8 +42,7 @@ impl Server {
     /// A real worker of one thread.
     pub fn real() -> Self {
         Self::start(|runtime, incoming, shutdown| {
-            let settings =
-                Settings { name: "real".into(), threads: NonZeroUsize::MIN, replica_bytes: 1 << 20 };
+            let settings = Settings { replica_bytes: 1 << 20, ..Settings::new("real", NonZeroUsize::MIN) };
             runtime.spawn(worker::serve(incoming, settings, shutdown));
         })
     }
@@ -52,7 +52,8 @@ impl Server {
         protocol_version: u32,
         answer: impl Fn(&RowJob) -> Option<Body> + Send + Sync + 'static,
     ) -> Self {
-        Self::fake_with(Fake { protocol_version, hears: true, answer: Arc::new(answer) })
+        let instance = Settings::random_instance();
+        Self::fake_with(Fake { protocol_version, hears: true, instance, answer: Arc::new(answer) })
     }
 
     /// The same, of this version.
@@ -62,7 +63,9 @@ impl Server {
 
     /// Says hello, and then nothing ever.
     pub fn deaf() -> Self {
-        Self::fake_with(Fake { protocol_version: PROTOCOL_VERSION, hears: false, answer: Arc::new(|_| None) })
+        let instance = Settings::random_instance();
+        let answer = Arc::new(|_: &RowJob| None);
+        Self::fake_with(Fake { protocol_version: PROTOCOL_VERSION, hears: false, instance, answer })
     }
 
     fn fake_with(fake: Fake) -> Self {
@@ -118,6 +121,7 @@ struct Fake {
     protocol_version: u32,
     /// Whether it takes messages in.
     hears: bool,
+    instance: u64,
     answer: Arc<Answer>,
 }
 
@@ -138,6 +142,7 @@ impl Worker for Fake {
                 threads: 1,
                 name: "fake".into(),
                 software_version: "0".into(),
+                instance: fake.instance,
             };
             let send = async |body| outbound.send(Ok(WorkerMessage { body: Some(body) })).await;
             let _ = send(Body::Hello(hello)).await;
@@ -161,8 +166,10 @@ impl Worker for Fake {
     /// Holds everything already.
     async fn load_replica(
         &self,
-        _: Request<Streaming<ReplicaChunk>>,
+        request: Request<Streaming<ReplicaChunk>>,
     ) -> Result<Response<LoadReplicaReply>, Status> {
-        Ok(Response::new(LoadReplicaReply { already_held: true }))
+        let first = request.into_inner().message().await?;
+        let Some(Chunk::Header(header)) = first.and_then(|chunk| chunk.body) else { panic!("no header") };
+        Ok(Response::new(LoadReplicaReply { already_held: true, digest: header.digest }))
     }
 }

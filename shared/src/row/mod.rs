@@ -7,8 +7,12 @@
 
 mod codec;
 mod request;
+mod rounding;
+mod shooter;
 mod sparse;
 
-pub use codec::{RowDecodeError, decode_row, encode_row};
-pub use request::{Precision, RequestError, RowRequest, Shape, Shooter};
-pub use sparse::Row;
+pub use codec::{RowDecodeError, decode_row, encode_row, longest_encoded_row};
+pub use request::{Precision, RequestError, RowRequest};
+pub use rounding::Rounding;
+pub use shooter::{Hemisphere, Shape, Shooter, Spot};
+pub use sparse::{GROUP, Row};

@@ -1,8 +1,6 @@
-use glam::DVec3;
-
-use crate::geometry::{ConvexPolygon, PlaneId};
-use crate::protocol::{self, shooter};
-use crate::replica::{Digest, ReplicaError, points};
+use super::shooter::Shooter;
+use crate::protocol;
+use crate::replica::{Digest, ReplicaError};
 
 /// Rows of some shooters over a range of one set of receivers.
 #[derive(Debug, Clone, PartialEq)]
@@ -21,26 +19,6 @@ pub struct RowRequest {
     pub precision: Precision,
 }
 
-/// What light leaves from.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Shooter {
-    /// Stable number of the shooter in its scene: part of the seed of its rays.
-    pub key: u64,
-    /// Where the light leaves.
-    pub shape: Shape,
-}
-
-/// The shape of a shooter.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Shape {
-    /// Convex polygons that do not overlap; rows hold visible form factors.
-    Polygons(Vec<ConvexPolygon>),
-    /// An isotropic point light; rows hold V cos / r^2.
-    Point(DVec3),
-    /// A point light weighted by the cosine of a horizontal plane through it; rows hold 2 V |cos(plane)| cos / r^2.
-    PlanarPoint(DVec3),
-}
-
 /// How exactly rows are computed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Precision {
@@ -56,6 +34,9 @@ pub struct Precision {
     pub exact_occluders: u32,
     /// Relative error that a form factor may have before occlusion: distant polygons may then be taken for points.
     pub form_factor_error: f64,
+    /// Relative error to which each factor of a row may be rounded, up or down at random, so that it takes fewer bytes; at 0 factors
+    /// have all digits of f32.
+    pub factor_rounding: f64,
 }
 
 impl Precision {
@@ -67,6 +48,7 @@ impl Precision {
         seed: 0,
         exact_occluders: 40,
         form_factor_error: 1e-5,
+        factor_rounding: 1e-4,
     };
 
     fn to_message(self) -> protocol::Precision {
@@ -77,6 +59,7 @@ impl Precision {
             seed: self.seed,
             exact_occluders: self.exact_occluders,
             form_factor_error: self.form_factor_error,
+            factor_rounding: self.factor_rounding,
         }
     }
 
@@ -91,6 +74,9 @@ impl Precision {
         if !(0.0..1.0).contains(&message.form_factor_error) {
             return Err(RequestError::Invalid("the error of form factors is a part of them, from 0 to 1"));
         }
+        if !(0.0..1.0).contains(&message.factor_rounding) {
+            return Err(RequestError::Invalid("factors are rounded by a part of them, from 0 to 1"));
+        }
         Ok(Self {
             rays_per_hemisphere: message.rays_per_hemisphere,
             minimum_rays: message.minimum_rays,
@@ -98,6 +84,7 @@ impl Precision {
             seed: message.seed,
             exact_occluders: message.exact_occluders,
             form_factor_error: message.form_factor_error,
+            factor_rounding: message.factor_rounding,
         })
     }
 }
@@ -142,49 +129,5 @@ impl RowRequest {
             shooters: job.shooters.iter().map(Shooter::from_message).collect::<Result<_, _>>()?,
             precision: Precision::from_message(precision)?,
         })
-    }
-}
-
-impl Shooter {
-    fn to_message(&self) -> protocol::Shooter {
-        let point = |p: &DVec3| protocol::Point { coordinates: p.to_array().to_vec() };
-        let shape = match &self.shape {
-            Shape::Polygons(polygons) => shooter::Shape::Polygons(protocol::Polygons {
-                polygons: polygons
-                    .iter()
-                    .map(|polygon| protocol::ConvexPolygon {
-                        plane: polygon.plane.0,
-                        coordinates: polygon.corners.iter().flat_map(|p| p.to_array()).collect(),
-                    })
-                    .collect(),
-            }),
-            Shape::Point(position) => shooter::Shape::Point(point(position)),
-            Shape::PlanarPoint(position) => shooter::Shape::PlanarPoint(point(position)),
-        };
-        protocol::Shooter { key: self.key, shape: Some(shape) }
-    }
-
-    fn from_message(message: &protocol::Shooter) -> Result<Self, RequestError> {
-        let one = |point: &protocol::Point| match points(&point.coordinates)?.as_slice() {
-            [position] => Ok(*position),
-            _ => Err(RequestError::Invalid("a point light has one position")),
-        };
-        let shape = match message.shape.as_ref().ok_or(RequestError::Invalid("shooter without a shape"))? {
-            shooter::Shape::Polygons(set) => Shape::Polygons(
-                set.polygons
-                    .iter()
-                    .map(|polygon| {
-                        let corners = points(&polygon.coordinates)?;
-                        if corners.len() < 3 {
-                            return Err(RequestError::Invalid("a polygon needs three corners or more"));
-                        }
-                        Ok(ConvexPolygon { plane: PlaneId(polygon.plane), corners })
-                    })
-                    .collect::<Result<_, _>>()?,
-            ),
-            shooter::Shape::Point(position) => Shape::Point(one(position)?),
-            shooter::Shape::PlanarPoint(position) => Shape::PlanarPoint(one(position)?),
-        };
-        Ok(Self { key: message.key, shape })
     }
 }

@@ -8,6 +8,8 @@
 
 mod cut;
 mod groups;
+mod many;
+mod panes;
 mod partial;
 mod sample;
 #[cfg(test)]
@@ -22,6 +24,8 @@ use crate::simd::widest;
 
 pub use cut::{Cone, Cones, Pieces, cut};
 pub use groups::{Node, ReceiverGroups, ReceiverLanes};
+pub use many::{MANY_POLYGONS, ManyPolygons};
+pub use panes::{Panes, View};
 use partial::PartialView;
 pub use sample::pair_seed;
 

@@ -2,6 +2,7 @@
 #![no_main]
 
 use coordinator::import::{ImportOptions, import_slice};
+use coordinator::scene::LightKind;
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|bytes: &[u8]| {
@@ -11,8 +12,14 @@ fuzz_target!(|bytes: &[u8]| {
     for surface in &scene.surfaces {
         assert!(surface.reflectance.min_element() >= 0.0 && surface.reflectance.max_element() < 1.0);
         assert!(surface.exitance.is_finite() && surface.exitance.min_element() >= 0.0);
+        assert!((0.0..=1.0).contains(&surface.opacity));
         assert!(!surface.facets.is_empty());
-        for facet in &surface.facets {
+        for (index, facet) in surface.facets.iter().enumerate() {
+            let corners: Vec<_> = facet.corners.iter().map(|corner| corner.position).collect();
+            let (reflected, taken) =
+                (surface.mean_reflectance(index as u32, &corners), surface.mean_opacity(index as u32, &corners));
+            assert!(reflected.min_element() >= 0.0 && reflected.max_element() < 1.0);
+            assert!(surface.mean_exitance(index as u32, &corners).is_finite() && (0.0..=1.0).contains(&taken));
             assert!(facet.plane.0 < scene.plane_count && facet.corners.len() >= 3);
             assert!((facet.normal.length() - 1.0).abs() < 1e-9);
             for corner in &facet.corners {
@@ -22,7 +29,15 @@ fuzz_target!(|bytes: &[u8]| {
             }
         }
     }
-    for light in &scene.point_lights {
-        assert!(light.position.is_finite() && light.intensity.is_finite());
+    for light in &scene.lights {
+        assert!(light.intensity.is_finite());
+        match light.kind {
+            LightKind::Point { position } => assert!(position.is_finite()),
+            LightKind::Spot(spot) => {
+                assert!(spot.position.is_finite() && spot.direction.is_normalized());
+                assert!(0.0 <= spot.outer_cosine && spot.outer_cosine <= spot.inner_cosine);
+            }
+            LightKind::Directional { along } => assert!(along.is_normalized()),
+        }
     }
 });

@@ -4,8 +4,8 @@ use std::fs;
 use std::path::Path;
 
 use assert_cmd::Command;
-use glam::DVec3;
-use serde_json::Value;
+use glam::{DMat4, DVec3};
+use serde_json::{Value, json};
 use tests::builder::{Material, SceneBuilder};
 use tests::data;
 use tests::programs::{WorkerProcess, binary};
@@ -36,17 +36,19 @@ fn assert_deterministic(scene: &Path, knobs: &[&str]) -> Value {
     let (expected, report) = solve(&["--threads", "2"]);
     assert!(solve(&["--threads", "2"]).0 == expected, "a second run differs");
     assert!(solve(&["--threads", "1"]).0 == expected, "one thread differs from two");
-    let workers = [WorkerProcess::start(1), WorkerProcess::start(2)];
+    let workers = [1, 1, 1, 2].map(WorkerProcess::start);
     let addresses = workers.each_ref().map(|worker| worker.address.as_str()).join(",");
     let (remote, remote_report) = solve(&["--workers", &addresses]);
     assert!(remote == expected, "remote workers differ from embedded ones");
+    let periodic = ["--workers", &addresses, "--schedule", "periodic", "--period-ms", "5"];
+    assert!(solve(&periodic).0 == expected, "sending jobs by a timer makes a difference");
     let jobs: Vec<u64> = remote_report["workers"]
         .as_array()
         .unwrap()
         .iter()
         .map(|worker| worker["jobs"].as_u64().unwrap())
         .collect();
-    assert!(jobs.len() == 2 && jobs.iter().all(|jobs| *jobs > 0), "jobs of the workers: {jobs:?}");
+    assert!(jobs.len() == 4 && jobs.iter().all(|jobs| *jobs > 0), "jobs of the workers: {jobs:?}");
     report
 }
 
@@ -102,4 +104,25 @@ fn sampled_visibility() {
     let knobs = ["--mesh-error", "0.2", "--shooter-edge", "0.3", "--rays", "256"];
     let report = assert_deterministic(&scene, &knobs);
     assert!(report["bake"]["model"]["pairs_sampled"].as_u64().unwrap() > 1000, "{}", report["bake"]);
+}
+
+/// Their shapes travel to the workers as those of other lights.
+#[test]
+fn spot_light_sun_and_sky() {
+    let mut yard = shapes::unit_room();
+    yard.retain(|wall| wall.iter().any(|corner| corner.y < 1.0));
+    let shining = |x: f64| DMat4::from_translation(DVec3::new(x, 0.9, 0.5)) * DMat4::from_rotation_x(-1.3);
+    let glb = SceneBuilder::new()
+        .part("yard", &yard, Material::grey(0.6))
+        .part("block", &shapes::box_facing_out(DVec3::splat(0.3), DVec3::splat(0.6)), Material::grey(0.4))
+        .light(json!({ "type": "spot", "intensity": 2.0, "spot": { "outerConeAngle": 0.6 } }), shining(0.2))
+        .light(json!({ "type": "directional", "intensity": 3.0 }), shining(0.0))
+        .glb();
+    let folder = tempfile::tempdir().unwrap();
+    let scene = folder.path().join("yard.glb");
+    fs::write(&scene, glb).unwrap();
+    let knobs = ["--mesh-error", "0.1", "--shooter-edge", "0.3", "--sky", "1,1.2,1.5"];
+    let model = &assert_deterministic(&scene, &knobs)["bake"]["model"];
+    assert_eq!((&model["spot_lights"], &model["directional_lights"]), (&1.into(), &1.into()), "{model}");
+    assert!(model["sky"].as_u64().unwrap() > 0, "{model}");
 }

@@ -50,7 +50,7 @@ fn cornell(settings: &BakeSettings) -> ErrorBudget {
 }
 
 fn quick() -> BakeSettings {
-    BakeSettings { shooter_edge: 0.3, mesh_error: 0.02, ..BakeSettings::default() }
+    BakeSettings { shooter_edge: 0.3, mesh_error: 0.02, factor_rounding: 0.0, ..BakeSettings::default() }
 }
 
 /// Each knob turns its own part of the budget. What is measured at some hundred points is known to a fifth or so.
@@ -68,17 +68,17 @@ fn each_part_reacts_to_its_knob() {
     assert!(early_end.unshot > 1e-3, "{early_end:?}");
     let rough = cornell(&BakeSettings { form_factor_error: 0.2, ..quick() });
     assert!(rough.form_factors > 1e-3, "{rough:?}");
+    let rounded = cornell(&BakeSettings { factor_rounding: 1e-3, ..quick() });
+    assert!((2e-4..4e-4).contains(&rounded.form_factors), "{rounded:?}");
     let sampled = |rays| cornell(&BakeSettings { exact_occluders: 0, ..quick() }.with_rays(rays)).visibility;
     let (few, many) = (sampled(256.0), sampled(8192.0));
     assert!(many > 0.0 && few > 2.0 * many, "{few} with few rays, {many} with many");
 }
 
-/// The noise that rays bring is what the budget says, within a factor of 2: two draws differ by its square root of 2.
-#[test]
-fn the_noise_of_rays_is_stated() {
-    let flat =
-        BakeSettings { mesh_error: 10.0, shooter_edge: 0.1, exact_occluders: 0, ..BakeSettings::default() }
-            .with_rays(256.0);
+/// Relative L2 difference of two draws of rays and of rounding over an unrefined mesh, over the square root of 2: what one of them
+/// is off by. And the error that it states.
+fn spread(settings: &BakeSettings) -> (f64, ErrorBudget) {
+    let flat = BakeSettings { mesh_error: 10.0, shooter_edge: 0.1, ..settings.clone() };
     let scene = coordinator::import::import(&tests::data("scenes/cornell.glb"), &Default::default()).unwrap();
     let draw = |seed| baked(&scene, &BakeSettings { seed, ..flat.clone() });
     let (a, b) = (draw(1), draw(2));
@@ -97,10 +97,31 @@ fn the_noise_of_rays_is_stated() {
             }
         }
     }
+    ((squares / norm / 2.0).sqrt(), a.report.error)
+}
+
+/// The noise that rays bring is what the budget says, within a factor of 2.
+#[test]
+fn the_noise_of_rays_is_stated() {
+    let sampled = BakeSettings { exact_occluders: 0, ..BakeSettings::default() }.with_rays(256.0);
+    let (found, stated) = spread(&sampled);
     // The budget's figure is that of a point between three vertices, half of whose variance is left.
-    let noise = (squares / norm / 2.0).sqrt() * 0.5_f64.sqrt();
-    let stated = a.report.error.visibility;
-    assert!((0.5..=2.0).contains(&(stated / noise)), "{stated} stated, {noise} found");
+    let (found, stated) = (found * 0.5_f64.sqrt(), stated.visibility);
+    assert!((0.5..=2.0).contains(&(stated / found)), "{stated} stated, {found} found");
+}
+
+/// What rounding of factors brings is no more than the budget says, and not much less: cornell has one lamp.
+#[test]
+fn the_noise_of_rounding_is_stated() {
+    let rounded = |factor_rounding| BakeSettings { factor_rounding, ..BakeSettings::default() };
+    let (found, stated) = spread(&rounded(1e-3));
+    assert!(
+        (1.0..=4.0).contains(&(stated.form_factors / found)),
+        "{} stated, {found} found",
+        stated.form_factors
+    );
+    // Without rounding, and without rays, two draws are the same.
+    assert_eq!(spread(&rounded(0.0)).0, 0.0);
 }
 
 /// What cannot be met is said, with the part that stands in the way; the result is there all the same.

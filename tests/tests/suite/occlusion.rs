@@ -17,6 +17,7 @@ const PRECISION: Precision = Precision {
     minimum_rays: 256,
     maximum_rays: 256,
     seed: 0,
+    factor_rounding: 0.0,
     ..Precision::DEFAULT
 };
 

@@ -16,8 +16,14 @@ const LIGHT: DVec3 = DVec3::splat(0.5);
 /// The part of its flux that a light sends to a square, by midpoints. Their error goes with the square of the cells' size and
 /// is taken out; what is left is that of the fourth power, 1e-8 here, and rounding of rows to f32.
 fn part_on(square: &[DVec3], shape: Shape) -> f64 {
-    let sampling =
-        Precision { rays_per_hemisphere: 0, minimum_rays: 0, maximum_rays: 0, seed: 0, ..Precision::DEFAULT };
+    let sampling = Precision {
+        rays_per_hemisphere: 0,
+        minimum_rays: 0,
+        maximum_rays: 0,
+        seed: 0,
+        factor_rounding: 0.0,
+        ..Precision::DEFAULT
+    };
     let shooter = Shooter { key: 0, shape };
     let area = (square[1] - square[0]).cross(square[3] - square[0]).length();
     let [coarse, fine] = [64, 128].map(|cells| {

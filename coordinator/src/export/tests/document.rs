@@ -112,6 +112,30 @@ fn emissive_materials_stay_as_they_are() {
 }
 
 #[test]
+fn what_glows_less_than_it_reflects_becomes_unlit() {
+    let mut builder = Builder::default();
+    let mut square = builder.square();
+    square["material"] = 0.into();
+    let scene = builder.import(json!({
+        "extensionsUsed": ["KHR_materials_emissive_strength"],
+        "materials": [{"emissiveFactor": [0.5, 0.5, 0.5],
+            "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 2.0}},
+            "pbrMetallicRoughness": {"metallicFactor": 0, "baseColorFactor": [0.5, 0.5, 0.5, 1]}}],
+        "meshes": [{"primitives": [square]}],
+        "nodes": [{"mesh": 0}],
+        "scenes": [{"nodes": [0]}],
+    }));
+    let emitted = scene.surfaces[0].exitance.x / scene.surfaces[0].reflectance.x;
+    for (irradiance, unlit) in [(0.99 * emitted, false), (1.01 * emitted, true)] {
+        let (_, gltf) = round_trip(&scene, &light(&scene, 0, |_| DVec3::splat(irradiance)));
+        let material = gltf.materials().next().unwrap();
+        assert_eq!(material.unlit(), unlit);
+        assert_eq!(material.emissive_factor(), [0.5; 3], "for those who compute with it");
+        assert_eq!(material.emissive_strength(), (!unlit).then_some(2.0));
+    }
+}
+
+#[test]
 fn a_dark_emissive_strength_and_a_missing_material_do_not_prevent_unlit() {
     let mut builder = Builder::default();
     let (mut strong, plain) = (builder.square(), builder.square());

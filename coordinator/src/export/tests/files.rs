@@ -1,5 +1,7 @@
 //! Files: formats, what is refused, and that nothing is left half-written.
 
+use serde_json::json;
+
 use super::*;
 use crate::export::fixture::square;
 
@@ -37,8 +39,8 @@ fn an_output_that_cannot_be_written_is_told_before_and_after_the_bake() {
         ("missing/lit.glb", "does not exist"),
         ("file/lit.glb", "does not exist"),
         ("folder.glb", "is a directory"),
-        ("lit.obj", "must end in .glb or .gltf"),
-        ("lit", "must end in .glb or .gltf"),
+        ("lit.obj", "must end in .glb, .gltf or .ply"),
+        ("lit", "must end in .glb, .gltf or .ply"),
     ] {
         let path = directory.path().join(name);
         let early = check_writable(&path).unwrap_err().to_string();
@@ -64,6 +66,53 @@ fn a_failed_export_leaves_the_old_file_as_it_was() {
     export(&scene, &lit, &settings(), &path).unwrap();
     Gltf::open(&path).unwrap();
     assert_eq!(names(&directory), ["lit.glb"]);
+}
+
+#[test]
+fn images_beside_the_input_are_in_the_output_byte_for_byte() {
+    let (mut scene, lit) = square();
+    let (input, elsewhere) = (TempDir::new().unwrap(), TempDir::new().unwrap());
+    let png = [b"\x89PNG\r\n\x1a\n".as_slice(), &[7; 301]].concat();
+    fs::create_dir(input.path().join("maps")).unwrap();
+    fs::write(input.path().join("maps/oak 1.png"), &png).unwrap();
+    fs::write(input.path().join("notes.txt"), "no image").unwrap();
+    scene.source.folder = Some(input.path().to_owned());
+    let image = |uri: &str| gltf::json::deserialize::from_value(json!({ "uri": uri })).unwrap();
+    let uris = ["maps/oak%201.png", "gone.png", "notes.txt", "../up.png", "data:image/png;base64,AA=="];
+    scene.source.root.images = uris.map(image).to_vec();
+
+    for (output, embedded) in [
+        (elsewhere.path().join("lit.glb"), true),
+        (elsewhere.path().join("lit.gltf"), true),
+        (input.path().join("lit.glb"), true),
+        (input.path().join("lit.gltf"), false),
+    ] {
+        let exported = export(&scene, &lit, &settings(), &output).unwrap();
+        let gltf = Gltf::open(&output).unwrap();
+        let mut images = gltf.images().map(|image| image.source());
+        match images.next().unwrap() {
+            gltf::image::Source::View { view, mime_type } => {
+                let bytes =
+                    gltf.blob.clone().unwrap_or_else(|| fs::read(output.with_extension("bin")).unwrap());
+                assert_eq!(&bytes[view.offset()..][..view.length()], png);
+                assert!(embedded && mime_type == "image/png");
+            }
+            gltf::image::Source::Uri { uri, .. } => assert!(!embedded && uri == uris[0]),
+        }
+        for (image, uri) in images.by_ref().take(3).zip(&uris[1..]) {
+            assert!(matches!(image, gltf::image::Source::Uri { uri: found, .. } if found == *uri));
+        }
+        let is_binary = output.extension().unwrap() == "glb";
+        match images.next().unwrap() {
+            gltf::image::Source::View { view, mime_type } => {
+                let byte = gltf.blob.as_ref().unwrap()[view.offset()];
+                assert!(is_binary && (mime_type, view.length(), byte) == ("image/png", 1, 0));
+            }
+            gltf::image::Source::Uri { uri, .. } => assert!(!is_binary && uri == uris[4]),
+        }
+        let warned = uris[1..4].iter().filter(|uri| exported.warnings.iter().any(|text| text.contains(*uri)));
+        assert_eq!((warned.count(), exported.warnings.len()), if embedded { (3, 3) } else { (0, 0) });
+    }
 }
 
 #[test]

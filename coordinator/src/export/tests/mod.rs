@@ -2,8 +2,10 @@
 
 mod attributes;
 mod document;
+mod extensions;
 mod files;
 mod geometry;
+mod ply;
 
 use std::fs;
 
@@ -15,7 +17,12 @@ use tempfile::TempDir;
 use super::*;
 
 fn settings() -> ExportSettings {
-    ExportSettings { exposure: Some(0.5), unit: "W/m^2".into(), extras: json!({"shots": 7}) }
+    ExportSettings {
+        exposure: Some(0.5),
+        unit: "W/m^2".into(),
+        extras: json!({"shots": 7}),
+        ..ExportSettings::default()
+    }
 }
 
 /// Exports to a file of a new directory and reads it back.

@@ -5,6 +5,8 @@
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 
+use foldhash::fast::RandomState;
+
 use crate::import::primitives::VertexAttributes;
 use crate::import::triangles::{Triangle, TriangleMesh};
 
@@ -21,9 +23,10 @@ const ATTRIBUTE_TOLERANCE: f64 = 1e-4;
 /// The other half of every half-edge, or [`NONE`] at borders and where more than two triangles meet.
 pub(super) fn twins(mesh: &TriangleMesh) -> Vec<u32> {
     let count = 3 * mesh.triangles.len();
-    let mut by_ends: HashMap<(u32, u32), u32> = HashMap::with_capacity(count);
+    let mut by_ends: HashMap<u64, u32, RandomState> =
+        HashMap::with_capacity_and_hasher(count, RandomState::default());
     for half in 0..count as u32 {
-        match by_ends.entry(ends(mesh, half)) {
+        match by_ends.entry(key(ends(mesh, half))) {
             Entry::Occupied(mut entry) => {
                 entry.insert(NONE);
             }
@@ -32,12 +35,23 @@ pub(super) fn twins(mesh: &TriangleMesh) -> Vec<u32> {
             }
         }
     }
-    let twin = |half: u32| {
+    let mut twins = vec![NONE; count];
+    for half in 0..count as u32 {
         let (start, end) = ends(mesh, half);
-        let unique = by_ends[&(start, end)] == half;
-        if unique { by_ends.get(&(end, start)).copied().unwrap_or(NONE) } else { NONE }
-    };
-    (0..count as u32).map(twin).collect()
+        // Each pair is found once, and only halves that are alone between their ends have a twin.
+        if start > end || by_ends[&key((start, end))] != half {
+            continue;
+        }
+        let twin = by_ends.get(&key((end, start))).copied().unwrap_or(NONE);
+        if twin != NONE {
+            (twins[half as usize], twins[twin as usize]) = (twin, half);
+        }
+    }
+    twins
+}
+
+fn key((start, end): (u32, u32)) -> u64 {
+    u64::from(start) << 32 | u64::from(end)
 }
 
 /// Points where a half-edge starts and ends.

@@ -46,9 +46,9 @@ fn cornell_box_has_its_reflectances_and_exitance() {
 #[test]
 fn table_has_a_point_light_where_its_node_is() {
     let scene = scene("table.glb");
-    assert_eq!(scene.point_lights.len(), 1);
-    let light = &scene.point_lights[0];
-    let world = scene.frame.to_world(light.position);
+    assert_eq!(scene.lights.len(), 1);
+    let light = &scene.lights[0];
+    let world = scene.frame.to_world(light.kind.position().unwrap());
     assert!(world.distance(DVec3::new(3.0, 2.2, 2.5)) < 1e-6, "{world}");
     assert!(light.intensity.min_element() > 0.0);
     assert_eq!(light.name, "node \"light11\"");

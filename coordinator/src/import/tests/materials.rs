@@ -109,23 +109,6 @@ fn materials_that_no_triangle_uses_do_not_matter() {
 }
 
 #[test]
-fn textures_and_transparency_are_ignored_with_a_warning_each() {
-    let mut document = document_with(json!({
-        "name": "bark", "alphaMode": "BLEND", "normalTexture": { "index": 0 },
-        "pbrMetallicRoughness": { "baseColorTexture": { "index": 0 }, "metallicFactor": 0.5 },
-    }));
-    document.root["images"] = json!([{ "uri": "bark.png" }]);
-    document.root["textures"] = json!([{ "source": 0 }]);
-    let warnings = document.scene().warnings;
-    assert_eq!(warnings.len(), 2);
-    assert_eq!(warnings[0], "material \"bark\": transparency is ignored, it blocks all light");
-    assert_eq!(
-        warnings[1],
-        "material \"bark\": textures ignored, only its factors count: base colour, normal"
-    );
-}
-
-#[test]
 fn double_sided_material_makes_two_surfaces() {
     use crate::scene::Side;
 

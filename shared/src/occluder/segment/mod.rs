@@ -38,4 +38,15 @@ impl Occluder {
         }
         self.tree.blocks(Portable, &self.polygons, [from, span], clearance, planes)
     }
+
+    /// True when a polygon blocks light that reaches a point in a plane from infinitely far, travelling along this unit vector.
+    ///
+    /// The segment goes against the light for the point's own distance from the origin and twice the largest coordinate of all
+    /// polygons. From there on it is farther from the origin than any of their corners, which are within sqrt(3) times that
+    /// coordinate: nothing beyond can block.
+    #[must_use]
+    pub fn blocks_from_far(&self, point: DVec3, along: DVec3, plane: PlaneId) -> bool {
+        let length = point.length() + 2.0 * f64::from(self.tree.largest());
+        self.blocks(point, point - along * length, [plane; 2])
+    }
 }

@@ -102,8 +102,7 @@ impl Tree {
         first
     }
 
-    /// Largest coordinate of the occluders.
-    #[cfg(test)]
+    /// Largest coordinate of the occluders, rounded.
     pub(super) fn largest(&self) -> f32 {
         self.largest
     }

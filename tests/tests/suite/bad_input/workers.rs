@@ -29,7 +29,7 @@ fn nobody_at_the_address() {
     let bench = Bench::good();
     bench.assert_refused(
         &bench.output(),
-        &["--workers", &address],
+        &["--workers", &address, "--worker-grace", "0.5"],
         &[&address, "no worker answers", "worker --listen"],
     );
 }
@@ -72,6 +72,7 @@ impl Worker for FutureWorker {
             threads: 1,
             name: "future".into(),
             software_version: "99".into(),
+            instance: 99,
         };
         let messages = tokio_stream::once(Ok(WorkerMessage { body: Some(Body::Hello(hello)) }));
         Ok(Response::new(Box::pin(messages.chain(tokio_stream::pending()))))
@@ -96,7 +97,7 @@ fn all_workers_lost() {
         .arg(tests::data("scenes/doorway.glb"))
         .arg("-o")
         .arg(bench.output())
-        .args(["--workers", &addresses, "--mesh-error", "1e-5"])
+        .args(["--workers", &addresses, "--worker-grace", "1", "--mesh-error", "1e-5"])
         .stdin(Stdio::null())
         .stdout(Stdio::null())
         .stderr(Stdio::piped())

@@ -28,7 +28,13 @@ const STRIDE: usize = 13;
 
 /// What every bake but the finest here is made with: a mesh that a test can afford.
 pub fn coarse() -> BakeSettings {
-    BakeSettings { shooter_edge: 0.25, mesh_error: 0.015, check_points: 0, ..BakeSettings::default() }
+    BakeSettings {
+        shooter_edge: 0.25,
+        mesh_error: 0.015,
+        check_points: 0,
+        factor_rounding: 0.0,
+        ..BakeSettings::default()
+    }
 }
 
 /// Without refinement: what remains is transport alone.
@@ -76,7 +82,7 @@ pub fn checked(builder: &SceneBuilder, settings: &BakeSettings, expected: Expect
 
 /// [`checked`], for a scene that was imported elsewhere.
 pub fn checked_scene(scene: &Scene, settings: &BakeSettings, expected: Expectation) -> Baked {
-    let cluster = Cluster::start(&Workers::Embedded { threads: 2 }).unwrap();
+    let cluster = Cluster::start(&Workers::Embedded { threads: 2 }.into()).unwrap();
     let mut service = CheckedRows::new(cluster);
     let baked = bake(scene, settings, &mut service, &mut |_| ()).unwrap_or_else(|error| panic!("{error}"));
     service.check_sums(scene, &baked, expected);
@@ -267,7 +273,7 @@ impl RowService for CheckedRows {
                 self.receivers.insert(replica.digest, receivers);
             }
             _ => {
-                let polygons = decode_scene(&replica.bytes).unwrap();
+                let polygons = decode_scene(&replica.bytes).unwrap().polygons;
                 self.has_occluders.insert(replica.digest, !polygons.is_empty());
             }
         }

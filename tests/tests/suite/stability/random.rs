@@ -20,6 +20,7 @@ const PRECISION: Precision = Precision {
     maximum_rays: 64,
     seed: 3,
     form_factor_error: 0.0,
+    factor_rounding: 0.0,
     ..Precision::DEFAULT
 };
 

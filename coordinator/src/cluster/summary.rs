@@ -1,0 +1,138 @@
+//! What comes out of a cluster: results of jobs, and what each worker did.
+
+use std::time::Duration;
+
+use shared::picture::Pixels;
+use shared::protocol::RowStatistics;
+use shared::row::Row;
+
+use crate::scheduler::JobId;
+
+/// The answer to a job.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FinishedJob {
+    /// The job.
+    pub job: JobId,
+    /// One row for each shooter of the request, each with a factor for each receiver of its range.
+    pub rows: Vec<Row>,
+    /// What each of them cost.
+    pub statistics: Vec<RowStatistics>,
+}
+
+/// The answer to a job that asks for a tile.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FinishedTile {
+    /// The job.
+    pub job: JobId,
+    /// Radiance of its pixels.
+    pub pixels: Pixels,
+    /// Rays cast.
+    pub rays: u64,
+    /// Time that the worker computed, in nanoseconds of one thread.
+    pub busy_nanoseconds: u64,
+}
+
+/// The answer to a job of either kind.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum FinishedWork {
+    /// Rows of form factors.
+    Rows(FinishedJob),
+    /// A tile of a picture.
+    Tile(FinishedTile),
+}
+
+impl FinishedWork {
+    /// The job.
+    pub(super) fn job(&self) -> JobId {
+        match self {
+            Self::Rows(rows) => rows.job,
+            Self::Tile(tile) => tile.job,
+        }
+    }
+
+    /// Rows in it.
+    pub(super) fn rows(&self) -> u64 {
+        match self {
+            Self::Rows(rows) => rows.statistics.len() as u64,
+            Self::Tile(_) => 0,
+        }
+    }
+
+    /// Rays cast for it.
+    pub(super) fn rays(&self) -> u64 {
+        match self {
+            Self::Rows(rows) => rows.statistics.iter().map(|row| row.rays).sum(),
+            Self::Tile(tile) => tile.rays,
+        }
+    }
+
+    /// Time that the worker computed, of one thread.
+    pub(super) fn busy(&self) -> Duration {
+        Duration::from_nanos(match self {
+            Self::Rows(rows) => rows.statistics.iter().map(|row| row.busy_nanoseconds).sum(),
+            Self::Tile(tile) => tile.busy_nanoseconds,
+        })
+    }
+}
+
+/// What the worker at one address did.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct WorkerSummary {
+    /// The name that it gave itself.
+    pub name: String,
+    /// Where it is.
+    pub address: String,
+    /// How many jobs it computes at the same time.
+    pub threads: usize,
+    /// How often it was connected: once, if it was never lost.
+    pub connections: u64,
+    /// Time that it was connected.
+    pub connected: Duration,
+    /// Jobs of which its answer was the first.
+    pub jobs: u64,
+    /// Jobs that another worker had answered before.
+    pub late: u64,
+    /// Rows in its jobs.
+    pub rows: u64,
+    /// Rays cast for them.
+    pub rays: u64,
+    /// Time computed, summed over its threads, late answers included.
+    pub busy: Duration,
+    /// Length of the encoded rows, in bytes.
+    pub bytes_received: u64,
+    /// Length of the replicas and jobs sent, in bytes.
+    pub bytes_sent: u64,
+    /// Why it is lost, where it is.
+    pub lost: Option<String>,
+}
+
+impl WorkerSummary {
+    pub(super) fn new(name: String, address: String, threads: usize) -> Self {
+        Self {
+            name,
+            address,
+            threads,
+            connections: 0,
+            connected: Duration::ZERO,
+            jobs: 0,
+            late: 0,
+            rows: 0,
+            rays: 0,
+            busy: Duration::ZERO,
+            bytes_received: 0,
+            bytes_sent: 0,
+            lost: None,
+        }
+    }
+}
+
+/// What a cluster did, over all of its workers.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct ClusterCounts {
+    /// Jobs sent a second time, to an idle worker.
+    pub duplicates: u64,
+    /// Answers that came late or twice.
+    pub ignored_answers: u64,
+    /// Times that a worker was lost, for whatever reason.
+    pub lost_workers: u64,
+}

@@ -1,0 +1,116 @@
+//! Idle workers take over what others are late with.
+//!
+//! A worker that is slow, or hangs, holds up all others once they wait for its jobs. So a worker that has an idle thread, and
+//! finds nothing in the queue, gets a second copy of a job that another one holds. The first answer counts, the other copy is
+//! cancelled. No job has more than two copies, so what duplicates can waste is bounded, but it should be next to nothing where all
+//! is well. In this order:
+//!
+//! 1. Jobs *overdue*. There is no clock here, but the other threads are one: with n of them busy, a job that is finished moves the
+//!    time on by one nth of a *round*, and a job should take about one round. What has been computed for [`PATIENCE`] rounds is
+//!    overdue.
+//! 2. Jobs that *wait* for a thread of their worker: deepest in its line first, so that it comes to them last. If the idle worker
+//!    is faster they are cancelled before they are begun, and nothing is wasted.
+//! 3. The *oldest* job, if no other copy is under way anywhere. It is what the driver waits for in the end. This is what keeps things
+//!    going when there is nothing to compare with: if all others are idle there is no further news, and only a copy brings some.
+
+use std::cmp::Reverse;
+
+use super::worker::{Load, Worker};
+use super::{Action, JobId, Scheduler, WorkerId};
+
+/// A job is overdue when it has been computed for so many rounds. At the end of a batch, when no more jobs follow, n busy threads
+/// become one in ln n rounds: of 64 the last three are then given to others, of which there are plenty.
+pub(super) const PATIENCE: f64 = 3.0;
+
+/// A job that an idle worker may take over.
+#[derive(Clone, Copy)]
+struct Candidate {
+    /// What comes first; see above.
+    rank: (Rank, u64),
+    job: JobId,
+    holder: WorkerId,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Rank {
+    Overdue,
+    /// So deep in the line of its worker, in jobs per thread: deepest first.
+    Waiting(Reverse<usize>),
+    Oldest,
+}
+
+impl Scheduler {
+    /// Gives copies of jobs under way to idle workers, for which nothing is left in the queue.
+    pub(super) fn share_duplicates(&mut self, actions: &mut Vec<Action>) {
+        let is_idle = |(id, worker): &(&WorkerId, &Worker)| worker.is_idle() && self.reserved != Some(**id);
+        let mut idle: Vec<Load> =
+            self.workers.iter().filter(is_idle).map(|(id, worker)| worker.load(*id)).collect();
+        if idle.is_empty() {
+            return;
+        }
+        let mut helped = self.news_is_due();
+        let mut candidates = self.candidates(!helped);
+        idle.sort_unstable();
+        for id in idle.into_iter().map(|load| load.worker) {
+            while self.workers[&id].is_idle() && self.duplicate_one(id, &mut candidates, helped, actions) {
+                helped = true;
+            }
+        }
+    }
+
+    /// A copy is under way, so that there will be news of it; one that is overdue itself promises nothing.
+    pub(super) fn news_is_due(&self) -> bool {
+        let mut held = self.workers.values().flat_map(|worker| &worker.under_way);
+        held.any(|held| held.copy && held.begun.is_none_or(|begun| self.rounds - begun < PATIENCE))
+    }
+
+    /// What idle workers may take over, most urgent first; what is computed and in time only where `all`.
+    fn candidates(&self, all: bool) -> Vec<Candidate> {
+        let mut candidates = vec![];
+        for (&holder, worker) in &self.workers {
+            for (place, held) in worker.under_way.iter().enumerate() {
+                if held.twice || !held.wanted {
+                    continue;
+                }
+                let rank = match held.begun {
+                    None => Rank::Waiting(Reverse(place / worker.threads())),
+                    Some(begun) if self.rounds - begun >= PATIENCE => Rank::Overdue,
+                    Some(_) if all => Rank::Oldest,
+                    Some(_) => continue,
+                };
+                candidates.push(Candidate { rank: (rank, held.order), job: held.job, holder });
+            }
+        }
+        candidates.sort_unstable_by_key(|candidate| candidate.rank);
+        candidates
+    }
+
+    /// Gives an idle worker a copy of the first job that it can compute. False where there is none.
+    fn duplicate_one(
+        &mut self,
+        id: WorkerId,
+        candidates: &mut Vec<Candidate>,
+        helped: bool,
+        actions: &mut Vec<Action>,
+    ) -> bool {
+        for place in 0..candidates.len() {
+            let Candidate { rank, job, holder } = candidates[place];
+            if helped && rank.0 == Rank::Oldest {
+                return false;
+            }
+            let Some(state) = self.jobs.get(&job).filter(|_| holder != id) else { continue };
+            let is_suspect = state.is_suspect();
+            if !self.may_try(id, &state.kind) || (is_suspect && !self.workers[&id].under_way.is_empty()) {
+                continue;
+            }
+            if self.workers[&id].holds(&state.kind.needs) {
+                candidates.remove(place);
+                self.send(id, job, is_suspect, actions);
+                return true;
+            }
+            let needs = state.kind.needs.clone();
+            self.load(id, &needs, actions);
+        }
+        false
+    }
+}

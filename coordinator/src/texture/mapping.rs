@@ -1,0 +1,63 @@
+//! From a vertex's texture coordinates to places on an image.
+
+use glam::{DAffine2, DMat2, DVec2};
+use gltf::texture::{Info, TextureTransform};
+
+use super::Sampler;
+
+/// Which texture coordinates a texture takes, what is done with them, and how the image is continued.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Mapping {
+    /// The set: n of TEXCOORD_n.
+    pub set: u32,
+    /// KHR_texture_transform: from the file's coordinates to those on the image.
+    pub transform: DAffine2,
+    /// How the image is continued and interpolated.
+    pub sampler: Sampler,
+}
+
+impl Mapping {
+    /// The mapping of a texture of a material.
+    #[must_use]
+    pub fn new(info: &Info) -> Self {
+        Self::of(&info.texture(), info.tex_coord(), info.texture_transform())
+    }
+
+    /// The mapping of a texture that takes this set unless the transform says another. Transforms that are not finite do not count.
+    #[must_use]
+    pub fn of(texture: &gltf::Texture, set: u32, transform: Option<TextureTransform>) -> Self {
+        let sampler = Sampler::new(&texture.sampler());
+        let Some(transform) = transform else { return Self { set, transform: DAffine2::IDENTITY, sampler } };
+        let set = transform.tex_coord().unwrap_or(set);
+        let placed = affine(transform.offset(), transform.rotation(), transform.scale());
+        let transform = if placed.is_finite() { placed } else { DAffine2::IDENTITY };
+        Self { set, transform, sampler }
+    }
+}
+
+/// First scaled, then rotated, then moved. A positive rotation turns coordinates counter-clockwise as one looks at the image, whose v
+/// points down: so the extension's words say, and the viewers of Khronos and three.js do it.
+fn affine(offset: [f32; 2], rotation: f32, scale: [f32; 2]) -> DAffine2 {
+    let [offset, scale] = [offset, scale].map(|pair| DVec2::from_array(pair.map(f64::from)));
+    let (sine, cosine) = (libm::sin(f64::from(rotation)), libm::cos(f64::from(rotation)));
+    let rotation = DMat2::from_cols(DVec2::new(cosine, -sine), DVec2::new(sine, cosine));
+    DAffine2::from_mat2_translation(rotation * DMat2::from_diagonal(scale), offset)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f32::consts::FRAC_PI_2;
+
+    use super::*;
+
+    #[test]
+    fn scale_comes_first_then_rotation_then_offset() {
+        let transform = affine([10.0, 20.0], FRAC_PI_2, [2.0, 3.0]);
+        // u, to the right, turns up, against v.
+        let turned = transform.transform_point2(DVec2::X);
+        assert!(turned.distance(DVec2::new(10.0, 18.0)) < 1e-6, "{turned}");
+        let turned = transform.transform_point2(DVec2::Y);
+        assert!(turned.distance(DVec2::new(13.0, 20.0)) < 1e-6, "{turned}");
+        assert_eq!(affine([0.5, 0.25], 0.0, [1.0, 1.0]), DAffine2::from_translation(DVec2::new(0.5, 0.25)));
+    }
+}

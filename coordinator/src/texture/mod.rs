@@ -1,0 +1,26 @@
+//! Images on surfaces: decoding, looking a point up, and means over polygons.
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `image` | PNG, JPEG and WebP to texels, within bounds of size and memory |
+//! | `encoding` | sRGB to linear |
+//! | `sampler` | what lies outside of an image, and between its texels |
+//! | `mapping` | from a vertex's texture coordinates to places on the image |
+//! | `composed` | images of one mapping as one: colour, metal, alpha |
+//! | `area` | the mean over a polygon |
+//!
+//! Texture coordinates are as in glTF: (0, 0) is the upper left corner of the image, (1, 1) the lower right one, whatever its size.
+
+mod area;
+mod composed;
+mod encoding;
+mod image;
+mod mapping;
+mod sampler;
+
+pub use area::{AreaMeans, Raster};
+pub use composed::{Composed, Dimming, Opacity};
+pub use encoding::{Encoding, srgb_to_linear};
+pub use image::{DecodeError, Image, MOST_BYTES, decode, dimensions};
+pub use mapping::Mapping;
+pub use sampler::{Filter, Sampler, Wrap};

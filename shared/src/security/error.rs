@@ -1,0 +1,86 @@
+use std::io;
+use std::net::SocketAddr;
+use std::path::PathBuf;
+
+/// Why a connection would not be safe, or cannot be made so.
+#[derive(Debug, thiserror::Error)]
+pub enum SecurityError {
+    /// Some of the three files are named, and not all.
+    #[error("encryption needs --tls-ca, --tls-cert and --tls-key together: {} missing", missing.join(" and "))]
+    Incomplete {
+        /// The options that are not given.
+        missing: Vec<&'static str>,
+    },
+    /// Encryption and plain text are both asked for.
+    #[error("--plaintext and the --tls-* files contradict each other: give either")]
+    Contradiction,
+    /// Traffic would leave the machine in plain text.
+    #[error(
+        "{address} is beyond this machine, and the traffic would be in plain text: give --tls-ca, --tls-cert and \
+         --tls-key, or ask for plain text by name with --plaintext"
+    )]
+    Plaintext {
+        /// The address to listen on or to dial.
+        address: SocketAddr,
+    },
+    /// A file cannot be read.
+    #[error("{option} {} cannot be read: {error}", path.display())]
+    Read {
+        /// The option that names it.
+        option: &'static str,
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        error: io::Error,
+    },
+    /// A file has not in it what its option asks for.
+    #[error("{option} {} is not {expected}: {reason}", path.display())]
+    Content {
+        /// The option that names it.
+        option: &'static str,
+        /// The file.
+        path: PathBuf,
+        /// What it should be.
+        expected: &'static str,
+        /// What is wrong.
+        reason: String,
+    },
+    /// The key is another certificate's, or both cannot be used together.
+    #[error(
+        "the key {} does not fit the certificate {}: {reason}",
+        key.display(),
+        certificate.display()
+    )]
+    Mismatch {
+        /// File of the certificate.
+        certificate: PathBuf,
+        /// File of the key.
+        key: PathBuf,
+        /// What is wrong.
+        reason: String,
+    },
+    /// A name that no certificate can have.
+    #[error(
+        "{name:?} is not a name that a certificate can have: give the one in the worker's with --tls-name"
+    )]
+    Name {
+        /// The name.
+        name: String,
+    },
+    /// A token is too easy to guess, or has characters that cannot travel.
+    #[error("--token-file {} has no usable token: {reason}", path.display())]
+    Token {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        reason: &'static str,
+    },
+    /// The connection cannot be set up.
+    #[error("cannot set up the connection to {address}: {reason}")]
+    Endpoint {
+        /// The address to dial.
+        address: SocketAddr,
+        /// What the library says.
+        reason: String,
+    },
+}

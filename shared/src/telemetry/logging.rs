@@ -1,0 +1,90 @@
+use std::str::FromStr;
+
+use tracing_subscriber::layer::SubscriberExt;
+use tracing_subscriber::util::{SubscriberInitExt, TryInitError};
+use tracing_subscriber::{EnvFilter, Layer, Registry, fmt};
+
+/// How logs are written.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum LogFormat {
+    /// Lines for people.
+    #[default]
+    Text,
+    /// An object a line, with a field for each figure.
+    Json,
+}
+
+impl FromStr for LogFormat {
+    type Err = &'static str;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        match text {
+            // An empty variable, as compose files have it, is one that is not given.
+            "text" | "" => Ok(Self::Text),
+            "json" => Ok(Self::Json),
+            _ => Err("write text or json"),
+        }
+    }
+}
+
+/// What a program logs where nobody says otherwise.
+#[derive(Debug, Clone, Copy)]
+pub struct LoggingSettings {
+    /// The program, for a collector of spans.
+    pub program: &'static str,
+    /// How it writes.
+    pub format: LogFormat,
+    /// What it writes unless `RUST_LOG` says otherwise, in the words of that variable.
+    pub default_filter: &'static str,
+    /// Whether lines for people have the time. Objects always have it.
+    pub times: bool,
+}
+
+/// Why a program cannot log.
+#[derive(Debug, thiserror::Error)]
+pub enum LoggingError {
+    /// Somebody else logs already.
+    #[error("cannot log: {0}")]
+    Taken(#[from] TryInitError),
+    /// Spans cannot be sent.
+    #[cfg(feature = "otlp")]
+    #[error("cannot send spans to OTEL_EXPORTER_OTLP_ENDPOINT: {0}")]
+    Spans(String),
+}
+
+/// Logs and spans of this program. Hold it until the end: when it is dropped, what is still on its way to a collector is sent.
+pub struct Logging {
+    #[cfg(feature = "otlp")]
+    _spans: Option<super::spans::Exporter>,
+}
+
+impl Logging {
+    /// Begins to log to standard error, for the whole process.
+    ///
+    /// # Errors
+    /// When it was begun before, or spans are wanted and cannot be sent.
+    pub fn start(settings: &LoggingSettings) -> Result<Self, LoggingError> {
+        let filter =
+            EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(settings.default_filter));
+        let lines = fmt::layer::<Registry>().with_writer(std::io::stderr);
+        let lines = match (settings.format, settings.times) {
+            (LogFormat::Text, true) => lines.boxed(),
+            (LogFormat::Text, false) => lines.without_time().boxed(),
+            (LogFormat::Json, _) => lines.json().flatten_event(true).with_span_list(false).boxed(),
+        };
+        let lines = lines.with_filter(filter).boxed();
+
+        #[cfg(feature = "otlp")]
+        let (layers, spans) = match super::spans::exporter(settings.program).map_err(LoggingError::Spans)? {
+            Some((layer, exporter)) => (vec![lines, layer], Some(exporter)),
+            None => (vec![lines], None),
+        };
+        #[cfg(not(feature = "otlp"))]
+        let layers = vec![lines];
+        tracing_subscriber::registry().with(layers).try_init()?;
+        Ok(Self {
+            #[cfg(feature = "otlp")]
+            _spans: spans,
+        })
+    }
+}

@@ -1,0 +1,49 @@
+//! How a bake scales with workers, simulated: `cargo run --release -p tests --example scale -- WHAT [SCENE...]`.
+//!
+//! | what | prints |
+//! |---|---|
+//! | scale | speed-up and efficiency by workers, and what idle threads wait for |
+//! | slow | what one slow worker costs, or one that hangs |
+//! | window | what more rows under way while shooting bring |
+//! | paper | who shoots; jobs sent on news or by the period; energies apart or in the vertices |
+//!
+//! Scenes are `small`, `medium` and `large`; all, where none is named. Rows are recorded in `target/scale`: remove it after a change of
+//! the kernels.
+//!
+//! The coordinator's code is the real one: bake, solver and scheduler. So are the rows and what they take, each measured once. The
+//! cluster around them is simulated, event by event, with a clock of its own.
+
+mod account;
+mod cluster;
+mod model;
+mod paper;
+mod processor;
+mod recorder;
+mod records;
+mod scenes;
+mod tables;
+
+use std::error::Error;
+
+use scenes::SCENES;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let (what, names) = match arguments.split_first() {
+        Some((what, names)) => (what.as_str(), names),
+        None => ("scale", &[][..]),
+    };
+    let mut scenes =
+        SCENES.iter().filter(|scene| names.is_empty() || names.iter().any(|name| *name == scene.name));
+    match what {
+        "scale" => scenes.try_for_each(tables::scale),
+        "slow" => scenes.try_for_each(tables::slow),
+        "window" => scenes.try_for_each(tables::window),
+        "paper" => {
+            scenes.try_for_each(paper::sharing)?;
+            records::compare();
+            Ok(())
+        }
+        _ => Err("say scale, slow, window or paper, then names of scenes: small, medium, large".into()),
+    }
+}

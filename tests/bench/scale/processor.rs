@@ -1,0 +1,13 @@
+//! Processor time of a thread: what others do on the machine does not count.
+
+use rustix::time::{ClockId, clock_gettime};
+
+/// A time, or a difference of two.
+pub type Nanoseconds = u64;
+
+/// Processor time that the calling thread has had so far.
+#[must_use]
+pub fn processor_time() -> Nanoseconds {
+    let time = clock_gettime(ClockId::ThreadCPUTime);
+    time.tv_sec as u64 * 1_000_000_000 + time.tv_nsec as u64
+}

@@ -1,0 +1,98 @@
+//! Three scenes, and a bake of one of them on a simulated cluster.
+
+use std::cell::Cell;
+use std::error::Error;
+use std::fs;
+use std::path::Path;
+
+use coordinator::bake::{BakeReport, BakeSettings, Baked, Phase, Progress, bake};
+use coordinator::scene::Scene;
+use shared::replica::Digest;
+use tests::baking::imported;
+use tests::building::building;
+
+use crate::account::Account;
+use crate::cluster::Simulated;
+use crate::model::Model;
+use crate::processor::Nanoseconds;
+use crate::recorder::Recorder;
+
+/// A building to bake.
+pub struct Named {
+    /// What it is called.
+    pub name: &'static str,
+    rooms: usize,
+    /// Edge of the shooting patches, in metres.
+    edge: f64,
+    mesh_error: f64,
+}
+
+/// A room, four of them, and eight.
+pub const SCENES: [Named; 3] = [
+    Named { name: "small", rooms: 1, edge: 0.6, mesh_error: 0.1 },
+    Named { name: "medium", rooms: 4, edge: 0.6, mesh_error: 0.2 },
+    Named { name: "large", rooms: 8, edge: 0.6, mesh_error: 0.1 },
+];
+
+/// A scene ready to be baked again and again.
+pub struct Prepared {
+    scene: Scene,
+    /// How it is baked.
+    pub settings: BakeSettings,
+    recorder: Recorder,
+}
+
+/// How a bake went.
+pub struct Run {
+    /// Seconds on the simulated clock.
+    pub seconds: f64,
+    /// Where they went.
+    pub account: Account,
+    /// Figures of the bake.
+    pub report: BakeReport,
+    /// Of the light at all vertices.
+    pub digest: Digest,
+}
+
+impl Named {
+    /// Builds the scene and opens its rows.
+    ///
+    /// # Errors
+    /// When the rows cannot be read or kept.
+    pub fn prepare(&self) -> Result<Prepared, Box<dyn Error>> {
+        let building = building(self.rooms);
+        let settings = BakeSettings {
+            shooter_edge: self.edge / building.extent,
+            mesh_error: self.mesh_error,
+            check_points: 0,
+            ..BakeSettings::default()
+        };
+        let folder = Path::new("target/scale");
+        fs::create_dir_all(folder)?;
+        let recorder = Recorder::open(&folder.join(format!("{}.rows", self.name)))?;
+        Ok(Prepared { scene: imported(&building.scene.glb()), settings, recorder })
+    }
+}
+
+impl Prepared {
+    /// Bakes the scene on such a cluster.
+    ///
+    /// # Errors
+    /// When it cannot be baked.
+    pub fn run(&mut self, model: Model) -> Result<Run, Box<dyn Error>> {
+        let phase = Cell::new(Phase::Light);
+        let mut cluster = Simulated::new(&mut self.recorder, model, &phase);
+        let mut progress = |progress: &Progress| phase.set(progress.phase);
+        let Baked { lit, report } = bake(&self.scene, &self.settings, &mut cluster, &mut progress)?;
+        let seconds = in_seconds(cluster.finish());
+        let light = lit.vertices.iter().flat_map(|vertex| vertex.irradiance.to_array());
+        let digest = Digest::of(&light.flat_map(f64::to_le_bytes).collect::<Vec<u8>>());
+        Ok(Run { seconds, account: cluster.account, report, digest })
+    }
+}
+
+/// Nanoseconds in seconds.
+#[must_use]
+pub fn in_seconds(time: Nanoseconds) -> f64 {
+    time as f64 * 1e-9
+}

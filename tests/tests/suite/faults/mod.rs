@@ -1,0 +1,58 @@
+//! Bakes by real processes while things go wrong: the same bytes come out, or an error that names who is at fault.
+//!
+//! | module | what goes wrong |
+//! |---|---|
+//! | `workers` | workers are killed, stopped, restarted, slowed down, join late, leave |
+//! | `network` | the network is cut, and healed |
+//! | `lies` | workers answer garbage, twice, late, or in another version |
+//! | `killer` | a job kills every worker |
+//! | `checkpoint` | the coordinator is killed, or its disk is full |
+//! | `fake` | a worker that does as a test tells it |
+
+mod checkpoint;
+mod fake;
+mod killer;
+mod lies;
+mod network;
+mod workers;
+
+use std::sync::OnceLock;
+
+use tests::programs::{Solved, Solving};
+
+/// Long enough that things can go wrong in its middle: some seconds of one thread.
+const KNOBS: [&str; 2] = ["--mesh-error", "0.004"];
+
+/// A line of the coordinator's by which a bake is well under way, with most of its work to come.
+const UNDER_WAY: &str = "refine: ";
+
+/// Starts to bake cornell.
+fn bake(arguments: &[&str]) -> Solving {
+    Solving::start(&tests::data("scenes/cornell.glb"), &[&KNOBS, arguments].concat())
+}
+
+/// The same by these workers.
+fn bake_by(addresses: &[&str], arguments: &[&str]) -> Solving {
+    bake(&[&["--workers", &addresses.join(",")], arguments].concat())
+}
+
+/// What an undisturbed bake in one process gives.
+fn expected() -> &'static [u8] {
+    static EXPECTED: OnceLock<Vec<u8>> = OnceLock::new();
+    EXPECTED.get_or_init(|| bake(&["--threads", "2"]).finish().lit.expect("an undisturbed bake ends well"))
+}
+
+/// Checks that the bake ended well, with the bytes of an undisturbed one.
+#[track_caller]
+fn assert_undisturbed(solved: &Solved) {
+    assert!(solved.success, "{}", solved.said);
+    assert!(solved.lit.as_deref() == Some(expected()), "the lit file differs; {}", solved.said);
+}
+
+/// The report's entry of the worker at this address.
+#[track_caller]
+fn worker<'a>(solved: &'a Solved, address: &str) -> &'a serde_json::Value {
+    let workers = solved.report["workers"].as_array().expect("reports list workers");
+    let at = |worker: &&serde_json::Value| worker["address"] == address;
+    workers.iter().find(at).unwrap_or_else(|| panic!("no worker at {address} in {workers:?}"))
+}

@@ -1,0 +1,87 @@
+//! Bakes with the rows of receivers against those with the rows of shooters, and against exact answers.
+
+use coordinator::bake::{BakeSettings, RowsOf};
+use glam::DVec3;
+use tests::baking::{baked, baked_by, imported, mean_irradiance};
+use tests::builder::{Material, SceneBuilder};
+use tests::shapes::{self, Polygon};
+
+fn settings(rows: RowsOf) -> BakeSettings {
+    BakeSettings { rows, mesh_error: 0.02, ..BakeSettings::default() }
+}
+
+/// A unit room with a lamp under its ceiling and a ball on its floor.
+fn room_with_ball(levels: u32) -> SceneBuilder {
+    let ball: Vec<Polygon> = shapes::icosphere(levels)
+        .into_iter()
+        .map(|corners| corners.map(|corner| corner * 0.2 + DVec3::new(0.55, 0.25, 0.4)).to_vec())
+        .collect();
+    let lamp =
+        vec![[(0.4, 0.4), (0.6, 0.4), (0.6, 0.6), (0.4, 0.6)].map(|(x, z)| DVec3::new(x, 0.98, z)).to_vec()];
+    SceneBuilder::new()
+        .part("walls", &shapes::unit_room(), Material::grey(0.6))
+        .part("lamp", &lamp, Material::grey(0.0).emitting(40.0))
+        .part("ball", &ball, Material::grey(0.4))
+}
+
+/// In an enclosure of constant radiosity every vertex has E / (1 - rho), however coarse the mesh, as long as rays leave nothing out.
+/// A vertex may lose one ray in a seam between polygons, and hardly one does.
+#[test]
+fn a_furnace_is_exact_for_any_number_of_rays() {
+    let (exitance, reflectance) = (2.0, 0.7);
+    let walls = Material::grey(reflectance).emitting(exitance);
+    let scene = imported(&SceneBuilder::new().part("walls", &shapes::unit_room(), walls).glb());
+    for rays in [16.0, 1024.0] {
+        let lit = baked(&scene, &settings(RowsOf::Receivers).with_rays(rays)).lit;
+        let expected = exitance / (1.0 - reflectance);
+        let errors: Vec<f64> =
+            lit.vertices.iter().map(|vertex| (vertex.irradiance.x / expected - 1.0).abs()).collect();
+        let mean = errors.iter().sum::<f64>() / errors.len() as f64;
+        let largest = errors.iter().copied().fold(0.0, f64::max);
+        assert!(mean < 5e-5, "mean error {mean} with {rays} rays");
+        assert!(largest < 2e-4 + reflectance / rays, "largest error {largest} with {rays} rays");
+    }
+}
+
+#[test]
+fn both_kinds_of_rows_light_a_room_alike() {
+    let scene = imported(&room_with_ball(2).glb());
+    let fine = |rows| BakeSettings { rows, ..BakeSettings::default() };
+    let by_shooters = baked(&scene, &fine(RowsOf::Shooters));
+    let by_receivers = baked(&scene, &fine(RowsOf::Receivers));
+    for (index, surface) in scene.surfaces.iter().enumerate() {
+        let [one, other] = [&by_shooters, &by_receivers].map(|baked| mean_irradiance(&baked.lit, index).x);
+        // The part of the lamp is too small for more: its front is black.
+        let tolerance = if surface.name.contains("lamp") { 0.05 } else { 0.01 };
+        assert!((one / other - 1.0).abs() < tolerance, "{}: {one} and {other}", surface.name);
+    }
+    let report = by_receivers.report;
+    assert!(report.balance.relative_imbalance().abs() < 0.01, "{:?}", report.balance);
+    assert!(report.error.total > 0.0 && report.error.total < 0.05, "{:?}", report.error);
+    // More rays, less noise: by the three quarters' power, or half at least.
+    let finer = baked(&scene, &fine(RowsOf::Receivers).with_rays(8192.0)).report.error.visibility;
+    assert!(finer < 0.5 * report.error.visibility, "{finer} after {}", report.error.visibility);
+}
+
+#[test]
+fn threads_change_no_bit() {
+    let scene = imported(&room_with_ball(1).glb());
+    let bits = |threads: usize| -> Vec<[u64; 3]> {
+        let lit = baked_by(&scene, &settings(RowsOf::Receivers), threads).lit;
+        lit.vertices.iter().map(|vertex| vertex.irradiance.to_array().map(f64::to_bits)).collect()
+    };
+    assert_eq!(bits(1), bits(3));
+}
+
+/// A ball of 5,120 facets asks for the rows of receivers by itself.
+#[test]
+fn fine_scenes_are_baked_with_the_rows_of_receivers() {
+    let scene = imported(&room_with_ball(4).glb());
+    let coarse = imported(&room_with_ball(1).glb());
+    let rows_of = |scene| {
+        let settings = BakeSettings { check_points: 0, ..settings(RowsOf::Suiting) };
+        baked(scene, &settings).report.rows_of
+    };
+    assert_eq!(rows_of(&scene), RowsOf::Receivers);
+    assert_eq!(rows_of(&coarse), RowsOf::Shooters);
+}

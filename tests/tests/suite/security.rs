@@ -1,0 +1,231 @@
+//! Who may talk to a worker, with real processes: what is refused says why and what to do, and the worker lives on.
+
+use std::io::{ErrorKind, Read, Write};
+use std::net::TcpStream;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+use shared::security::TlsFiles;
+use tempfile::TempDir;
+use tests::builder::{Material, SceneBuilder};
+use tests::certificates::{Authority, arguments};
+use tests::programs::{Solved, Solving, WorkerProcess, binary};
+use tests::shapes;
+
+/// Far above what any of these connections lasts: only what hangs ends here.
+const HANGS: Duration = Duration::from_secs(60);
+
+/// A scene that bakes in no time, and room for other files.
+struct Bench {
+    folder: TempDir,
+    scene: PathBuf,
+}
+
+impl Bench {
+    fn new() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let scene = folder.path().join("room.glb");
+        let room = SceneBuilder::new().part("walls", &shapes::unit_room(), Material::grey(0.5).emitting(1.0));
+        std::fs::write(&scene, room.glb()).unwrap();
+        Self { folder, scene }
+    }
+
+    fn file(&self, name: &str, text: &str) -> String {
+        let path = self.folder.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        path.to_str().unwrap().to_owned()
+    }
+
+    /// Bakes the scene on workers that nobody waits for.
+    fn solve(&self, workers: &str, arguments: &[&str]) -> Solved {
+        let workers = ["--workers", workers, "--worker-grace", "0.5"];
+        Solving::start(&self.scene, &[&workers, arguments].concat()).finish()
+    }
+
+    fn assert_refused(&self, worker: &WorkerProcess, arguments: &[&str], words: &[&str]) {
+        let refused = self.solve(&worker.address, arguments);
+        assert!(!refused.success && refused.lit.is_none(), "not refused: {}", refused.said);
+        for word in words.iter().chain([&worker.address.as_str(), &"error: "]) {
+            assert!(refused.said.contains(word), "{word:?} is missing in: {}", refused.said);
+        }
+        assert!(!refused.said.contains("panicked"), "{}", refused.said);
+    }
+}
+
+fn start(arguments: &[&str]) -> WorkerProcess {
+    WorkerProcess::start_at("127.0.0.1:0", 1, arguments)
+}
+
+/// An end that is called by the address of these tests.
+fn here(authority: &Authority) -> TlsFiles {
+    authority.sign(&["127.0.0.1", "localhost"])
+}
+
+fn health(address: &str, arguments: &[&str]) -> (bool, String) {
+    let mut command = Command::new(binary("worker"));
+    let output = command.args(["--health", address]).args(arguments).output().unwrap();
+    (output.status.success(), String::from_utf8(output.stderr).unwrap())
+}
+
+#[test]
+fn encrypted_workers_bake_the_same_bytes() {
+    let (bench, authority) = (Bench::new(), Authority::new());
+    let (worker, coordinator) = (here(&authority), authority.sign(&["coordinator"]));
+    let token = bench.file("token", "a secret of many words\n".replace(' ', "-").as_str());
+    let secured = |files| [&arguments(files)[..], &["--token-file", &token]].concat();
+    let workers = [start(&secured(&worker)), start(&secured(&worker))];
+    let addresses = workers.each_ref().map(|worker| worker.address.as_str()).join(",");
+    let plain = Solving::start(&bench.scene, &["--threads", "2"]).finish();
+    let encrypted = bench.solve(&addresses, &secured(&coordinator));
+    assert!(plain.success && encrypted.success, "{}{}", plain.said, encrypted.said);
+    assert!(plain.lit == encrypted.lit, "encryption changes the output");
+    // By a name of the certificate too, and by another one only when told so.
+    let port = workers[0].address.rsplit_once(':').unwrap().1;
+    let named = bench.solve(&format!("localhost:{port}"), &secured(&coordinator));
+    assert!(named.success, "{}", named.said);
+}
+
+#[test]
+fn certificates_that_are_not_right_are_refused() {
+    let (bench, authority, other) = (Bench::new(), Authority::new(), Authority::new());
+    let (worker, good) = (here(&authority), authority.sign(&["coordinator"]));
+    let process = start(&arguments(&worker));
+
+    bench.assert_refused(&process, &[], &["--tls-ca, --tls-cert and --tls-key"]);
+    let stranger = other.sign(&["coordinator"]);
+    bench.assert_refused(&process, &arguments(&stranger), &["not of the authority in --tls-ca"]);
+    let smuggler = TlsFiles { ca: good.ca.clone(), ..stranger };
+    bench.assert_refused(&process, &arguments(&smuggler), &["does not accept this end's certificate"]);
+    let expired = authority.sign_expired(&["coordinator"]);
+    bench.assert_refused(&process, &arguments(&expired), &["certificate has expired"]);
+
+    let elsewhere = start(&arguments(&authority.sign(&["elsewhere"])));
+    bench.assert_refused(&elsewhere, &arguments(&good), &["another name", "--tls-name"]);
+    let named =
+        bench.solve(&elsewhere.address, &[&arguments(&good)[..], &["--tls-name", "elsewhere"]].concat());
+    assert!(named.success, "{}", named.said);
+    let old = start(&arguments(&authority.sign_expired(&["127.0.0.1"])));
+    bench.assert_refused(&old, &arguments(&good), &["certificate has expired"]);
+    let plain = start(&[]);
+    bench.assert_refused(&plain, &arguments(&good), &["does not speak TLS"]);
+
+    let after = bench.solve(&process.address, &arguments(&good));
+    assert!(after.success, "the worker does not live on: {}", after.said);
+}
+
+#[test]
+fn a_token_is_demanded_and_never_shown() {
+    let bench = Bench::new();
+    let right = bench.file("right", "right-0123456789");
+    let wrong = bench.file("wrong", "wrong-0123456789");
+    let process = start(&["--token-file", &right]);
+    bench.assert_refused(&process, &[], &["demands a token", "--token-file"]);
+    bench.assert_refused(
+        &process,
+        &["--token-file", &wrong],
+        &["token is not this worker's", "--token-file"],
+    );
+    let baked = bench.solve(&process.address, &["--token-file", &right]);
+    assert!(baked.success, "{}", baked.said);
+    assert!(!baked.said.contains("0123456789"), "{}", baked.said);
+    // Health checks are calls like any other.
+    assert!(!health(&process.address, &[]).0);
+    assert!(health(&process.address, &["--token-file", &right]).0);
+}
+
+#[test]
+fn plain_text_beyond_this_machine_is_refused_unless_asked_for() {
+    let mut command = Command::new(binary("worker"));
+    let refused = command.args(["--listen", "0.0.0.0:0"]).output().unwrap();
+    let said = String::from_utf8(refused.stderr).unwrap();
+    assert!(!refused.status.success());
+    for word in ["0.0.0.0:0", "--plaintext", "--tls-ca", "--tls-cert", "--tls-key"] {
+        assert!(said.contains(word), "{word} is missing in {said}");
+    }
+    let asked = WorkerProcess::start_at("0.0.0.0:0", 1, &["--plaintext"]);
+    let authority = Authority::new();
+    let encrypted = WorkerProcess::start_at("0.0.0.0:0", 1, &arguments(&here(&authority)));
+    let bench = Bench::new();
+    for (process, files) in [(asked, None), (encrypted, Some(authority.sign(&["coordinator"])))] {
+        let port = process.address.rsplit_once(':').unwrap().1;
+        let files = files.as_ref().map(arguments);
+        let baked = bench.solve(&format!("127.0.0.1:{port}"), files.as_ref().map_or(&[], |files| &files[..]));
+        assert!(baked.success, "{}", baked.said);
+    }
+    // A documentation address, which nobody has: it is refused before it is dialled.
+    let far = bench.solve("192.0.2.1:7070", &[]);
+    for word in ["192.0.2.1:7070", "plain text", "--plaintext", "--tls-ca"] {
+        assert!(!far.success && far.said.contains(word), "{word} is missing in {}", far.said);
+    }
+}
+
+#[test]
+fn files_that_do_not_fit_are_named_at_the_start() {
+    let authority = Authority::new();
+    let (one, two) = (authority.sign(&["one"]), authority.sign(&["two"]));
+    let mixed = TlsFiles { key: two.key.clone(), ..one.clone() };
+    let run = |arguments: &[&str]| {
+        let output =
+            Command::new(binary("worker")).args(["--listen", "127.0.0.1:0"]).args(arguments).output();
+        let output = output.unwrap();
+        assert!(!output.status.success());
+        String::from_utf8(output.stderr).unwrap()
+    };
+    let name = |path: &Path| path.file_name().unwrap().to_str().unwrap().to_owned();
+    let said = run(&arguments(&mixed));
+    assert!(said.contains("does not fit") && said.contains(&name(&two.key)), "{said}");
+    let said = run(&["--tls-ca", one.ca.to_str().unwrap()]);
+    assert!(said.contains("--tls-cert and --tls-key missing"), "{said}");
+    let said = run(&["--token-file", one.ca.to_str().unwrap()]);
+    assert!(said.contains("no usable token") && !said.contains("BEGIN"), "{said}");
+    let said = run(&[&arguments(&one)[..], &["--plaintext"]].concat());
+    assert!(said.contains("contradict"), "{said}");
+}
+
+/// What comes back until the worker closes the connection.
+fn answer_to(address: &str, bytes: &[u8]) -> Vec<u8> {
+    let mut socket = TcpStream::connect(address).unwrap();
+    socket.set_read_timeout(Some(HANGS)).unwrap();
+    // The worker may have heard enough before all of it is said.
+    let _ = socket.write_all(bytes);
+    let mut answer = vec![];
+    match socket.read_to_end(&mut answer) {
+        Ok(_) => {}
+        Err(error) => assert_eq!(error.kind(), ErrorKind::ConnectionReset),
+    }
+    answer
+}
+
+#[test]
+fn garbage_ends_its_own_connection_and_nothing_else() {
+    let (bench, authority) = (Bench::new(), Authority::new());
+    let (worker, coordinator) = (here(&authority), authority.sign(&["coordinator"]));
+    let noise: Vec<u8> = (0..100_000_u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
+    // The words that HTTP/2 begins with, then frames of all kinds and of lengths that nobody may send.
+    let frames = [b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n".as_slice(), &[0xff; 4096]].concat();
+    let inputs: [&[u8]; 6] = [
+        b"GET / HTTP/1.1\r\nHost: worker\r\n\r\n",
+        &noise,
+        &frames,
+        &[0; 64],
+        &[0xff; 64],
+        b"\x16\x03\x01\xff\xff",
+    ];
+    for files in [None, Some((&worker, &coordinator))] {
+        let process =
+            start(files.map(|(worker, _)| arguments(worker)).as_ref().map_or(&[], |files| &files[..]));
+        let begun = Instant::now();
+        for input in inputs {
+            // HTTP/2 settings at most, or an alert of TLS.
+            let answer = answer_to(&process.address, input);
+            assert!(answer.len() < 1024, "{} bytes for {} of garbage", answer.len(), input.len());
+        }
+        // A caller that says nothing is sent away too, after some seconds.
+        assert!(answer_to(&process.address, b"").len() < 1024);
+        assert!(begun.elapsed() < HANGS);
+        let files = files.map(|(_, coordinator)| arguments(coordinator));
+        let baked = bench.solve(&process.address, files.as_ref().map_or(&[], |files| &files[..]));
+        assert!(baked.success, "the worker does not live on: {}", baked.said);
+    }
+}

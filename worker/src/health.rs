@@ -1,0 +1,130 @@
+//! Whether a worker serves, and what it speaks: `grpc.health.v1` and reflection, on the port of the worker itself.
+
+use std::time::Duration;
+
+use shared::protocol::DESCRIPTORS;
+use shared::protocol::worker_server::SERVICE_NAME;
+use shared::security::{ClientSecurity, SecurityError, explain};
+use tokio::net::lookup_host;
+use tokio::time::timeout;
+use tonic::Status;
+use tonic_health::pb::HealthCheckRequest;
+use tonic_health::pb::health_check_response::ServingStatus as Answer;
+use tonic_health::pb::health_client::HealthClient;
+use tonic_health::pb::health_server::{Health as HealthChecks, HealthServer};
+use tonic_health::server::{HealthReporter, health_reporter};
+use tonic_health::{ServingStatus, pb};
+use tonic_reflection::server::v1::{ServerReflection, ServerReflectionServer};
+
+/// How long a check may take.
+const PATIENCE: Duration = Duration::from_secs(5);
+
+/// What is asked about: the whole worker, and the one service that it has.
+const NAMES: [&str; 2] = ["", SERVICE_NAME];
+
+/// What health checks are told.
+pub(crate) struct Health(HealthReporter);
+
+impl Health {
+    /// The worker serves; the service tells it.
+    pub(crate) async fn new() -> (Self, HealthServer<impl HealthChecks>) {
+        let (reporter, service) = health_reporter();
+        let health = Self(reporter);
+        health.tell(ServingStatus::Serving).await;
+        (health, service)
+    }
+
+    /// The worker finishes what it has, and takes nothing new.
+    pub(crate) async fn drain(&self) {
+        self.tell(ServingStatus::NotServing).await;
+    }
+
+    /// Ends the calls of those who watch: they would keep their connections open.
+    pub(crate) async fn leave(mut self) {
+        for name in NAMES {
+            self.0.clear_service_status(name).await;
+        }
+    }
+
+    async fn tell(&self, status: ServingStatus) {
+        for name in NAMES {
+            self.0.set_service_status(name, status).await;
+        }
+    }
+}
+
+/// Tells the protocol to those who ask in it, such as grpcurl.
+pub(crate) fn reflection()
+-> Result<ServerReflectionServer<impl ServerReflection>, tonic_reflection::server::Error> {
+    tonic_reflection::server::Builder::configure()
+        .register_encoded_file_descriptor_set(DESCRIPTORS)
+        .register_encoded_file_descriptor_set(pb::FILE_DESCRIPTOR_SET)
+        .build_v1()
+}
+
+/// Why a worker does not count as healthy.
+#[derive(Debug, thiserror::Error)]
+pub enum HealthError {
+    /// It must not be dialled so.
+    #[error(transparent)]
+    Security(#[from] SecurityError),
+    /// The name stands for nothing.
+    #[error("{address} cannot be found: {reason}")]
+    Name {
+        /// As it was given.
+        address: String,
+        /// What the system says.
+        reason: String,
+    },
+    /// Nobody answers, or somebody else does.
+    #[error("no worker answers at {address}: {reason}")]
+    Unreachable {
+        /// As it was given.
+        address: String,
+        /// Why.
+        reason: String,
+    },
+    /// It finishes what it has, and takes nothing new.
+    #[error("worker at {address} does not serve: it was told to stop")]
+    Draining {
+        /// As it was given.
+        address: String,
+    },
+}
+
+/// Asks the worker at `host:port` whether it serves.
+///
+/// # Errors
+/// When it does not, or does not answer within some seconds.
+pub async fn check(address: &str, security: &ClientSecurity) -> Result<(), HealthError> {
+    let unreachable = |reason: String| HealthError::Unreachable { address: address.into(), reason };
+    let asking = async {
+        let unknown = |reason: String| HealthError::Name { address: address.into(), reason };
+        let mut sockets = lookup_host(address).await.map_err(|error| unknown(error.to_string()))?;
+        let socket = sockets.next().ok_or_else(|| unknown("it has no address".into()))?;
+        let endpoint = security.endpoint(address, socket)?;
+        let channel = endpoint.connect().await.map_err(|error| unreachable(reason(&error)))?;
+        let mut client = HealthClient::with_interceptor(channel, security.credentials());
+        let request = HealthCheckRequest { service: SERVICE_NAME.into() };
+        let answer = client.check(request).await.map_err(|status| unreachable(words(&status)))?;
+        match answer.into_inner().status() {
+            Answer::Serving => Ok(()),
+            _ => Err(HealthError::Draining { address: address.into() }),
+        }
+    };
+    timeout(PATIENCE, asking).await.unwrap_or_else(|_| Err(unreachable("it takes too long".into())))
+}
+
+fn words(status: &Status) -> String {
+    explain(status).unwrap_or_else(|| status.message().into())
+}
+
+fn reason(error: &(dyn std::error::Error + 'static)) -> String {
+    explain(error).unwrap_or_else(|| {
+        let mut innermost = error;
+        while let Some(source) = innermost.source() {
+            innermost = source;
+        }
+        innermost.to_string()
+    })
+}

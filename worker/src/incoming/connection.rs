@@ -1,0 +1,102 @@
+use std::io;
+use std::pin::Pin;
+use std::task::{Context, Poll, ready};
+use std::time::Duration;
+
+use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
+use tokio::net::TcpStream;
+use tokio::sync::OwnedSemaphorePermit;
+use tokio::time::{Instant, Sleep, sleep};
+use tokio_rustls::server::TlsStream;
+use tokio_util::either::Either;
+use tonic::transport::server::{Connected, TcpConnectInfo};
+
+/// Length of the words that every HTTP/2 connection begins with.
+const PREFACE_BYTES: u64 = 24;
+
+/// How long a caller may take to say them.
+const PREFACE: Duration = Duration::from_secs(10);
+
+/// How long a connection may then be silent. The server asks for a sign of life three times meanwhile.
+const SILENCE: Duration = Duration::from_secs(30);
+
+/// The bytes of a connection.
+pub(super) type Bytes = Either<TcpStream, Box<TlsStream<TcpStream>>>;
+
+/// A connection that ends by itself when the caller does not speak HTTP/2 soon, or falls silent; gives its place back when it
+/// is dropped.
+pub struct Connection {
+    bytes: Bytes,
+    info: TcpConnectInfo,
+    received: u64,
+    patience: Pin<Box<Sleep>>,
+    _place: OwnedSemaphorePermit,
+}
+
+impl Connection {
+    pub(super) fn new(bytes: Bytes, info: TcpConnectInfo, place: OwnedSemaphorePermit) -> Self {
+        Self { bytes, info, received: 0, patience: Box::pin(sleep(PREFACE)), _place: place }
+    }
+}
+
+impl Connected for Connection {
+    type ConnectInfo = TcpConnectInfo;
+
+    fn connect_info(&self) -> TcpConnectInfo {
+        self.info.clone()
+    }
+}
+
+impl AsyncRead for Connection {
+    fn poll_read(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        buffer: &mut ReadBuf<'_>,
+    ) -> Poll<io::Result<()>> {
+        let before = buffer.filled().len();
+        match Pin::new(&mut self.bytes).poll_read(context, buffer) {
+            Poll::Ready(outcome) => {
+                self.received += (buffer.filled().len() - before) as u64;
+                // A caller that says its first words letter by letter gains no time with it.
+                if self.received >= PREFACE_BYTES {
+                    self.patience.as_mut().reset(Instant::now() + SILENCE);
+                }
+                Poll::Ready(outcome)
+            }
+            Poll::Pending => {
+                ready!(self.patience.as_mut().poll(context));
+                Poll::Ready(Err(io::Error::new(io::ErrorKind::TimedOut, "nothing came in time")))
+            }
+        }
+    }
+}
+
+impl AsyncWrite for Connection {
+    fn poll_write(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        bytes: &[u8],
+    ) -> Poll<io::Result<usize>> {
+        Pin::new(&mut self.bytes).poll_write(context, bytes)
+    }
+
+    fn poll_flush(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.bytes).poll_flush(context)
+    }
+
+    fn poll_shutdown(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.bytes).poll_shutdown(context)
+    }
+
+    fn poll_write_vectored(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        slices: &[io::IoSlice<'_>],
+    ) -> Poll<io::Result<usize>> {
+        Pin::new(&mut self.bytes).poll_write_vectored(context, slices)
+    }
+
+    fn is_write_vectored(&self) -> bool {
+        self.bytes.is_write_vectored()
+    }
+}

@@ -1,0 +1,115 @@
+//! Connections from outside, up to the point where HTTP/2 begins: how many, how long they may take, and who they are.
+//!
+//! | module | what lives there |
+//! |---|---|
+//! | `connection` | one connection, which ends by itself when nothing comes |
+//!
+//! Until a connection has proved who it is, it costs a place and the few kilobytes of a handshake, for some seconds.
+
+mod connection;
+
+use std::convert::Infallible;
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::time::Duration;
+
+use rustls::ServerConfig;
+use tokio::io::{AsyncWriteExt, copy, sink};
+use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore, mpsc};
+use tokio::time::{sleep, timeout};
+use tokio_rustls::TlsAcceptor;
+use tokio_stream::Stream;
+use tokio_stream::wrappers::ReceiverStream;
+use tokio_util::either::Either;
+use tonic::transport::server::Connected;
+
+pub use connection::Connection;
+
+/// Connections at the same time. A coordinator has two, so this is more than a worker is ever shared by, and bounds what
+/// all of them together can take.
+pub const MOST_CONNECTIONS: usize = 32;
+
+/// How long a caller may take to prove who it is.
+const HANDSHAKE: Duration = Duration::from_secs(10);
+
+/// How long a caller that was refused may take to hear it.
+const FAREWELL: Duration = Duration::from_secs(1);
+
+/// Pause after the system refuses a connection, as when there are no file descriptors left: asking again at once would keep a
+/// core busy.
+const PAUSE: Duration = Duration::from_millis(100);
+
+/// Takes connections for as long as the stream is held. With certificates, only those that have one of the same authority
+/// come out of it; the others are logged.
+///
+/// Must be called within a runtime.
+pub fn incoming(
+    listener: TcpListener,
+    tls: Option<Arc<ServerConfig>>,
+) -> impl Stream<Item = Result<Connection, Infallible>> {
+    let (admitted, connections) = mpsc::channel(MOST_CONNECTIONS);
+    tokio::spawn(accept(listener, tls.map(TlsAcceptor::from), admitted));
+    ReceiverStream::new(connections)
+}
+
+type Admitted = mpsc::Sender<Result<Connection, Infallible>>;
+
+async fn accept(listener: TcpListener, tls: Option<TlsAcceptor>, admitted: Admitted) {
+    let places = Arc::new(Semaphore::new(MOST_CONNECTIONS));
+    loop {
+        let accepted = tokio::select! {
+            accepted = listener.accept() => accepted,
+            () = admitted.closed() => return,
+        };
+        match accepted {
+            Ok((socket, peer)) => match Arc::clone(&places).try_acquire_owned() {
+                Ok(place) => {
+                    tokio::spawn(admit(socket, peer, tls.clone(), place, admitted.clone()));
+                }
+                // Closing it tells the caller sooner than letting it wait.
+                Err(_) => tracing::warn!(%peer, most = MOST_CONNECTIONS, "too many connections: refused one"),
+            },
+            Err(error) => {
+                tracing::warn!(%error, "cannot take a connection");
+                sleep(PAUSE).await;
+            }
+        }
+    }
+}
+
+async fn admit(
+    socket: TcpStream,
+    peer: SocketAddr,
+    tls: Option<TlsAcceptor>,
+    place: OwnedSemaphorePermit,
+    admitted: Admitted,
+) {
+    // Without it messages wait for each other; a socket that refuses is about to end.
+    let _ = socket.set_nodelay(true);
+    let info = socket.connect_info();
+    let bytes = match tls {
+        None => Either::Left(socket),
+        Some(acceptor) => match timeout(HANDSHAKE, acceptor.accept(socket).into_fallible()).await {
+            Ok(Ok(encrypted)) => Either::Right(Box::new(encrypted)),
+            Ok(Err((error, socket))) => {
+                let reason = shared::security::explain(&error).unwrap_or_else(|| error.to_string());
+                tracing::warn!(%peer, reason, "refused a connection");
+                return hang_up(socket).await;
+            }
+            Err(_) => return tracing::warn!(%peer, "refused a connection: its handshake takes too long"),
+        },
+    };
+    // Nobody takes it where the worker has stopped meanwhile.
+    let _ = admitted.send(Ok(Connection::new(bytes, info, place))).await;
+}
+
+/// Ends a refused connection so that the caller hears why: closing it with bytes unread would take back what was sent last.
+async fn hang_up(mut socket: TcpStream) {
+    let listening = async {
+        socket.shutdown().await?;
+        copy(&mut socket, &mut sink()).await
+    };
+    // The caller may take its leave as it likes.
+    let _ = timeout(FAREWELL, listening).await;
+}
