@@ -31,7 +31,7 @@ def import_file(path):
     bpy.ops.import_scene.gltf(filepath=str(path))
 
 
-def look_at_objects(groups):
+def look_at_objects(groups, expected):
     objects = bpy.data.objects
     for name in ["floor", "left", "right", "back", "ceiling", "lamp", "plant", "veil", "radio", "eye", "bulb", "spinner"]:
         check(name in objects, f"no object {name}, only {sorted(objects.keys())}")
@@ -45,7 +45,6 @@ def look_at_objects(groups):
     check(len(objects["floor"].data.uv_layers) == 2, "a UV set is gone")
     check("_WEAR" in objects["floor"].data.attributes, "an attribute of the input is gone")
     check("_COLOR_0" in objects["left"].data.attributes, "the input's colours are gone")
-    brightest = 0.0
     for name in ["floor", "left", "right", "back", "ceiling"]:
         mesh = objects[name].data
         check(len(mesh.color_attributes) == 1, f"{name} has {len(mesh.color_attributes)} colours")
@@ -63,8 +62,12 @@ def look_at_objects(groups):
             total = sum(values[group] for group in groups)
             off = np.abs(total - values["_IRRADIANCE"]).max() / np.abs(values["_IRRADIANCE"]).max()
             check(off < 1e-5, f"groups of {name} are off their sum by {off}")
-        brightest = max(brightest, float(np.abs(values["_IRRADIANCE"]).max()))
-    check(brightest > 1.5, f"irradiance ends at {brightest}: no high dynamic range")
+        brightest = float(np.abs(values["_IRRADIANCE"]).max())
+        check(
+            abs(brightest - expected[name]) <= 1e-6 * expected[name],
+            f"irradiance of {name} ends at {brightest}, not at {expected[name]}: no high dynamic range",
+        )
+    check(max(expected.values()) > 1, "nothing is brighter than 1, so a high dynamic range is not put to the test")
 
 
 def render(width, height, out):
@@ -109,7 +112,7 @@ def main():
     groups = [group["attribute"] for group in document["asset"]["extras"]["halflight"].get("groups", [])]
     print(f"Blender {bpy.app.version_string}, {file}")
     import_file(file)
-    look_at_objects(groups)
+    look_at_objects(groups, points["brightest"])
     compare(points["points"], render(points["width"], points["height"], out.absolute()))
 
 

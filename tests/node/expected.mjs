@@ -142,5 +142,12 @@ for (let y = step >> 1; y < height; y += step) {
     }
   }
 }
-await writeFile(out, JSON.stringify({ width, height, points }, null, 1));
+// Largest component of each node's irradiance: what a tool that keeps a high dynamic range finds again.
+const brightest = {};
+for (const { node, attributes } of triangles) {
+  if (attributes._IRRADIANCE && !(node in brightest)) {
+    brightest[node] = attributes._IRRADIANCE.flat().reduce((most, value) => Math.max(most, value), 0);
+  }
+}
+await writeFile(out, JSON.stringify({ width, height, points, brightest }, null, 1));
 console.log(`${out}: ${points.length} points on ${new Set(points.map(({ node }) => node)).size} nodes`);
