@@ -25,9 +25,18 @@ pub struct Measured {
 /// When anything fails.
 #[must_use]
 pub fn measured(name: &str, settings: &BakeSettings) -> Measured {
+    measured_as(name, &ImportOptions::default(), settings)
+}
+
+/// As [`measured`], for a reference that was made with these options.
+///
+/// # Panics
+/// When anything fails.
+#[must_use]
+pub fn measured_as(name: &str, options: &ImportOptions, settings: &BakeSettings) -> Measured {
     static NUMBER: AtomicU32 = AtomicU32::new(0);
     let path = data(&format!("scenes/{name}.glb"));
-    let scene = import(&path, &ImportOptions::default()).unwrap_or_else(|error| panic!("{error}"));
+    let scene = import(&path, options).unwrap_or_else(|error| panic!("{error}"));
     let baked = baked(&scene, settings);
     let number = NUMBER.fetch_add(1, Ordering::Relaxed);
     let lit: PathBuf = std::env::temp_dir().join(format!("halflight-{}-{number}.glb", std::process::id()));

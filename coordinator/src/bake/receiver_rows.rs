@@ -19,6 +19,7 @@ use super::shoot::LEAST_SHOOTING;
 use super::{Bake, BakeError, BakeSettings};
 use crate::mesh::{Mesh, Patch, PatchId, Surroundings, VertexId, surroundings};
 use crate::scene::{Scene, Side};
+use crate::solver::acceleration::Acceleration;
 
 /// Facets of a scene from which on rows are those of receivers, unless they are asked for otherwise.
 const MANY_FACETS: usize = 5000;
@@ -112,6 +113,7 @@ impl Bake<'_, '_> {
             radiosity.iter().zip(areas).map(|(value, area)| *value * *area).sum()
         };
         let areas: Vec<f64> = self.energies.iter().map(|share| share.area).collect();
+        let mut acceleration = Acceleration::new(areas.clone());
         for _ in 0..MOST_PASSES {
             self.gather()?;
             self.spent.sweeps += 1;
@@ -121,15 +123,16 @@ impl Bake<'_, '_> {
             let changes: Vec<DVec3> =
                 next.iter().zip(&self.radiosity).map(|(new, old)| (*new - *old).abs()).collect();
             let (changed, all) = (flux(&changes, &areas), flux(&next, &areas).element_sum());
-            self.radiosity = next;
-            let reflectance = self.mean_reflectance();
             self.unshot = changed;
             self.residual = if all > 0.0 { changed.element_sum() / all } else { 0.0 };
+            let before = std::mem::replace(&mut self.radiosity, next);
+            let reflectance = self.mean_reflectance();
             self.unshot_bound = self.residual * reflectance / (1.0 - reflectance);
             self.office.set_unshot(self.unshot_bound);
             if self.unshot_bound <= tolerance {
                 break;
             }
+            self.radiosity = acceleration.next(before, &self.radiosity);
         }
         self.gather()
     }

@@ -1,7 +1,10 @@
+use std::fs;
 use std::path::PathBuf;
 
+use anyhow::Context;
 use clap::Args;
-use coordinator::score::score;
+use coordinator::reference::to_csv;
+use coordinator::score::score_points;
 use serde_json::json;
 
 #[derive(Args)]
@@ -14,11 +17,18 @@ pub struct CompareArguments {
     /// The scene before the bake, which the reference was made of.
     #[arg(long)]
     scene: PathBuf,
+    /// Write what the lit scene has at the points of the reference to this file, CSV as the reference is: to see where they differ.
+    #[arg(long)]
+    points: Option<PathBuf>,
 }
 
 /// Prints the score of a lit scene as one line of JSON.
 pub fn run(arguments: &CompareArguments) -> anyhow::Result<()> {
-    let score = score(&arguments.lit, &arguments.reference, &arguments.scene)?;
+    let (score, points) = score_points(&arguments.lit, &arguments.reference, &arguments.scene)?;
+    if let Some(path) = &arguments.points {
+        fs::write(path, to_csv(&points))
+            .with_context(|| format!("{} cannot be written: choose another --points", path.display()))?;
+    }
     println!(
         "{}",
         json!({

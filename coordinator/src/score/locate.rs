@@ -59,8 +59,8 @@ impl<'a> TriangleGrid<'a> {
         grid
     }
 
-    /// The triangle under a point and the point's barycentric coordinates in it: the first that one meets from a little
-    /// above the surface on the way down; of several at one place the one whose front faces up.
+    /// The triangle at a point and the point's barycentric coordinates in it: the one nearest along the normal, since another surface
+    /// may come close, as a roof does to the wall that it rests on; of several at one place the one whose front faces up.
     pub(super) fn locate(&self, point: DVec3, normal: DVec3) -> Option<(usize, DVec3)> {
         let cell = self.cell_of(point);
         if cell.cmpge(self.counts).any() {
@@ -70,8 +70,9 @@ impl<'a> TriangleGrid<'a> {
             .iter()
             .filter_map(|&triangle| self.meet(triangle as usize, point + normal * self.distance, normal))
             .collect();
-        let first = hits.iter().map(|hit| hit.depth).reduce(f64::min)?;
-        let same_place = |hit: &&Hit| hit.depth - first < 0.01 * self.distance;
+        let off = |hit: &Hit| (hit.depth - self.distance).abs();
+        let nearest = hits.iter().map(off).reduce(f64::min)?;
+        let same_place = |hit: &&Hit| off(hit) - nearest < 0.01 * self.distance;
         let hit = hits.iter().filter(same_place).max_by_key(|hit| hit.front)?;
         Some((hit.triangle, barycentric(&self.triangles[hit.triangle], point)))
     }

@@ -118,6 +118,19 @@ const LEAST_COVERED: f64 = 0.5;
 /// # Errors
 /// When a file cannot be read or is not what it should be; when the reference does not fit the scenes.
 pub fn score(lit: &Path, reference: &Path, scene: &Path) -> Result<Score, ScoreError> {
+    score_points(lit, reference, scene).map(|(score, _)| score)
+}
+
+/// As [`score`], with what the lit scene has at the points of the reference, as if it were a reference itself; points under which
+/// it has no triangle are left out.
+///
+/// # Errors
+/// As for [`score`].
+pub fn score_points(
+    lit: &Path,
+    reference: &Path,
+    scene: &Path,
+) -> Result<(Score, Vec<ReferencePoint>), ScoreError> {
     let points = read(reference)?;
     let source = PlainScene::open(scene)?;
     check_fit(&points, &source, reference, scene)?;
@@ -143,7 +156,15 @@ pub fn score(lit: &Path, reference: &Path, scene: &Path) -> Result<Score, ScoreE
         return Err(ScoreError::NotCovered { reference, lit, covered, points: points.len() });
     }
     let score = compare(&points, &radiosities);
-    Ok(Score { vertices: mesh.vertices, triangles: mesh.triangles.len(), ..score })
+    let lit_point = |(point, radiosity): (&ReferencePoint, &Option<DVec3>)| {
+        radiosity.map(|radiosity| ReferencePoint {
+            place: point.place,
+            radiosity,
+            standard_error: DVec3::ZERO,
+        })
+    };
+    let lit_points = points.iter().zip(&radiosities).filter_map(lit_point).collect();
+    Ok((Score { vertices: mesh.vertices, triangles: mesh.triangles.len(), ..score }, lit_points))
 }
 
 /// Finds out whether a reference (CSV) can have been made of the GLB `scene`: what [`score`] would refuse of the two, before

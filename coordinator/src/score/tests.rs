@@ -210,3 +210,15 @@ fn scenes_that_are_missing_broken_or_not_lit_are_refused() {
         assert!(error.contains(expected), "{error}");
     }
 }
+
+#[test]
+fn a_surface_close_above_is_not_taken_for_the_one_that_the_point_is_on() {
+    let sheet = |y: f64| [DVec3::new(0.0, y, 0.0), DVec3::new(0.0, y, 10.0), DVec3::new(10.0, y, 0.0)];
+    // Both within the distance from which a point looks, a thousandth.
+    let triangles = [sheet(5e-4), sheet(0.0), sheet(-5e-4)];
+    let grid = TriangleGrid::new(&triangles, 10.0);
+    for (index, height) in [5e-4, 0.0, -5e-4].into_iter().enumerate() {
+        let (found, _) = grid.locate(DVec3::new(2.0, height, 2.0), DVec3::Y).unwrap();
+        assert_eq!(found, index, "at height {height}");
+    }
+}

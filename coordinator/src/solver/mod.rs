@@ -6,12 +6,14 @@
 //! | `cache` | rows kept in a given amount of memory |
 //! | `shooting` | progressive refinement: which share shoots next, and what its shot gives |
 //! | `sweeps` | finishes the solution with all rows |
+//! | `acceleration` | fewer passes to a fixed point of light |
 //! | `refinement` | where the mesh needs more vertices |
 //! | `fit` | vertex values with the least error between the vertices |
 //! | `balance` | where the energy went |
 //!
 //! Colours are linear RGB in W/m^2 (or the scene's light unit), lengths in the frame.
 
+pub mod acceleration;
 pub mod balance;
 pub mod cache;
 pub mod fit;

@@ -5,6 +5,7 @@
 //! | `room` | a furnished room: textures, cushions, turned wood, lace, a plant; sun through a window, lamps |
 //! | `house` | two storeys of thick walls, a studio of single sheets, in the sun; the sky is told with `--sky` |
 //! | `cornell` | a Cornell box with textures, coloured vertices, holes, glass and a screen |
+//! | `fine` | a room of as many textured triangles as one asks for, to measure time and memory with |
 //! | `geometry` | sheets, boxes, cushions, what is turned, curtains, leaves |
 //! | `pictures` | images, as PNG |
 //! | `document` | the GLB around it |
@@ -13,11 +14,14 @@
 
 mod cornell;
 mod document;
+mod fine;
 #[allow(missing_docs)]
 mod geometry;
 mod house;
 mod pictures;
 mod room;
+
+pub use fine::fine_room;
 
 /// A scene that is made.
 pub struct MadeScene {
