@@ -1,15 +1,16 @@
-// What picture.mjs runs in the browser: loads the scene and draws it once.
+// What picture.mjs runs in the browser: loads the scene, draws it once, and looks where another picture of it differs.
 import * as THREE from 'three';
 import { GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
 
-globalThis.takePicture = async ({ camera, target, size: [width, height], fov, points }) => {
+globalThis.takePicture = async ({ camera, target, size: [width, height], fov, points, other }) => {
   const { scene, cameras } = await new GLTFLoader().loadAsync('/scene.glb');
   const box = new THREE.Box3().setFromObject(scene);
   scene.updateMatrixWorld(true);
-  const eye = points ? cameras[0] : new THREE.PerspectiveCamera(fov, width / height, 1e-3 * diagonal(box), 10 * diagonal(box));
+  const isOwn = points || other;
+  const eye = isOwn ? cameras[0] : new THREE.PerspectiveCamera(fov, width / height, 1e-3 * diagonal(box), 10 * diagonal(box));
   const from = camera ? vector(camera) : insideEnd(box);
   const to = target ? vector(target) : middle(box);
-  if (points) {
+  if (isOwn) {
     eye.aspect = width / height;
     eye.updateProjectionMatrix();
   } else {
@@ -25,13 +26,70 @@ globalThis.takePicture = async ({ camera, target, size: [width, height], fov, po
   renderer.render(scene, eye);
   const url = renderer.domElement.toDataURL('image/png');
   const gl = renderer.getContext();
-  const found = points?.map(({ x, y }) => {
-    const pixel = new Uint8Array(4);
-    gl.readPixels(x, height - 1 - y, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel);
-    return [...pixel.subarray(0, 3)];
-  });
-  return { url, camera: from.toArray(), target: to.toArray(), found };
+  const pixels = () => {
+    const all = new Uint8Array(4 * width * height);
+    gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, all);
+    return (x, y) => all.subarray(4 * ((height - 1 - y) * width + x)).subarray(0, 3);
+  };
+  const shown = pixels();
+  const found = points?.map(({ x, y }) => [...shown(x, y)]);
+  let pairs;
+  if (other) {
+    paintComparable(scene);
+    renderer.setClearColor(0x000000);
+    renderer.render(scene, eye);
+    pairs = comparable(shown, pixels(), await otherPixels(width, height), width, height);
+  }
+  return { url, camera: from.toArray(), target: to.toArray(), found, pairs };
 };
+
+// White where only reflected light shows, the light that the file holds. Black where emission does, which this library does not expose;
+// where holes or panes do, which a browser blends in encoded colours; and towards vertices whose COLOR_0 is clipped: the other picture
+// clips what is interpolated.
+function paintComparable(scene) {
+  scene.traverse((object) => {
+    if (!object.isMesh) return;
+    const { isMeshBasicMaterial, transparent, alphaTest, side } = object.material;
+    const color = isMeshBasicMaterial && !transparent && alphaTest === 0 ? 0xffffff : 0x000000;
+    const { color: colours } = object.geometry.attributes;
+    if (colours) {
+      const isWhole = (vertex) => Math.max(colours.getX(vertex), colours.getY(vertex), colours.getZ(vertex)) < 1;
+      const whole = Array.from({ length: colours.count }, (_, vertex) => Array(3).fill(isWhole(vertex) ? 1 : 0));
+      object.geometry.setAttribute('color', new THREE.Float32BufferAttribute(whole.flat(), 3));
+    }
+    object.material = new THREE.MeshBasicMaterial({ color, side, vertexColors: colours !== undefined });
+  });
+}
+
+async function otherPixels(width, height) {
+  const picture = await createImageBitmap(await (await fetch('/other.png')).blob(), { colorSpaceConversion: 'none' });
+  const canvas = new OffscreenCanvas(width, height).getContext('2d');
+  canvas.drawImage(picture, 0, 0);
+  const { data } = canvas.getImageData(0, 0, width, height);
+  return (x, y) => data.subarray(4 * (y * width + x)).subarray(0, 3);
+}
+
+// Largest difference to a neighbour, of 255: both pictures take means over a pixel, but of other samples, so that borders of surfaces and
+// of texels differ.
+const SMOOTH = 5;
+
+// Both colours of all pixels that can be compared: what is around them is of the comparable kind and smooth.
+function comparable(shown, mask, other, width, height) {
+  const pairs = [];
+  const differ = (a, b) => Math.max(...a.map((value, i) => Math.abs(value - b[i]))) > SMOOTH;
+  for (let y = 1; y < height - 1; y += 1) {
+    for (let x = 1; x < width - 1; x += 1) {
+      const own = [...shown(x, y)];
+      let isClear = true;
+      for (let i = 0; i < 9 && isClear; i += 1) {
+        const [nx, ny] = [x - 1 + (i % 3), y - 1 + Math.floor(i / 3)];
+        isClear = mask(nx, ny).every((value) => value === 255) && !differ(own, shown(nx, ny));
+      }
+      if (isClear) pairs.push({ x, y, own, other: [...other(x, y)] });
+    }
+  }
+  return pairs;
+}
 
 function vector(numbers) {
   return new THREE.Vector3(...numbers);

@@ -2,6 +2,8 @@
 //   node picture.mjs FILE.glb OUT.png [--camera x,y,z --target x,y,z --size 900x600 --fov 75]
 // Without a camera: from inside one end of the scene along its longest horizontal axis, as suits a closed room.
 // With --expect POINTS.json, as expected.mjs writes it: from the file's first camera, and every point's colour must be the expected one.
+// With --other OTHER.png, as `coordinator render` makes it of the file's first camera: every pixel must have the other's colour, but for
+// emission, holes, panes, and the borders of surfaces and texels.
 // Colours are linear inside and sRGB in the picture, without tone mapping. Everything is served from loopback.
 // CHROMIUM names the browser; /usr/bin/chromium where it is not set.
 import { createServer } from 'node:http';
@@ -11,7 +13,7 @@ import { parseArgs } from 'node:util';
 import { chromium } from 'playwright-core';
 
 const USAGE =
-  'usage: node picture.mjs FILE.glb OUT.png [--camera x,y,z --target x,y,z --size 900x600 --fov 75 | --expect POINTS.json]';
+  'usage: node picture.mjs FILE.glb OUT.png [--camera x,y,z --target x,y,z --size 900x600 --fov 75 | --expect POINTS.json | --other OTHER.png]';
 
 // Largest difference of a channel from what is expected, of 255: rounding of the picture, of the texture and in between.
 const TOLERANCE = 2;
@@ -37,6 +39,7 @@ const { values: options, positionals } = parseArgs({
     size: { type: 'string', default: '900x600' },
     fov: { type: 'string', default: '75' },
     expect: { type: 'string' },
+    other: { type: 'string' },
   },
 });
 if (positionals.length !== 2) {
@@ -57,6 +60,12 @@ if (expected) {
   view.points = expected.points;
 }
 
+const other = options.other && (await readFile(options.other));
+if (other) {
+  view.size = [other.readUInt32BE(16), other.readUInt32BE(20)];
+  view.other = true;
+}
+
 function numbers(text, separator, count) {
   if (text === undefined) return undefined;
   const found = text.split(separator).map(Number);
@@ -70,6 +79,7 @@ const sources = new Map([
   ['/', { type: 'text/html', read: () => PAGE }],
   ['/page.js', { type: 'text/javascript', read: () => readFile(path.join(import.meta.dirname, 'page.js')) }],
   ['/scene.glb', { type: 'model/gltf-binary', read: () => readFile(scene) }],
+  ['/other.png', { type: 'image/png', read: () => other }],
 ]);
 const PAGE = `<!doctype html><link rel="icon" href="data:,"><script type="importmap">
 {"imports": {"three": "/three/build/three.module.js", "three/addons/": "/three/examples/jsm/"}}
@@ -92,6 +102,22 @@ const server = createServer(async (request, response) => {
 function encoded(linear) {
   const value = Math.min(Math.max(linear, 0), 1);
   return 255 * (value <= 0.0031308 ? 12.92 * value : 1.055 * value ** (1 / 2.4) - 0.055);
+}
+
+// Part of the picture that must be comparable, lest nothing be compared.
+const LEAST_COMPARED = 0.3;
+
+function compareWith(pairs, [width, height]) {
+  let worst = 0;
+  let wrong = 0;
+  for (const { x, y, own, other } of pairs) {
+    const off = Math.max(...own.map((value, i) => Math.abs(value - other[i])));
+    worst = Math.max(worst, off);
+    if (off > TOLERANCE && ++wrong <= 5) console.error(`at ${x},${y}: ${own}, the other has ${other}`);
+  }
+  const part = pairs.length / (width * height);
+  console.log(`${pairs.length} pixels (${(100 * part).toFixed(0)} %), ${wrong} wrong, largest difference ${worst} of 255`);
+  if (wrong > 0 || part < LEAST_COMPARED) process.exitCode = 1;
 }
 
 function compare(points, found) {
@@ -126,10 +152,11 @@ try {
   page.on('pageerror', (error) => console.error(`page: ${error.message}`));
   await page.goto(`http://127.0.0.1:${server.address().port}/`);
   await page.waitForFunction(() => globalThis.takePicture, { timeout: 30_000 });
-  const { url, camera, target, found } = await page.evaluate((view) => globalThis.takePicture(view), view);
+  const { url, camera, target, found, pairs } = await page.evaluate((view) => globalThis.takePicture(view), view);
   await writeFile(out, Buffer.from(url.split(',')[1], 'base64'));
   console.log(`${out}: camera ${camera.join(',')}, target ${target.join(',')}`);
   if (expected) compare(expected.points, found);
+  if (pairs) compareWith(pairs, view.size);
 } finally {
   await browser.close();
   server.close();
