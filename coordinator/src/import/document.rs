@@ -5,6 +5,8 @@ use std::borrow::Cow;
 use gltf::binary;
 use gltf::json::validation::{Checked, Error as Fault};
 use gltf::{Document, Semantic, json};
+use serde::Deserialize;
+use serde_json::Value;
 
 use super::error::ImportProblem;
 use super::{prepare, scene_choice};
@@ -45,10 +47,33 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Parsed<'_>, ImportProblem> {
     } else {
         (Cow::Borrowed(bytes), None)
     };
-    let root = json::Root::from_slice(&json).map_err(|error| problem(gltf::Error::Deserialize(error)))?;
-    check_version(&root)?;
+    let root = json::Root::from_slice(&json).or_else(|error| read_otherwise(&json, error))?;
+    check_version(&root.asset.version)?;
     check_required_extensions(&root)?;
     Ok(Parsed { root, json, blob })
+}
+
+/// A document that the crate does not read: of another version, or with a scene that states no nodes, as the specification
+/// allows and the crate does not.
+fn read_otherwise(json: &[u8], error: serde_json::Error) -> Result<json::Root, ImportProblem> {
+    #[derive(Deserialize)]
+    struct Asset {
+        version: String,
+    }
+    #[derive(Deserialize)]
+    struct Versioned {
+        asset: Asset,
+    }
+    let failed = || problem(gltf::Error::Deserialize(error));
+    let Ok(Versioned { asset }) = serde_json::from_slice(json) else { return Err(failed()) };
+    check_version(&asset.version)?;
+    let Ok(mut document) = serde_json::from_slice::<Value>(json) else { return Err(failed()) };
+    let scenes = document.get_mut("scenes").and_then(Value::as_array_mut).into_iter().flatten();
+    for scene in scenes.filter_map(Value::as_object_mut) {
+        scene.entry("nodes").or_insert_with(|| Value::Array(vec![]));
+    }
+    // The first error tells the place in the file.
+    json::Root::deserialize(document).map_err(|_| failed())
 }
 
 /// Validates a document, of which `scene` becomes the default scene.
@@ -84,6 +109,10 @@ fn check_container(bytes: &[u8]) -> Result<(), ImportProblem> {
                 detail: format!("{} bytes are no GLB header", bytes.len()),
             });
         };
+        // The first version has a shorter header, and says how long the file is, not the rest of it.
+        if bytes[4..8] == [1, 0, 0, 0] {
+            return Err(ImportProblem::Version { version: "1".to_owned() });
+        }
         let stated = u32::from_le_bytes([length[0], length[1], length[2], length[3]]);
         if (stated as usize) < GLB_HEADER {
             return Err(ImportProblem::Malformed { detail: format!("its GLB header states {stated} bytes") });
@@ -96,12 +125,11 @@ fn check_container(bytes: &[u8]) -> Result<(), ImportProblem> {
     }
 }
 
-fn check_version(root: &json::Root) -> Result<(), ImportProblem> {
-    let version = &root.asset.version;
+fn check_version(version: &str) -> Result<(), ImportProblem> {
     if version.split('.').next() == Some("2") {
         return Ok(());
     }
-    Err(ImportProblem::Version { version: version.clone() })
+    Err(ImportProblem::Version { version: version.to_owned() })
 }
 
 /// Done before validation, which would only say "unsupported".

@@ -72,6 +72,11 @@ fn other_versions() {
     let mut glb = TestDocument::square().glb();
     glb[4] = 1;
     assert!(matches!(problem(&glb), ImportProblem::Version { version } if version == "1"));
+    // The first version has maps where the second has lists, and states the length of its JSON where the second says that of a chunk.
+    let first = br#"{ "asset": { "version": "1.0" }, "accessors": { "a": {} } }"#;
+    assert!(matches!(problem(first), ImportProblem::Version { version } if version == "1.0"));
+    let first = b"glTF\x01\x00\x00\x00\xff\x00\x00\x00\x0f\x00\x00\x00\x00\x00\x00\x00{}";
+    assert!(matches!(problem(first), ImportProblem::Version { version } if version == "1"));
 }
 
 #[test]

@@ -48,6 +48,16 @@ fn what_is_not_chosen_stays_in_the_document() {
     assert_eq!(scene.surfaces[0].node, 0);
 }
 
+/// A scene may state no nodes, as the specification has it.
+#[test]
+fn scenes_without_nodes_do_not_hide_the_others() {
+    let mut document = TestDocument::square();
+    document.root["scenes"] = json!([{ "nodes": [0] }, { "name": "empty" }]);
+    assert_eq!(read(&document, None).unwrap().source.root.scenes.len(), 2);
+    let problem = read(&document, Some("empty")).unwrap_err();
+    assert_eq!(problem.to_string(), ImportProblem::NoTriangles.to_string());
+}
+
 #[test]
 fn a_scene_that_is_not_there_is_named_with_those_that_are() {
     for wanted in ["garden", "5", "-1", ""] {
