@@ -1,6 +1,7 @@
 //! The frame: the scene centred and scaled by a power of two.
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use super::error::ImportProblem;
 use crate::scene::Frame;
@@ -8,11 +9,20 @@ use crate::scene::Frame;
 /// Largest extent of the scene in the frame lies between this and twice this.
 const LEAST_EXTENT_EXPONENT: i32 = 10;
 
-/// The frame of all these world positions.
-pub(super) fn fit(positions: impl Iterator<Item = DVec3>) -> Result<Frame, ImportProblem> {
-    let (low, high) = positions.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), position| {
-        (low.min(position), high.max(position))
-    });
+/// Two opposite corners of a box along the axes, in the file's units.
+pub(super) type Bounds = (DVec3, DVec3);
+
+/// The box around nothing.
+const EMPTY: Bounds = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+
+/// The box around these positions.
+pub(super) fn bounds(positions: impl Iterator<Item = DVec3>) -> Bounds {
+    positions.fold(EMPTY, |(low, high), position| (low.min(position), high.max(position)))
+}
+
+/// The frame of all that lies in these boxes.
+pub(super) fn fit(boxes: impl ParallelIterator<Item = Bounds>) -> Result<Frame, ImportProblem> {
+    let (low, high) = boxes.reduce(|| EMPTY, |a, b| (a.0.min(b.0), a.1.max(b.1)));
     let extent = (high - low).max_element();
     // Beyond these, scale or sizes in the frame would leave the range of normal numbers.
     if !(1e-100..1e100).contains(&extent) {
@@ -28,9 +38,13 @@ pub(super) fn fit(positions: impl Iterator<Item = DVec3>) -> Result<Frame, Impor
 mod tests {
     use super::*;
 
+    fn fit_points(points: &[DVec3]) -> Result<Frame, ImportProblem> {
+        fit(points.par_iter().map(|&point| bounds(std::iter::once(point))))
+    }
+
     fn extent_in_frame(extent: f64) -> f64 {
         let corners = [DVec3::splat(3.0), DVec3::new(3.0 + extent, 3.0, 3.0)];
-        let frame = fit(corners.into_iter()).unwrap();
+        let frame = fit_points(&corners).unwrap();
         frame.to_frame(corners[1]).x - frame.to_frame(corners[0]).x
     }
 
@@ -45,7 +59,7 @@ mod tests {
     #[test]
     fn frame_is_centred_and_inverts() {
         let corners = [DVec3::new(1.0, 2.0, 3.0), DVec3::new(2.0, 5.0, 4.0)];
-        let frame = fit(corners.into_iter()).unwrap();
+        let frame = fit_points(&corners).unwrap();
         assert_eq!(frame.to_frame(corners[0]), -frame.to_frame(corners[1]));
         assert_eq!(frame.to_world(frame.to_frame(corners[0])), corners[0]);
     }
@@ -53,16 +67,16 @@ mod tests {
     #[test]
     fn scale_is_a_power_of_two_and_scaling_by_one_gives_the_same_frame_positions() {
         let corners = [DVec3::new(0.1, 0.2, 0.3), DVec3::new(2.7, 5.9, 4.1)];
-        let frame = fit(corners.into_iter()).unwrap();
-        let scaled = fit(corners.iter().map(|&corner| corner * 64.0)).unwrap();
+        let frame = fit_points(&corners).unwrap();
+        let scaled = fit_points(&corners.map(|corner| corner * 64.0)).unwrap();
         assert_eq!(frame.scale.log2().fract(), 0.0);
         assert_eq!(frame.to_frame(corners[1]), scaled.to_frame(corners[1] * 64.0));
     }
 
     #[test]
     fn no_extent_is_an_error() {
-        let fault = fit([DVec3::ONE, DVec3::ONE].into_iter()).unwrap_err();
+        let fault = fit_points(&[DVec3::ONE, DVec3::ONE]).unwrap_err();
         assert!(matches!(fault, ImportProblem::Extent { extent: 0.0 }));
-        assert!(fit(std::iter::empty()).is_err());
+        assert!(fit_points(&[]).is_err());
     }
 }

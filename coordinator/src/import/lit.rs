@@ -6,6 +6,7 @@ use std::path::Path;
 use glam::{DAffine3, DVec3};
 use gltf::accessor::{Dimensions, Iter};
 use gltf::{Document, Primitive, Semantic};
+use rayon::prelude::*;
 
 use super::accessors::{COLOUR, Context, TEXTURE_COORDINATES, TINT, VECTOR, check};
 use super::error::{ImportError, ImportProblem};
@@ -93,12 +94,14 @@ fn read(bytes: &[u8], folder: Option<&Path>, options: &ImportOptions) -> Result<
             placed_primitives.push(read_primitive(&primitive, &placed.world, &context)?);
         }
     }
-    let positions =
-        || placed_primitives.iter().flat_map(|primitive: &LitPrimitive| primitive.positions.iter().copied());
     if placed_primitives.iter().all(|primitive| primitive.triangles.is_empty()) {
         return Err(ImportProblem::NoTriangles);
     }
-    let frame = frame::fit(positions())?;
+    let frame = frame::fit(
+        placed_primitives
+            .par_iter()
+            .map(|primitive: &LitPrimitive| frame::bounds(primitive.positions.iter().copied())),
+    )?;
     for primitive in &mut placed_primitives {
         primitive.positions.iter_mut().for_each(|position| *position = frame.to_frame(*position));
         primitive.rounding /= frame.scale;

@@ -226,24 +226,19 @@ impl Content {
     ) -> Result<(), ImportProblem> {
         let all_placed = nodes::walk(document)?;
         let mut materials = self.materials(document, &all_placed, sources);
-        let mut triangles_left = options.max_triangles;
+        let mut geometries = read_geometries(&all_placed, sources, options).into_iter();
         for placed in all_placed {
             self.lights.extend(lights::read(&placed, options.light_unit, &mut self.warnings)?);
             let Some(mesh) = placed.node.mesh() else { continue };
             for primitive in mesh.primitives() {
-                let place = format!("{}, primitive {}", node_label(&placed.node), primitive.index());
+                let place = place_of(&placed, &primitive);
                 if !primitives::has_triangles(&primitive) {
                     self.warnings.push(format!("{place}: points and lines left out, only triangles are lit"));
                     continue;
                 }
-                let (limit, count) = (options.max_triangles, primitives::triangle_count(&primitive));
-                triangles_left = triangles_left
-                    .checked_sub(count)
-                    .ok_or_else(|| ImportProblem::TooManyTriangles { place: place.clone(), limit })?;
-                let context =
-                    Context { place: &place, buffers: sources.buffers, max_bytes: options.max_bytes };
-                let geometry = primitives::read(&primitive, &context)?;
-                check_positions(&geometry, &placed, &place)?;
+                let too_many =
+                    || ImportProblem::TooManyTriangles { place: place.clone(), limit: options.max_triangles };
+                let geometry = geometries.next().ok_or_else(too_many)??;
                 let material = primitive.material();
                 let pattern = materials.pattern(&material, &mut self.tally, &mut self.warnings)?;
                 self.look_at_vertices(&place, &pattern, &geometry);
@@ -299,9 +294,8 @@ impl Content {
         if let Some(distance) = options.weld {
             weld::weld(&mut primitives, distance);
         }
-        let positions = primitives.iter().flat_map(PlacedPrimitive::corners);
         // Not the lights: a lamp far away must not make the surfaces small.
-        let frame = frame::fit(positions)?;
+        let frame = frame::fit(primitives.par_iter().map(|placed| frame::bounds(placed.corners())))?;
 
         let mut surfaces = Vec::new();
         let (mut degenerate_triangles, mut rounding) = (0, 0f64);
@@ -403,6 +397,39 @@ impl PlacedPrimitive {
         let front = surface(Side::Front, front);
         [Some(front), back.map(|facets| surface(Side::Back, facets))].into_iter().flatten().collect()
     }
+}
+
+/// The triangles of the scene, primitive by primitive in the order of the nodes, up to the one that is too many.
+fn read_geometries(
+    all_placed: &[PlacedNode],
+    sources: &Sources,
+    options: &ImportOptions,
+) -> Vec<Result<Geometry, ImportProblem>> {
+    let mut triangles_left = Some(options.max_triangles);
+    let primitives: Vec<(&PlacedNode, gltf::Primitive)> = all_placed
+        .iter()
+        .filter_map(|placed| Some((placed, placed.node.mesh()?)))
+        .flat_map(|(placed, mesh)| mesh.primitives().map(move |primitive| (placed, primitive)))
+        .filter(|(_, primitive)| primitives::has_triangles(primitive))
+        .take_while(|(_, primitive)| {
+            triangles_left =
+                triangles_left.and_then(|left| left.checked_sub(primitives::triangle_count(primitive)));
+            triangles_left.is_some()
+        })
+        .collect();
+    let read = |(placed, primitive): (&PlacedNode, gltf::Primitive)| -> Result<Geometry, ImportProblem> {
+        let place = place_of(placed, &primitive);
+        let context = Context { place: &place, buffers: sources.buffers, max_bytes: options.max_bytes };
+        let geometry = primitives::read(&primitive, &context)?;
+        check_positions(&geometry, placed, &place)?;
+        Ok(geometry)
+    };
+    primitives.into_par_iter().map(read).collect()
+}
+
+/// A primitive in messages.
+fn place_of(placed: &PlacedNode, primitive: &gltf::Primitive) -> String {
+    format!("{}, primitive {}", node_label(&placed.node), primitive.index())
 }
 
 /// NaN and infinity are caught in the file's numbers, overflow in the transformed ones.

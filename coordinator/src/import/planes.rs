@@ -4,9 +4,11 @@
 //! across surfaces: tiles of a floor, a rug on it, both sides of a sheet.
 
 use std::collections::HashMap;
+use std::hash::BuildHasher;
 use std::ops::RangeInclusive;
+use std::sync::atomic::{AtomicU8, Ordering};
 
-use foldhash::fast::RandomState;
+use foldhash::fast::{FixedState, RandomState};
 use glam::DVec3;
 use rayon::prelude::*;
 use shared::geometry::{PlaneId, area_vector};
@@ -39,16 +41,29 @@ const OFFSET_CELL: f64 = 0.125;
 /// file may have moved a point, frame units.
 pub(super) fn assign(surfaces: &mut [Surface], rounding: f64) -> u32 {
     let mut facets: Vec<&mut Facet> = surfaces.iter_mut().flat_map(|surface| &mut surface.facets).collect();
-    let thickness: Vec<f64> = facets.par_iter().map(|facet| least_height(facet)).collect();
-    let mut order: Vec<usize> = (0..facets.len()).collect();
-    // The facets with the surest normals define the planes.
-    order.par_sort_by(|&a, &b| thickness[b].total_cmp(&thickness[a]).then(a.cmp(&b)));
     let mut planes = Planes::new(ROUNDINGS * rounding);
-    for index in order {
-        let doubt = (NORMAL_TOLERANCE + ROUNDINGS * rounding / thickness[index]).min(MOST_NORMAL_DOUBT);
-        facets[index].plane = planes.find_or_add(facets[index], doubt);
+    let doubt = |thickness: f64| (NORMAL_TOLERANCE + ROUNDINGS * rounding / thickness).min(MOST_NORMAL_DOUBT);
+    // The facets with the surest normals define the planes.
+    let mut order: Vec<(f64, u32)> =
+        facets.par_iter().enumerate().map(|(index, facet)| (least_height(facet), index as u32)).collect();
+    let company = Company::new(facets.len());
+    facets.par_iter().for_each(|facet| company.announce(planes.home(facet)));
+    let has_company: Vec<bool> = (&order, &facets)
+        .into_par_iter()
+        .map(|((thickness, _), facet)| {
+            company.find(planes.home(facet), planes.reach(facet, doubt(*thickness)))
+        })
+        .collect();
+    let is_wanted: Vec<bool> = facets.par_iter().map(|facet| company.is_wanted(planes.home(facet))).collect();
+    order.par_sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    let mut ids = vec![PlaneId(0); facets.len()];
+    for (thickness, index) in order {
+        let index = index as usize;
+        let found = has_company[index].then(|| planes.find(facets[index], doubt(thickness))).flatten();
+        ids[index] = found.unwrap_or_else(|| planes.add(facets[index], is_wanted[index]));
     }
-    planes.planes.len() as u32
+    facets.par_iter_mut().zip(ids).for_each(|(facet, id)| facet.plane = id);
+    planes.count
 }
 
 /// Area over diameter: about the least height of the facet.
@@ -59,15 +74,21 @@ fn least_height(facet: &Facet) -> f64 {
 }
 
 struct Plane {
+    id: PlaneId,
     normal: DVec3,
     /// Distance from the origin along the normal.
     offset: f64,
 }
 
+/// A cell of the grid over normal and offset.
+type Cell = [i32; 4];
+
 /// Planes by cells of a grid over normal and offset.
 struct Planes {
+    count: u32,
+    /// Those that another facet may lie in, by their number.
     planes: Vec<Plane>,
-    cells: HashMap<[i32; 4], SmallVec<[u32; 2]>, RandomState>,
+    cells: HashMap<Cell, SmallVec<[u32; 2]>, RandomState>,
     offset_tolerance: f64,
     offset_cell: f64,
 }
@@ -76,53 +97,113 @@ impl Planes {
     fn new(rounding: f64) -> Self {
         let offset_tolerance = OFFSET_TOLERANCE + rounding.min(MOST_OFFSET_DOUBT);
         let offset_cell = OFFSET_CELL.max(4.0 * offset_tolerance);
-        Self { planes: Vec::new(), cells: HashMap::default(), offset_tolerance, offset_cell }
+        Self { count: 0, planes: Vec::new(), cells: HashMap::default(), offset_tolerance, offset_cell }
     }
 
-    fn find_or_add(&mut self, facet: &Facet, doubt: f64) -> PlaneId {
-        let centre =
-            facet.corners.iter().map(|corner| corner.position).sum::<DVec3>() / facet.corners.len() as f64;
-        let offset = facet.normal.dot(centre);
-        let reach = facet.corners.iter().map(|corner| corner.position.length()).fold(0.0, f64::max);
-        let offset_doubt = self.offset_tolerance + doubt * reach;
-        let found = [1.0, -1.0].into_iter().filter_map(|sign| {
-            self.find(
-                facet,
-                Plane { normal: sign * facet.normal, offset: sign * offset },
-                doubt,
-                offset_doubt,
-            )
-        });
-        if let Some(id) = found.min() {
-            return PlaneId(id);
-        }
-        let id = self.planes.len() as u32;
-        let normal_cell = facet.normal.to_array().map(|axis| cell(axis, NORMAL_CELL));
-        let key = [normal_cell[0], normal_cell[1], normal_cell[2], cell(offset, self.offset_cell)];
-        self.cells.entry(key).or_default().push(id);
-        self.planes.push(Plane { normal: facet.normal, offset });
-        PlaneId(id)
+    /// The cell of a facet's own plane.
+    fn home(&self, facet: &Facet) -> Cell {
+        let [x, y, z] = facet.normal.to_array().map(|axis| cell(axis, NORMAL_CELL));
+        [x, y, z, cell(offset(facet), self.offset_cell)]
     }
 
-    /// The first plane that faces like `like` and holds the facet.
-    fn find(&self, facet: &Facet, like: Plane, doubt: f64, offset_doubt: f64) -> Option<u32> {
-        let [x, y, z] = like.normal.to_array().map(|axis| cells(axis, doubt, NORMAL_CELL));
-        let offsets = cells(like.offset, offset_doubt, self.offset_cell);
-        let keys = x.flat_map(|x| {
-            let (z, offsets) = (z.clone(), offsets.clone());
-            y.clone().flat_map(move |y| {
-                let offsets = offsets.clone();
-                z.clone().flat_map(move |z| offsets.clone().map(move |offset| [x, y, z, offset]))
+    /// The cells of the planes that may hold a facet, facing as it does or the other way.
+    fn reach(&self, facet: &Facet, doubt: f64) -> impl Iterator<Item = Cell> + use<> {
+        let (normal, offset, offset_cell) = (facet.normal, offset(facet), self.offset_cell);
+        let farthest = facet.corners.iter().map(|corner| corner.position.length()).fold(0.0, f64::max);
+        let offset_doubt = self.offset_tolerance + doubt * farthest;
+        [1.0, -1.0].into_iter().flat_map(move |sign| {
+            let [x, y, z] = (sign * normal).to_array().map(|axis| cells(axis, doubt, NORMAL_CELL));
+            let offsets = cells(sign * offset, offset_doubt, offset_cell);
+            x.flat_map(move |x| {
+                let (z, offsets) = (z.clone(), offsets.clone());
+                y.clone().flat_map(move |y| {
+                    let offsets = offsets.clone();
+                    z.clone().flat_map(move |z| offsets.clone().map(move |offset| [x, y, z, offset]))
+                })
             })
-        });
-        let holds = |id: &u32| {
-            let plane = &self.planes[*id as usize];
-            plane.normal.distance(like.normal) <= doubt
+        })
+    }
+
+    /// The first plane that holds the facet.
+    fn find(&self, facet: &Facet, doubt: f64) -> Option<PlaneId> {
+        let holds = |plane: &&Plane| {
+            let apart = plane.normal.distance(facet.normal).min(plane.normal.distance(-facet.normal));
+            apart <= doubt
                 && facet.corners.iter().all(|corner| {
                     (plane.normal.dot(corner.position) - plane.offset).abs() <= self.offset_tolerance
                 })
         };
-        keys.filter_map(|key| self.cells.get(&key)).flatten().copied().filter(holds).min()
+        let known = self.reach(facet, doubt).filter_map(|cell| self.cells.get(&cell)).flatten();
+        known.map(|index| &self.planes[*index as usize]).filter(holds).map(|plane| plane.id).min()
+    }
+
+    /// A facet's own plane, to be found by others if `is_wanted`.
+    fn add(&mut self, facet: &Facet, is_wanted: bool) -> PlaneId {
+        let id = PlaneId(self.count);
+        self.count += 1;
+        if is_wanted {
+            self.cells.entry(self.home(facet)).or_default().push(self.planes.len() as u32);
+            self.planes.push(Plane { id, normal: facet.normal, offset: offset(facet) });
+        }
+        id
+    }
+}
+
+/// Distance of a facet's plane from the origin, along its normal.
+fn offset(facet: &Facet) -> f64 {
+    let sum: DVec3 = facet.corners.iter().map(|corner| corner.position).sum();
+    facet.normal.dot(sum / facet.corners.len() as f64)
+}
+
+/// Tells in parallel which facets have a plane to themselves, as most of a curved surface do: these need no search, which goes one after
+/// the other. Cells share places of a table; where two meet by chance, a search finds nothing.
+struct Company {
+    places: Vec<AtomicU8>,
+    hasher: FixedState,
+}
+
+/// A facet is at home here.
+const HOME: u8 = 1;
+/// More than one is.
+const SHARED: u8 = 2;
+/// A facet may lie in the plane of another that is at home here.
+const WANTED: u8 = 4;
+
+impl Company {
+    fn new(facets: usize) -> Self {
+        let count = (4 * facets).next_power_of_two();
+        Self { places: (0..count).map(|_| AtomicU8::new(0)).collect(), hasher: FixedState::default() }
+    }
+
+    fn place(&self, cell: Cell) -> &AtomicU8 {
+        &self.places[self.hasher.hash_one(cell) as usize & (self.places.len() - 1)]
+    }
+
+    fn announce(&self, home: Cell) {
+        let place = self.place(home);
+        if place.fetch_or(HOME, Ordering::Relaxed) & HOME != 0 {
+            place.fetch_or(SHARED, Ordering::Relaxed);
+        }
+    }
+
+    /// Whether another facet is at home within reach; all have been announced.
+    fn find(&self, home: Cell, reach: impl Iterator<Item = Cell>) -> bool {
+        let own = self.place(home);
+        let mut found = false;
+        for cell in reach {
+            let place = self.place(cell);
+            let others = if std::ptr::eq(place, own) { SHARED } else { HOME };
+            if place.load(Ordering::Relaxed) & others != 0 {
+                place.fetch_or(WANTED, Ordering::Relaxed);
+                found = true;
+            }
+        }
+        found
+    }
+
+    /// Whether another facet may lie in the plane of one that is at home here; all have looked.
+    fn is_wanted(&self, home: Cell) -> bool {
+        self.place(home).load(Ordering::Relaxed) & WANTED != 0
     }
 }
 

@@ -36,6 +36,15 @@ pub(super) struct Triangle {
     pub(super) smooth_normals: [Option<DVec3>; 3],
 }
 
+impl Triangle {
+    /// Height over the longest edge.
+    pub(super) fn height(&self, points: &[DVec3]) -> f64 {
+        let [a, b, c] = self.points.map(|point| points[point as usize]);
+        let longest = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a)).sqrt();
+        2.0 * self.area_vector.length() / longest
+    }
+}
+
 /// The triangles of one primitive of one node, counter-clockwise seen from the front.
 pub(super) struct TriangleMesh {
     /// Positions in the frame, all different.

@@ -2,11 +2,6 @@
 //!
 //! A half-edge is an edge as one triangle sees it: number 3 t + i leads from corner i of triangle t to the next.
 
-use std::collections::HashMap;
-use std::collections::hash_map::Entry;
-
-use foldhash::fast::RandomState;
-
 use crate::import::primitives::VertexAttributes;
 use crate::import::triangles::{Triangle, TriangleMesh};
 
@@ -20,38 +15,63 @@ const LEAST_COSINE: f64 = 0.5;
 /// How far an attribute may be from the affine continuation of the neighbour's.
 const ATTRIBUTE_TOLERANCE: f64 = 1e-4;
 
-/// The other half of every half-edge, or [`NONE`] at borders and where more than two triangles meet.
-pub(super) fn twins(mesh: &TriangleMesh) -> Vec<u32> {
-    let count = 3 * mesh.triangles.len();
-    let mut by_ends: HashMap<u64, u32, RandomState> =
-        HashMap::with_capacity_and_hasher(count, RandomState::default());
-    for half in 0..count as u32 {
-        match by_ends.entry(key(ends(mesh, half))) {
-            Entry::Occupied(mut entry) => {
-                entry.insert(NONE);
-            }
-            Entry::Vacant(entry) => {
-                entry.insert(half);
-            }
-        }
-    }
-    let mut twins = vec![NONE; count];
-    for half in 0..count as u32 {
+/// The other half of every half-edge, or [`NONE`] at borders and where more than two triangles meet. What is thinner than the tolerance
+/// does not count where others meet: three points on a line, which rounding bent, would keep two halves of a wall apart.
+pub(super) fn twins(mesh: &TriangleMesh, tolerance: f64) -> Vec<u32> {
+    let leaving = Leaving::new(mesh);
+    let is_thin = |half: u32| split(mesh, half).0.height(&mesh.points) <= tolerance;
+    let twin = |half: u32| {
         let (start, end) = ends(mesh, half);
-        // Each pair is found once, and only halves that are alone between their ends have a twin.
-        if start > end || by_ends[&key((start, end))] != half {
-            continue;
-        }
-        let twin = by_ends.get(&key((end, start))).copied().unwrap_or(NONE);
-        if twin != NONE {
-            (twins[half as usize], twins[twin as usize]) = (twin, half);
-        }
-    }
-    twins
+        // Only halves that are alone between their ends have a twin.
+        if leaving.alone(start, end, is_thin) == half { leaving.alone(end, start, is_thin) } else { NONE }
+    };
+    (0..3 * mesh.triangles.len() as u32).map(twin).collect()
 }
 
-fn key((start, end): (u32, u32)) -> u64 {
-    u64::from(start) << 32 | u64::from(end)
+/// Half-edges by the point where they start: next to each other, where a hash map over all of them would miss every cache.
+struct Leaving {
+    /// Where those of each point begin, and of one point more.
+    first: Vec<u32>,
+    /// Where each ends, and which it is; those of one point ascending.
+    halves: Vec<(u32, u32)>,
+}
+
+impl Leaving {
+    fn new(mesh: &TriangleMesh) -> Self {
+        let all = || (0..3 * mesh.triangles.len() as u32).map(|half| (half, ends(mesh, half)));
+        let mut first = vec![0; mesh.points.len() + 1];
+        for (_, (start, _)) in all() {
+            first[start as usize + 1] += 1;
+        }
+        for point in 1..first.len() {
+            first[point] += first[point - 1];
+        }
+        let mut next = first.clone();
+        let mut halves = vec![(0, 0); 3 * mesh.triangles.len()];
+        for (half, (start, end)) in all() {
+            halves[next[start as usize] as usize] = (end, half);
+            next[start as usize] += 1;
+        }
+        for ends in first.windows(2) {
+            halves[ends[0] as usize..ends[1] as usize].sort_unstable();
+        }
+        Self { first, halves }
+    }
+
+    /// The only half-edge from one point to another, or the only one of them that does not belong to a thin triangle; [`NONE`] where
+    /// there is no such.
+    fn alone(&self, start: u32, end: u32, is_thin: impl Fn(u32) -> bool) -> u32 {
+        let start = start as usize;
+        let around = &self.halves[self.first[start] as usize..self.first[start + 1] as usize];
+        let at = around.partition_point(|(other, _)| *other < end);
+        let count = around[at..].iter().take_while(|(other, _)| *other == end).count();
+        let halves = around[at..at + count].iter().map(|(_, half)| *half);
+        let mut counting = halves.filter(|half| count == 1 || !is_thin(*half));
+        match (counting.next(), counting.next()) {
+            (Some(half), None) => half,
+            _ => NONE,
+        }
+    }
 }
 
 /// Points where a half-edge starts and ends.

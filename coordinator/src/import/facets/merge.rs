@@ -25,6 +25,9 @@ const MOST_PASSES: usize = 32;
 /// the rounding.
 const STRAIGHT_COSINE: f64 = 0.999;
 
+/// Part of the tolerance up to which a bound on the bend decides: far enough below one that rounding does not.
+const SURELY_FLAT: f64 = 0.5;
+
 /// What is known of a polygon; kept at its root triangle.
 #[derive(Clone, Copy)]
 struct Polygon {
@@ -35,6 +38,27 @@ struct Polygon {
     moment: DVec3,
     /// Number of real corners.
     corners: usize,
+    /// No corner is farther from the plane through the centre than this.
+    bend: f64,
+    /// No corner is farther from the centre than this.
+    radius: f64,
+}
+
+impl Polygon {
+    fn centre(&self) -> DVec3 {
+        self.moment / self.area
+    }
+
+    fn normal(&self) -> DVec3 {
+        self.area_vector.normalize()
+    }
+
+    /// No corner is farther from this plane, nor from this centre.
+    fn bounds(&self, centre: DVec3, normal: DVec3) -> (f64, f64) {
+        let moved = self.centre() - centre;
+        let bend = self.bend + self.radius * self.normal().distance(normal) + moved.dot(normal).abs();
+        (bend, self.radius + moved.length())
+    }
 }
 
 /// Polygons as loops of half-edges; see [`super::joint`] for their numbers.
@@ -51,6 +75,9 @@ pub(super) struct Merger<'a> {
     /// Union-find over triangles.
     parent: Vec<u32>,
     polygons: Vec<Polygon>,
+    /// Number of merges so far, and at each root that number when its polygon became what it is.
+    merges: u32,
+    merged_at: Vec<u32>,
 }
 
 /// The edges that two polygons share: consecutive in both, given as the first polygon sees them.
@@ -73,18 +100,32 @@ impl<'a> Merger<'a> {
             let area = triangle.area_vector.length();
             let centre =
                 triangle.points.iter().map(|&point| mesh.points[point as usize]).sum::<DVec3>() / 3.0;
-            Polygon { area_vector: triangle.area_vector, area, moment: area * centre, corners: 3 }
+            let radius = triangle
+                .points
+                .map(|point| mesh.points[point as usize].distance(centre))
+                .into_iter()
+                .fold(0.0, f64::max);
+            Polygon {
+                area_vector: triangle.area_vector,
+                area,
+                moment: area * centre,
+                corners: 3,
+                bend: 0.0,
+                radius,
+            }
         };
         Self {
             mesh,
             tolerance,
-            twin: twins(mesh),
+            twin: twins(mesh, tolerance),
             next: (0..halves).map(|half| half - half % 3 + (half + 1) % 3).collect(),
             previous: (0..halves).map(|half| half - half % 3 + (half + 2) % 3).collect(),
             straight: vec![false; halves as usize],
             alive: vec![true; halves as usize],
             parent: (0..mesh.triangles.len() as u32).collect(),
             polygons: mesh.triangles.iter().map(polygon).collect(),
+            merges: 0,
+            merged_at: vec![0; mesh.triangles.len()],
         }
     }
 
@@ -104,15 +145,23 @@ impl<'a> Merger<'a> {
         self.twin = kept;
         edges.sort_by_cached_key(|&half| (self.rank(half), half));
 
+        // With the number of merges when each was tried: between polygons that did not change since, it would fail again.
+        let mut edges: Vec<(u32, Option<u32>)> = edges.into_iter().map(|half| (half, None)).collect();
         for _ in 0..MOST_PASSES {
-            let mut merged = false;
-            edges.retain(|&half| {
-                if self.alive[half as usize] {
-                    merged |= self.try_merge(half);
+            let before = self.merges;
+            edges.retain_mut(|(half, tried)| {
+                if !self.alive[*half as usize] {
+                    return false;
                 }
-                self.alive[half as usize]
+                let roots = [*half, self.twin[*half as usize]].map(|half| self.root(half / 3));
+                let changed = |tried: u32| roots.iter().any(|&root| self.merged_at[root as usize] > tried);
+                if tried.is_none_or(changed) && self.try_merge(*half, roots) {
+                    return false;
+                }
+                *tried = Some(self.merges);
+                self.alive[*half as usize]
             });
-            if !merged {
+            if self.merges == before {
                 break;
             }
         }
@@ -129,10 +178,9 @@ impl<'a> Merger<'a> {
         (Reverse(length), direction.max(direction.map(|axis| -axis)))
     }
 
-    /// Merges the polygons on both sides of an edge, if their union is flat and convex.
-    fn try_merge(&mut self, half: u32) -> bool {
+    /// Merges the polygons on both sides of an edge, of which these are the roots, if their union is flat and convex.
+    fn try_merge(&mut self, half: u32, [root, twin_root]: [u32; 2]) -> bool {
         let twin = self.twin[half as usize];
-        let (root, twin_root) = (self.root(half / 3), self.root(twin / 3));
         // A chain is tried once, from its first edge as the polygon of the lower root sees it.
         let first = if root < twin_root { half } else { twin };
         let Some(chain) = self.chain_from(first) else { return false };
@@ -142,8 +190,19 @@ impl<'a> Merger<'a> {
             area: a.area + b.area,
             moment: a.moment + b.moment,
             corners: a.corners + b.corners,
+            bend: 0.0,
+            radius: 0.0,
         };
-        let normal = union.area_vector.normalize();
+        let (centre, normal) = (union.centre(), union.normal());
+        let [(bend, radius), (twin_bend, twin_radius)] = [a, b].map(|part| part.bounds(centre, normal));
+        let is_surely_flat = [bend, twin_bend].iter().all(|bend| *bend <= SURELY_FLAT * self.tolerance);
+        let mut bend = bend.max(twin_bend);
+        // Mostly the bound will do: walking both borders at every merge would take quadratic time.
+        if !is_surely_flat {
+            let Some(own) = self.bend(half, centre, normal) else { return false };
+            let Some(other) = self.bend(twin, centre, normal) else { return false };
+            bend = own.max(other);
+        }
         let Some(straight_at_start) = self.corner_between(chain.before, chain.twin_after, normal) else {
             return false;
         };
@@ -153,14 +212,15 @@ impl<'a> Merger<'a> {
         let corners = union.corners - self.real_corners_on(&chain)
             + usize::from(!straight_at_start)
             + usize::from(!straight_at_end);
-        let centre = union.moment / union.area;
-        if corners < 3 || !self.is_flat(half, centre, normal) || !self.is_flat(twin, centre, normal) {
+        if corners < 3 {
             return false;
         }
         self.splice(&chain, straight_at_start, straight_at_end);
         let (low, high) = (root.min(twin_root), root.max(twin_root));
         self.parent[high as usize] = low;
-        self.polygons[low as usize] = Polygon { corners, ..union };
+        self.polygons[low as usize] = Polygon { corners, bend, radius: radius.max(twin_radius), ..union };
+        self.merges += 1;
+        self.merged_at[low as usize] = self.merges;
         true
     }
 
@@ -197,16 +257,14 @@ impl<'a> Merger<'a> {
             return None;
         }
         let here = self.start(outgoing);
-        let mut between = Vec::new();
-        let mut back = incoming;
+        let (mut back, mut ahead, mut between) = (incoming, self.next[outgoing as usize], 0);
         while self.straight[back as usize] {
-            between.push(self.start(back));
             back = self.previous[back as usize];
+            between += 1;
         }
-        let mut ahead = self.next[outgoing as usize];
         while self.straight[ahead as usize] {
-            between.push(self.start(ahead));
             ahead = self.next[ahead as usize];
+            between += 1;
         }
         let (from, to) = (self.start(back), self.start(ahead));
         let chord = to - from;
@@ -214,17 +272,25 @@ impl<'a> Merger<'a> {
             |point: DVec3| (point - from).cross(chord).length() <= self.tolerance * chord.length();
         let (arriving, leaving) = (here - from, to - here);
         let runs_on = arriving.dot(leaving) > STRAIGHT_COSINE * arriving.length() * leaving.length();
-        if runs_on && between.len() < LONGEST_RUN && is_on_chord(here) && between.into_iter().all(is_on_chord)
-        {
+        let stay_straight = || {
+            let before =
+                self.walk(self.next[back as usize]).take_while(|&half| half != self.next[incoming as usize]);
+            let after = self.walk(self.next[outgoing as usize]).take_while(|&half| half != ahead);
+            before.chain(after).all(|half| is_on_chord(self.start(half)))
+        };
+        if runs_on && between < LONGEST_RUN && is_on_chord(here) && stay_straight() {
             return Some(true);
         }
         let is_convex = arriving.cross(leaving).dot(normal) > 0.0;
         is_convex.then_some(false)
     }
 
-    /// Whether the border that `half` is part of lies in a plane.
-    fn is_flat(&self, half: u32, centre: DVec3, normal: DVec3) -> bool {
-        self.border(half).all(|half| (self.start(half) - centre).dot(normal).abs() <= self.tolerance)
+    /// How far the border that `half` is part of bends from a plane; `None` where that is too far.
+    fn bend(&self, half: u32, centre: DVec3, normal: DVec3) -> Option<f64> {
+        self.border(half).try_fold(0.0, |most: f64, half| {
+            let bend = (self.start(half) - centre).dot(normal).abs();
+            (bend <= self.tolerance).then_some(most.max(bend))
+        })
     }
 
     /// Makes one loop of two.
@@ -274,6 +340,11 @@ impl<'a> Merger<'a> {
             let next = self.next[half as usize];
             (next != first).then_some(next)
         })
+    }
+
+    /// The half-edges of a border from one on, round and round.
+    fn walk(&self, first: u32) -> impl Iterator<Item = u32> {
+        std::iter::successors(Some(first), move |&half| Some(self.next[half as usize]))
     }
 
     /// Where a half-edge starts.

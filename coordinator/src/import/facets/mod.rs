@@ -13,6 +13,8 @@ mod joint;
 mod merge;
 mod outline;
 
+use rayon::prelude::*;
+
 use self::merge::Merger;
 use super::primitives::VertexAttributes;
 use super::triangles::TriangleMesh;
@@ -28,7 +30,7 @@ pub(super) fn build(mesh: &TriangleMesh, attributes: &VertexAttributes) -> Vec<F
     for corner in outlines.iter().flat_map(|outline| &outline.corners) {
         is_corner[corner.point(mesh) as usize] |= !corner.straight || corner.smooth_normal(mesh).is_some();
     }
-    outlines.iter().map(|outline| outline.facet(mesh, &is_corner)).collect()
+    outlines.par_iter().map(|outline| outline.facet(mesh, &is_corner)).collect()
 }
 
 /// A facet seen from the other side of a `doubleSided` primitive.

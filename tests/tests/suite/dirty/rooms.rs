@@ -1,8 +1,9 @@
 use coordinator::bake::{BakeSettings, Baked};
 use coordinator::import::{ImportOptions, import_slice};
 use coordinator::mesh::Mesh;
-use coordinator::scene::Scene;
+use coordinator::scene::{Facet, Scene};
 use glam::DVec3;
+use shared::geometry::area_vector;
 use tests::baking::{baked, imported, mean_irradiance, vertices_of};
 use tests::dirty::{clean_room, dirty_room};
 
@@ -45,19 +46,26 @@ fn a_dirty_room_is_lit_as_the_clean_one() {
     assert!(dirty_least > 0.6 * clean_least, "black splotches: {dirty_least} for {clean_least}");
 }
 
-/// About as many facets, whatever the triangulation: of fifty triangles one may stay by itself, where rounding bent a sliver.
+/// As many facets whatever the triangulation, but for slivers: triangles without area whose middle corner rounding moved off the
+/// line stay by themselves.
 #[test]
 fn triangulation_does_not_show_in_the_facets() {
-    let facets = |triangles: usize| {
-        let scene = imported(&dirty_room(triangles));
-        scene.surfaces[..6].iter().map(|surface| surface.facets.len()).sum::<usize>()
-    };
     let clean = imported(&clean_room().glb());
     let expected: usize = clean.surfaces[..6].iter().map(|surface| surface.facets.len()).sum();
     assert_eq!(expected, 36);
     for triangles in [500, 6_000, 60_000] {
-        let found = facets(triangles);
-        assert!(found <= expected + triangles / 50, "{triangles} triangles: {found} facets for {expected}");
+        let scene = imported(&dirty_room(triangles));
+        let is_sliver = |facet: &&Facet| {
+            let corners: Vec<DVec3> = facet.corners.iter().map(|corner| corner.position).collect();
+            // The frame is 1024 long or longer, and f32 rounds by half of 2^-23 of that at most.
+            facet.triangles.len() == 1
+                && area_vector(&corners).length() < 1e-3 * corners[0].distance(corners[1])
+        };
+        let facets = || scene.surfaces[..6].iter().flat_map(|surface| &surface.facets);
+        let (slivers, all) = (facets().filter(is_sliver).count(), facets().count());
+        assert_eq!(all - slivers, expected, "{triangles} triangles, {slivers} slivers");
+        // One triangle in a hundred is a sliver to be, one in four of those lies along a diagonal.
+        assert!(slivers <= triangles / 200, "{slivers} slivers of {triangles} triangles");
     }
 }
 
