@@ -8,6 +8,33 @@ use serde_json::{Value, json};
 
 use crate::builder::{SceneBuilder, pack};
 
+/// How an attribute's values are written.
+#[derive(Debug, Clone, Copy)]
+pub enum Numbers {
+    /// As they are.
+    Floats,
+    /// 255 for 1.
+    Bytes,
+    /// 65,535 for 1.
+    Shorts,
+}
+
+impl Numbers {
+    /// Component type and bytes of a row, filled up to a multiple of four.
+    fn write(self, row: &[f64]) -> (u32, Vec<u8>) {
+        let (component, mut bytes): (u32, Vec<u8>) = match self {
+            Self::Floats => (5126, row.iter().flat_map(|value| (*value as f32).to_le_bytes()).collect()),
+            Self::Bytes => (5121, row.iter().map(|value| (value * 255.0).round() as u8).collect()),
+            Self::Shorts => (
+                5123,
+                row.iter().flat_map(|value| ((value * 65_535.0).round() as u16).to_le_bytes()).collect(),
+            ),
+        };
+        bytes.resize(bytes.len().next_multiple_of(4), 0);
+        (component, bytes)
+    }
+}
+
 /// A scene whose parts are being painted.
 pub struct Painting {
     document: Value,
@@ -28,13 +55,30 @@ impl Painting {
     /// Gives the vertices of a part texture coordinates, by their position.
     #[must_use]
     pub fn coordinates(self, part: usize, coordinates: impl Fn(DVec3) -> [f64; 2]) -> Self {
-        self.attribute(part, "TEXCOORD_0", "VEC2", |position| coordinates(position).to_vec())
+        self.coordinates_of_set(part, 0, coordinates)
     }
 
-    /// Gives the vertices of a part colours with alpha, by their position.
+    /// The same for any set of coordinates.
     #[must_use]
-    pub fn colours(self, part: usize, colours: impl Fn(DVec3) -> [f64; 4]) -> Self {
-        self.attribute(part, "COLOR_0", "VEC4", |position| colours(position).to_vec())
+    pub fn coordinates_of_set(self, part: usize, set: u32, coordinates: impl Fn(DVec3) -> [f64; 2]) -> Self {
+        self.attribute(part, &format!("TEXCOORD_{set}"), Numbers::Floats, coordinates)
+    }
+
+    /// Gives the vertices of a part colours, with or without alpha, by their position.
+    #[must_use]
+    pub fn colours<const N: usize>(self, part: usize, colours: impl Fn(DVec3) -> [f64; N]) -> Self {
+        self.colours_as(part, Numbers::Floats, colours)
+    }
+
+    /// The same in such numbers.
+    #[must_use]
+    pub fn colours_as<const N: usize>(
+        self,
+        part: usize,
+        numbers: Numbers,
+        colours: impl Fn(DVec3) -> [f64; N],
+    ) -> Self {
+        self.attribute(part, "COLOR_0", numbers, colours)
     }
 
     /// Adds a square image of these texels as a texture, and has its index put into the material of a part.
@@ -42,15 +86,27 @@ impl Painting {
     /// # Panics
     /// When the texels are no square.
     #[must_use]
-    pub fn texture(mut self, part: usize, texels: &[[u8; 4]], put: impl Fn(&mut Value, Value)) -> Self {
+    pub fn texture(self, part: usize, texels: &[[u8; 4]], put: impl Fn(&mut Value, Value)) -> Self {
         let width = texels.len().isqrt() as u32;
         let image =
             RgbaImage::from_raw(width, width, texels.concat()).expect("as many texels as the square has");
         let mut bytes = Cursor::new(vec![]);
         image.write_to(&mut bytes, ImageFormat::Png).expect("memory can be written");
-        let view = self.view(&bytes.into_inner());
-        let source =
-            push(&mut self.document, "images", json!({ "bufferView": view, "mimeType": "image/png" }));
+        self.encoded_texture(part, &bytes.into_inner(), ImageFormat::Png, put)
+    }
+
+    /// The same with an image that is encoded already.
+    #[must_use]
+    pub fn encoded_texture(
+        mut self,
+        part: usize,
+        image: &[u8],
+        format: ImageFormat,
+        put: impl Fn(&mut Value, Value),
+    ) -> Self {
+        let view = self.view(image);
+        let image = json!({ "bufferView": view, "mimeType": format.to_mime_type() });
+        let source = push(&mut self.document, "images", image);
         let texture = push(&mut self.document, "textures", json!({ "source": source, "sampler": 0 }));
         put(&mut self.document["materials"][part], json!({ "index": texture }));
         self
@@ -70,12 +126,22 @@ impl Painting {
         pack(&self.document, &self.binary)
     }
 
-    fn attribute(mut self, part: usize, name: &str, shape: &str, value: impl Fn(DVec3) -> Vec<f64>) -> Self {
-        let values: Vec<Vec<f64>> = self.positions(part).into_iter().map(value).collect();
-        let count = values.len();
-        let bytes: Vec<u8> = values.into_iter().flatten().flat_map(|v| (v as f32).to_le_bytes()).collect();
-        let view = self.view(&bytes);
-        let accessor = json!({ "bufferView": view, "componentType": 5126, "count": count, "type": shape });
+    fn attribute<const N: usize>(
+        mut self,
+        part: usize,
+        name: &str,
+        numbers: Numbers,
+        value: impl Fn(DVec3) -> [f64; N],
+    ) -> Self {
+        let rows = self.positions(part).into_iter().map(|position| numbers.write(&value(position)));
+        let (components, rows): (Vec<u32>, Vec<Vec<u8>>) = rows.unzip();
+        let view = self.view(&rows.concat());
+        self.document["bufferViews"][view]["byteStride"] = json!(rows[0].len());
+        let shape = ["VEC2", "VEC3", "VEC4"][N - 2];
+        let accessor = json!({
+            "bufferView": view, "componentType": components[0], "normalized": components[0] != 5126,
+            "count": rows.len(), "type": shape,
+        });
         let accessor = push(&mut self.document, "accessors", accessor);
         self.document["meshes"][part]["primitives"][0]["attributes"][name] = json!(accessor);
         self

@@ -16,6 +16,7 @@
 //! | `textures` | textures, vertex colours and alpha against plain scenes that say the same |
 //! | `spheres` | spheres of many facets against the exact answers of spheres |
 //! | `systems` | the solver alone against linear systems with known solutions |
+//! | `public_files` | scenes like the Khronos feature tests, each held to what its test is about |
 //! | `receiver_rows` | bakes with the rows of receivers against those with the rows of shooters, and exact answers |
 //! | `pictures` | pictures against values from the lit mesh, and against the same pictures by other workers |
 //! | `scenes` | whole bakes against path-traced references, and the files that come out |
@@ -47,6 +48,7 @@ mod mesh;
 mod occlusion;
 mod pictures;
 mod point_lights;
+mod public_files;
 mod receiver_rows;
 mod reference;
 mod scenes;
