@@ -2,16 +2,25 @@
 //!
 //!     cargo run --release -p tests --example import_size [MEGABYTES]
 //!
-//! Writes nothing: the files are made in memory, each of vertices with normals and texture coordinates under 32-bit indices.
+//! Writes nothing: the files are made in memory. Meshes have normals and texture coordinates under 32-bit indices, pictures the noise
+//! of a photograph.
 
+use std::io::Cursor;
 use std::time::Instant;
 
 use coordinator::import::{ImportOptions, import_slice};
+use glam::DVec3;
+use image::codecs::jpeg::JpegEncoder;
+use image::{ImageFormat, Rgb, RgbImage};
 use serde_json::json;
-use tests::builder::pack;
+use tests::builder::{Material, SceneBuilder, pack};
+use tests::painting::Painting;
 
 /// Cells along a side of one mesh: 51,200 vertices and 102,000 triangles.
 const CELLS: u32 = 226;
+
+/// Texels along a side of one picture.
+const SIDE: u32 = 2048;
 
 /// How high a place of a sheet lies.
 type Height = fn(f32, f32) -> f32;
@@ -24,29 +33,74 @@ fn main() {
         ("flat", |_, _| 0.0, false),
     ];
     for (name, height, unwelded) in kinds {
-        let glb = file(megabytes, height, unwelded);
-        let (clock, before) = (Instant::now(), processor_seconds());
-        let scene = import_slice(&glb, &ImportOptions::default()).expect("the file is sound");
-        let (seconds, spent) = (clock.elapsed().as_secs_f64(), processor_seconds() - before);
-        let facets: usize = scene.surfaces.iter().map(|surface| surface.facets.len()).sum();
-        let triangles: usize = scene
-            .surfaces
-            .iter()
-            .flat_map(|surface| &surface.facets)
-            .map(|facet| facet.triangles.len())
-            .sum();
-        println!(
-            "{name}: {:.1} MB, {} surfaces, {triangles} triangles, {facets} facets: {seconds:.2} s, {spent:.2} s of processor time",
-            glb.len() as f64 / 1e6,
-            scene.surfaces.len()
-        );
+        measure(name, &file(megabytes, height, unwelded));
     }
+    for format in [ImageFormat::Png, ImageFormat::Jpeg] {
+        measure(&format!("pictures, {format:?}"), &pictures(megabytes, format));
+    }
+}
+
+fn measure(name: &str, glb: &[u8]) {
+    let (clock, before) = (Instant::now(), processor_seconds());
+    let scene = import_slice(glb, &ImportOptions::default()).expect("the file is sound");
+    let (seconds, spent) = (clock.elapsed().as_secs_f64(), processor_seconds() - before);
+    let facets: usize = scene.surfaces.iter().map(|surface| surface.facets.len()).sum();
+    let triangles: usize =
+        scene.surfaces.iter().flat_map(|surface| &surface.facets).map(|facet| facet.triangles.len()).sum();
+    println!(
+        "{name}: {:.1} MB, {} surfaces, {triangles} triangles, {facets} facets: {seconds:.2} s, {spent:.2} s of processor time",
+        glb.len() as f64 / 1e6,
+        scene.surfaces.len()
+    );
 }
 
 /// Time that all threads of this process have run.
 fn processor_seconds() -> f64 {
     let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
     time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9
+}
+
+/// Squares side by side, each with a picture of its own, until the file is as large as asked.
+fn pictures(megabytes: f64, format: ImageFormat) -> Vec<u8> {
+    let mut state = 1u32;
+    let mut noise = |most: u32| {
+        state = state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+        ((state >> 16) % most) as u8
+    };
+    let picture = RgbImage::from_fn(SIDE, SIDE, |x, y| {
+        let shade = |period: f32, value: u32| 110.0 + 90.0 * (value as f32 / period).sin();
+        Rgb([
+            shade(90.0, x) as u8 + noise(24),
+            shade(130.0, y) as u8 + noise(24),
+            shade(210.0, x + y) as u8 + noise(24),
+        ])
+    });
+    let mut encoded = Cursor::new(vec![]);
+    match format {
+        ImageFormat::Jpeg => picture.write_with_encoder(JpegEncoder::new_with_quality(&mut encoded, 92)),
+        _ => picture.write_to(&mut encoded, format),
+    }
+    .expect("memory can be written");
+    let encoded = encoded.into_inner();
+    let count = (megabytes * 1e6 / encoded.len() as f64).round().max(1.0) as usize;
+    let square = |part: usize| {
+        let x = 1.1 * part as f64;
+        [[x, 0.0, 0.0], [x + 1.0, 0.0, 0.0], [x + 1.0, 1.0, 0.0], [x, 1.0, 0.0]]
+            .map(DVec3::from_array)
+            .to_vec()
+    };
+    let parts = (0..count).fold(SceneBuilder::new(), |builder, part| {
+        builder.part("picture", &[square(part)], Material::grey(0.8).emitting(1.0))
+    });
+    let painting = (0..count).fold(Painting::new(&parts), |painting, part| {
+        painting.coordinates(part, |place| [place.x - 1.1 * part as f64, place.y]).encoded_texture(
+            part,
+            &encoded,
+            format,
+            |material, texture| material["pbrMetallicRoughness"]["baseColorTexture"] = texture,
+        )
+    });
+    painting.glb()
 }
 
 /// Sheets side by side until the file is as large as asked.
