@@ -196,6 +196,7 @@ mod tests {
         metrics.progress(&Progress {
             phase: Phase::Refine,
             unshot: 0.25,
+            error: None,
             rows: 10,
             rows_needed: 20,
             rays: 1,

@@ -114,6 +114,7 @@ impl Bake<'_, '_> {
         let areas: Vec<f64> = self.energies.iter().map(|share| share.area).collect();
         for _ in 0..MOST_PASSES {
             self.gather()?;
+            self.show();
             self.spent.sweeps += 1;
             let reflected = |(share, mean): (&crate::solver::ShareEnergy, DVec3)| share.reflectance * mean;
             let next: Vec<DVec3> =

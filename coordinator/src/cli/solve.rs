@@ -4,11 +4,12 @@ use std::time::Instant;
 use anyhow::Context;
 use atomic_write_file::AtomicWriteFile;
 use clap::{Args, ValueEnum};
-use coordinator::bake::{BakeSettings, LightGroup, LightPart, Progress, bake, check_groups};
+use coordinator::bake::{BakeSettings, LightGroup, LightPart, Observer, Progress, bake, check_groups};
 use coordinator::checkpoint::{Checkpointed, remove};
 use coordinator::cluster::{Cluster, ClusterSettings};
 use coordinator::export::{Domain, ExportSettings, check_group_names, check_writable, export};
 use coordinator::import::import;
+use coordinator::metrics::Metrics;
 use glam::DVec3;
 use serde_json::json;
 
@@ -105,6 +106,19 @@ struct CheckpointArguments {
     keep_checkpoint: bool,
 }
 
+/// Shows how far a bake is: to whoever waits for it, and to Prometheus.
+struct Shown {
+    line: ProgressLine,
+    metrics: Metrics,
+}
+
+impl Observer for Shown {
+    fn progress(&mut self, progress: &Progress) {
+        self.metrics.progress(progress);
+        self.line.show(progress);
+    }
+}
+
 /// Bakes one file.
 pub fn run(arguments: &SolveArguments, workers: &ClusterSettings) -> anyhow::Result<()> {
     let clock = Instant::now();
@@ -124,25 +138,21 @@ pub fn run(arguments: &SolveArguments, workers: &ClusterSettings) -> anyhow::Res
     };
     check_groups(&scene, &settings.groups)?;
     check_group_names(&settings.groups)?;
-    let mut line = ProgressLine::new();
-    let mut progress = |progress: &Progress| {
-        workers.metrics.progress(progress);
-        line.show(progress);
-    };
+    let mut shown = Shown { line: ProgressLine::new(), metrics: workers.metrics.clone() };
     let mut cluster = Cluster::start(workers)?;
     let (baked, recorded) = match &arguments.checkpoint.checkpoint {
-        None => (bake(&scene, &settings, &mut cluster, &mut progress)?, None),
+        None => (bake(&scene, &settings, &mut cluster, &mut shown)?, None),
         Some(path) => {
             let limit = arguments.checkpoint.checkpoint_size.saturating_mul(1 << 20);
             let mut service = Checkpointed::open(cluster, path, limit)?;
-            let baked = bake(&scene, &settings, &mut service, &mut progress);
+            let baked = bake(&scene, &settings, &mut service, &mut shown);
             let recorded;
             (cluster, recorded) = service.finish();
             let kept = || format!("the rows made so far are in {}: the same command goes on", path.display());
             (baked.with_context(kept)?, Some(recorded))
         }
     };
-    line.finish();
+    shown.line.finish();
     for warning in &baked.report.warnings {
         eprintln!("warning: {warning}");
     }
