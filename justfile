@@ -67,6 +67,11 @@ paper *scenes:
 bench-cluster *arguments:
     tests/bench/cluster {{ arguments }}
 
+# A service under load: how long calls take while it bakes, and what memory it has. Wants a quiet machine.
+storm seconds="60":
+    cargo build --release -p coordinator
+    cargo run --release -p tests --example storm -- {{ seconds }}
+
 # A picture of a baked scene by the program itself: target/NAME-render.png.
 render name="cornell" *arguments:
     cargo run --release -p coordinator -- render target/{{ name }}-lit.glb -o target/{{ name }}-render.png {{ arguments }}
