@@ -142,9 +142,9 @@ async fn serve(arguments: &ServeArguments, workers: ClusterSettings, metrics: Me
         Some(path) => Clients::read(path)?,
         None => Clients::default(),
     };
-    // Workers that are not there now come later, and jobs wait for them.
-    let workers =
-        SharedCluster::start(&ClusterSettings { grace: ClusterSettings::ENDLESS_GRACE, ..workers })?;
+    // Workers that are not there now come later, and jobs wait for them, unless this process may take their place.
+    let grace = if workers.fallback.is_none() { ClusterSettings::ENDLESS_GRACE } else { workers.grace };
+    let workers = SharedCluster::start(&ClusterSettings { grace, ..workers })?;
     let service = Service::open(&arguments.settings(), workers, metrics)?;
     let listener = TcpListener::bind(arguments.listen)
         .await

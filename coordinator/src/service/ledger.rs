@@ -4,7 +4,8 @@ use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 use std::time::SystemTime;
 
-use shared::api::{Job, ListJobsRequest, ListJobsResponse, State};
+use prost::Message;
+use shared::api::{Job, ListJobsRequest, ListJobsResponse, MAX_MESSAGE_BYTES, State};
 use tokio::sync::watch;
 
 use super::job::{ClientName, JobId, Record, SceneDigest, Sequence, next_revision};
@@ -14,6 +15,9 @@ use super::refusal::Refusal;
 
 /// Jobs of a page where nobody says how many, and at most.
 const PAGE: (usize, usize) = (100, 1000);
+
+/// A page that has more bytes is complete: it fits into a message then.
+const PAGE_BYTES: usize = MAX_MESSAGE_BYTES / 4;
 
 /// A job in memory.
 #[derive(Debug)]
@@ -230,19 +234,22 @@ impl Ledger {
         };
         let jobs = self.by_sequence.range(..before).rev();
         let entries = jobs.filter_map(|(_, job)| self.entries.get(job)).filter(|entry| wanted(&entry.record));
-        let mut page: Vec<&Entry> = entries.take(size + 1).collect();
-        let more = page.len() > size;
-        page.truncate(size);
-        let last = page.last().filter(|_| more).map(|entry| entry.record.sequence.0.to_string());
-        let without_report = |entry: &&Entry| {
+        let (mut jobs, mut bytes, mut next_page_token) = (vec![], 0, String::new());
+        let mut last = Sequence::default();
+        for entry in entries {
+            if jobs.len() >= size || bytes > PAGE_BYTES {
+                next_page_token = last.0.to_string();
+                break;
+            }
             let mut job = self.show(entry);
             if let Some(outcome) = &mut job.outcome {
                 outcome.report_json.clear();
             }
-            job
-        };
-        let jobs = page.iter().map(without_report).collect();
-        Ok(ListJobsResponse { jobs, next_page_token: last.unwrap_or_default() })
+            bytes += job.encoded_len();
+            last = entry.record.sequence;
+            jobs.push(job);
+        }
+        Ok(ListJobsResponse { jobs, next_page_token })
     }
 
     /// News of a job of this client, and of the queue.

@@ -7,6 +7,7 @@
 pub mod errors;
 
 use std::pin::Pin;
+use std::time::Duration;
 
 use bytes::Bytes;
 use shared::api::fetch_result_response::Body as Sent;
@@ -16,6 +17,7 @@ use shared::api::{
     CancelJobRequest, DeleteJobRequest, DeleteJobResponse, FetchResultRequest, FetchResultResponse,
     GetJobRequest, Job, ListJobsRequest, ListJobsResponse, SubmitSceneRequest, WatchJobRequest,
 };
+use tokio::time::timeout;
 use tokio_stream::{Stream, StreamExt};
 use tonic::{Request, Response, Status, Streaming};
 
@@ -23,6 +25,9 @@ use super::clients::Clients;
 use super::job::ClientName;
 use super::refusal::Refusal;
 use super::{Fetched, Service};
+
+/// How long a client may take for the header of a submission.
+const HEADER: Duration = Duration::from_secs(30);
 
 /// The service as tonic calls it.
 pub struct Api {
