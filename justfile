@@ -23,7 +23,7 @@ dependencies:
     cargo deny check
     cargo machete
 
-# Fuzz importer, images, row_codec, clipper, jobs, replicas or answers for some seconds (needs cargo-fuzz and a nightly compiler).
+# Fuzz importer, images, row_codec, clipper, jobs, replicas, answers or submissions for some seconds (needs cargo-fuzz and a nightly compiler).
 fuzz target seconds="60":
     mkdir -p tests/fuzz/corpus/{{ target }}
     cd tests/fuzz && cargo +nightly fuzz run --fuzz-dir . {{ target }} corpus/{{ target }} seeds/{{ target }} -- \
