@@ -8,6 +8,7 @@ use clap::builder::FalseyValueParser;
 use clap::{ArgAction, Args};
 use coordinator::cluster::{ClusterSettings, SharedCluster};
 use coordinator::service::clients::Clients;
+use coordinator::service::guard::Names;
 use coordinator::service::queue::Places;
 use coordinator::service::{Limits, Metrics, Service, ServiceSettings, server};
 use shared::security::{Tls, Transport};
@@ -155,7 +156,9 @@ async fn serve(arguments: &ServeArguments, workers: ClusterSettings, metrics: Me
     let _ =
         writeln!(std::io::stdout(), "coordinator serves on {address}, data in {}", arguments.data.display());
     let incoming = incoming(listener, transport.tls().map(Tls::server), CONNECTIONS);
-    Ok(server::serve(incoming, service, clients, shutdown).await?)
+    let is_open = arguments.clients.is_none() && transport == Transport::default();
+    let names = if is_open { Names::ThisMachine } else { Names::Any };
+    Ok(server::serve(incoming, service, clients, names, shutdown).await?)
 }
 
 /// A token that the first SIGTERM or SIGINT cancels; the second one ends the process at once.

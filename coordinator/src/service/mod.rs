@@ -13,7 +13,7 @@
 //! | `options` | what the options of the API mean |
 //! | `clients`, `settings`, `refusal`, `metrics` | who may ask, limits, why not, figures |
 //! | `api` | the service in gRPC |
-//! | `http` | the service in a browser |
+//! | `http`, `guard` | the service in a browser, and what browsers may not be made to do |
 //! | `server` | one port for all of it |
 //!
 //! Threads: those of the network's runtime never touch the disk and never compute. Files are written where blocking is allowed, each
@@ -24,6 +24,7 @@ pub mod api;
 mod changes;
 pub mod clients;
 mod fetch;
+pub mod guard;
 pub mod http;
 pub mod job;
 mod ledger;

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use axum::Router;
 use axum::extract::Request;
+use axum::middleware::from_fn;
 use axum::response::IntoResponse;
 use shared::api::radiosity_server::{RadiosityServer, SERVICE_NAME};
 use shared::api::{DESCRIPTORS, MAX_MESSAGE_BYTES};
@@ -21,6 +22,7 @@ use worker::incoming::Connection;
 
 use super::api::Api;
 use super::clients::Clients;
+use super::guard::{Names, only_own_pages, only_this_machine};
 use super::{Service, http};
 
 /// Bytes of a connection that may be on their way to the service: uploads wait for the disk, not for each piece to be
@@ -61,6 +63,7 @@ pub async fn serve(
     incoming: impl Stream<Item = Result<Connection, Infallible>>,
     service: Service,
     clients: Clients,
+    names: Names,
     shutdown: CancellationToken,
 ) -> Result<(), ServeError> {
     let (health, health_service) = health_reporter();
@@ -77,6 +80,7 @@ pub async fn serve(
     let router = http::routes(service.clone(), clients);
     let router = with(with(with(router, api), health_service), reflection);
     service.resume();
+    let router = guarded(router, names);
     let drained = CancellationToken::new();
     let serving = Server::builder()
         .accept_http1(true)
@@ -117,4 +121,13 @@ where
     S::Future: Send + 'static,
 {
     router.route_service(&format!("/{}/{{*call}}", S::NAME), service)
+}
+
+/// The same for nobody whom a page of another site has sent.
+fn guarded(router: Router, names: Names) -> Router {
+    let router = router.layer(from_fn(only_own_pages));
+    match names {
+        Names::Any => router,
+        Names::ThisMachine => router.layer(from_fn(only_this_machine)),
+    }
 }
