@@ -39,6 +39,8 @@ pub struct Ledger {
     /// Jobs before each that waits; made when it is asked for.
     ahead: Option<HashMap<JobId, u32>>,
     queue_changed: watch::Sender<()>,
+    /// How often the queue has changed: each time, the jobs that wait may have another place.
+    queue_changes: u64,
 }
 
 impl Ledger {
@@ -52,6 +54,7 @@ impl Ledger {
             queue: Queue::new(places),
             ahead: None,
             queue_changed: watch::channel(()).0,
+            queue_changes: 0,
         }
     }
 
@@ -91,6 +94,7 @@ impl Ledger {
     pub fn tell_queue(&mut self, event: Event) -> Vec<Action> {
         let actions = self.queue.handle(event);
         self.ahead = None;
+        self.queue_changes += 1;
         for action in &actions {
             if let Action::Start(job) = action
                 && let Some(entry) = self.entries.get_mut(job)
@@ -98,7 +102,7 @@ impl Ledger {
                 entry.live = Some(Arc::new(Live::new(entry.changed.clone())));
                 entry.record.state = State::Running;
                 entry.record.started = Some(SystemTime::now());
-                entry.touch();
+                entry.touch(self.queue_changes);
             }
         }
         self.queue_changed.send_replace(());
@@ -115,7 +119,7 @@ impl Ledger {
     pub fn change(&mut self, job: JobId, change: impl FnOnce(&mut Entry)) {
         if let Some(entry) = self.entries.get_mut(&job) {
             change(entry);
-            entry.touch();
+            entry.touch(self.queue_changes);
         }
     }
 
@@ -197,6 +201,7 @@ impl Ledger {
         if entry.record.state == State::Queued {
             let ahead = self.ahead.as_ref().and_then(|ahead| ahead.get(&entry.record.id));
             job.ahead = ahead.copied().unwrap_or_default();
+            job.revision += self.queue_changes;
         }
         if let Some(live) = &entry.live
             && entry.record.state == State::Running
@@ -267,9 +272,10 @@ impl Ledger {
 }
 
 impl Entry {
-    fn touch(&mut self) {
+    /// Counts a change on from what was shown last: [`Ledger::show`] adds those of the queue or of the run.
+    fn touch(&mut self, queue_changes: u64) {
         let changes = self.live.as_ref().map_or(0, |live| live.progress().1);
-        self.record.revision = next_revision(self.record.revision + changes);
+        self.record.revision = next_revision(self.record.revision + changes.max(queue_changes));
         self.changed.send_replace(());
     }
 }

@@ -70,17 +70,21 @@ pub async fn serve(
     for name in ["", SERVICE_NAME] {
         health.set_service_status(name, ServingStatus::Serving).await;
     }
-    let reflection = tonic_reflection::server::Builder::configure()
-        .register_encoded_file_descriptor_set(DESCRIPTORS)
-        .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
-        .build_v1()?;
+    let described = || {
+        tonic_reflection::server::Builder::configure()
+            .register_encoded_file_descriptor_set(DESCRIPTORS)
+            .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
+    };
+    let reflection = described().build_v1()?;
+    // Python's library asks in the older words.
+    let older_reflection = described().build_v1alpha()?;
     let api = RadiosityServer::new(Api::new(service.clone(), clients.clone()))
         .max_decoding_message_size(MAX_MESSAGE_BYTES)
         .max_encoding_message_size(MAX_MESSAGE_BYTES);
     let router = http::routes(service.clone(), clients);
     let router = with(with(with(router, api), health_service), reflection);
     service.resume();
-    let router = guarded(router, names);
+    let router = guarded(with(router, older_reflection), names);
     let drained = CancellationToken::new();
     let serving = Server::builder()
         .accept_http1(true)
