@@ -61,8 +61,9 @@ impl Radiosity for Api {
     async fn submit_scene(&self, request: Request<Streaming<SubmitSceneRequest>>) -> Answer<Job> {
         let client = self.client(&request)?;
         let mut messages = request.into_inner();
-        let Some(Received::Header(header)) = messages.message().await?.and_then(|message| message.body)
-        else {
+        let first = timeout(HEADER, messages.message()).await;
+        let first = first.map_err(|_| Refusal::Broken("no header came".into()))??;
+        let Some(Received::Header(header)) = first.and_then(|message| message.body) else {
             return Err(Refusal::invalid("header", "must come first").into());
         };
         let chunks = messages.map(chunk);
