@@ -85,6 +85,19 @@ pictures:
 picture name="cornell" *arguments: node
     node tests/node/picture.mjs target/{{ name }}-lit.glb target/{{ name }}.png {{ arguments }}
 
+# The page of the service in a headless browser (needs Node and chromium).
+page:
+    npm ci --prefix coordinator/web --ignore-scripts --no-audit --no-fund
+    npm run --prefix coordinator/web check
+    npm ci --prefix tests/page --no-audit --no-fund
+    HALFLIGHT_PAGE=required cargo build --release -p coordinator
+    npm test --prefix tests/page
+
+# The page while it is worked on, in front of a service on this machine: http://localhost:5173 (needs Node).
+page-dev service="http://127.0.0.1:7000":
+    npm install --prefix coordinator/web --no-audit --no-fund
+    HALFLIGHT_SERVICE={{ service }} npm run --prefix coordinator/web dev
+
 # A baked scene through the Khronos validator (needs Node).
 validate name="cornell": node
     node tests/node/validate.mjs target/{{ name }}-lit.glb

@@ -17,7 +17,7 @@ use tonic::transport::Server;
 use tonic_health::ServingStatus;
 use tonic_health::server::health_reporter;
 use tonic_web::GrpcWebLayer;
-use tower::Service as Answers;
+use tower::{Layer, Service as Answers};
 use worker::incoming::Connection;
 
 use super::api::Api;
@@ -78,11 +78,12 @@ pub async fn serve(
     let reflection = described().build_v1()?;
     // Python's library asks in the older words.
     let older_reflection = described().build_v1alpha()?;
-    let api = RadiosityServer::new(Api::new(service.clone(), clients.clone()))
+    let api = RadiosityServer::new(Api::new(service.clone(), clients))
         .max_decoding_message_size(MAX_MESSAGE_BYTES)
         .max_encoding_message_size(MAX_MESSAGE_BYTES);
-    let router = http::routes(service.clone(), clients);
-    let router = with(with(with(router, api), health_service), reflection);
+    let router = http::routes();
+    // Browsers speak gRPC-web to the API; what else they ask for is the page.
+    let router = with(with(with(router, GrpcWebLayer::new().layer(api)), health_service), reflection);
     service.resume();
     let router = guarded(with(router, older_reflection), names);
     let drained = CancellationToken::new();
@@ -94,7 +95,6 @@ pub async fn serve(
         .http2_keepalive_timeout(Some(KEEP_ALIVE))
         .http2_max_header_list_size(HEADER_BYTES)
         .max_concurrent_streams(CALLS)
-        .layer(GrpcWebLayer::new())
         .add_routes(Routes::from(router))
         .serve_with_incoming_shutdown(incoming, drained.cancelled());
     let ending = async {
