@@ -23,7 +23,7 @@ dependencies:
     cargo deny check
     cargo machete
 
-# Fuzz importer, images, row_codec, clipper, jobs, replicas or answers for some seconds (needs cargo-fuzz and a nightly compiler).
+# Fuzz importer, images, row_codec, clipper, jobs, replicas, answers or submissions for some seconds (needs cargo-fuzz and a nightly compiler).
 fuzz target seconds="60":
     mkdir -p tests/fuzz/corpus/{{ target }}
     cd tests/fuzz && cargo +nightly fuzz run --fuzz-dir . {{ target }} corpus/{{ target }} seeds/{{ target }} -- \
@@ -67,6 +67,11 @@ paper *scenes:
 bench-cluster *arguments:
     tests/bench/cluster {{ arguments }}
 
+# A service under load: how long calls take while it bakes, and what memory it has. Wants a quiet machine.
+storm seconds="60":
+    cargo build --release -p coordinator
+    cargo run --release -p tests --example storm -- {{ seconds }}
+
 # A picture of a baked scene by the program itself: target/NAME-render.png.
 render name="cornell" *arguments:
     cargo run --release -p coordinator -- render target/{{ name }}-lit.glb -o target/{{ name }}-render.png {{ arguments }}
@@ -79,6 +84,19 @@ pictures:
 # A picture of a baked scene in a browser: target/NAME.png (needs Node and chromium).
 picture name="cornell" *arguments: node
     node tests/node/picture.mjs target/{{ name }}-lit.glb target/{{ name }}.png {{ arguments }}
+
+# The page of the service in a headless browser (needs Node and chromium).
+page:
+    npm ci --prefix coordinator/web --ignore-scripts --no-audit --no-fund
+    npm run --prefix coordinator/web check
+    npm ci --prefix tests/page --no-audit --no-fund
+    HALFLIGHT_PAGE=required cargo build --release -p coordinator
+    npm test --prefix tests/page
+
+# The page while it is worked on, in front of a service on this machine: http://localhost:5173 (needs Node).
+page-dev service="http://127.0.0.1:7000":
+    npm install --prefix coordinator/web --no-audit --no-fund
+    HALFLIGHT_SERVICE={{ service }} npm run --prefix coordinator/web dev
 
 # A baked scene through the Khronos validator (needs Node).
 validate name="cornell": node

@@ -5,13 +5,20 @@ use std::path::Path;
 
 use prost::Message;
 
+/// Each protocol, and where its descriptors go: for those who ask a running program what it speaks.
+const PROTOCOLS: [(&str, &str); 2] = [
+    ("radiosity/worker/v1/worker.proto", "worker-descriptors.bin"),
+    ("radiosity/v1/radiosity.proto", "api-descriptors.bin"),
+];
+
 fn main() -> Result<(), Box<dyn Error>> {
     let root = "../proto";
     println!("cargo:rerun-if-changed={root}");
-    let descriptors = protox::compile(["radiosity/worker/v1/worker.proto"], [root])?;
-    // For those who ask a running worker what it speaks.
     let folder = std::env::var("OUT_DIR")?;
-    std::fs::write(Path::new(&folder).join("descriptors.bin"), descriptors.encode_to_vec())?;
-    tonic_prost_build::configure().bytes(".").compile_fds(descriptors)?;
+    for (protocol, described) in PROTOCOLS {
+        let descriptors = protox::compile([protocol], [root])?;
+        std::fs::write(Path::new(&folder).join(described), descriptors.encode_to_vec())?;
+        tonic_prost_build::configure().bytes(".").compile_fds(descriptors)?;
+    }
     Ok(())
 }

@@ -5,7 +5,7 @@ use std::hint::black_box;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use coordinator::bake::{BakeSettings, bake};
+use coordinator::bake::{BakeSettings, Unobserved, bake};
 use coordinator::cluster::{Cluster, Workers};
 use coordinator::export::{ExportSettings, export};
 use coordinator::import::{ImportOptions, import_slice};
@@ -18,7 +18,7 @@ fn files(criterion: &mut Criterion) {
     let scene = import_slice(&cornell, &options).expect("cornell can be imported");
     let mut cluster =
         Cluster::start(&Workers::Embedded { threads: 2 }.into()).expect("threads can be started");
-    let baked = bake(&scene, &BakeSettings::for_error(0.03), &mut cluster, &mut |_| ())
+    let baked = bake(&scene, &BakeSettings::for_error(0.03), &mut cluster, &mut Unobserved)
         .expect("cornell can be baked");
     cluster.shutdown();
     let folder = tempfile::tempdir().expect("a temporary folder can be made");

@@ -17,9 +17,11 @@ pub mod render;
 pub mod scene;
 pub mod scheduler;
 pub mod score;
+pub mod service;
 #[cfg(test)]
 mod simulation;
 pub mod solver;
 pub mod study;
+pub mod summary;
 pub mod texture;
 pub mod view_factors;

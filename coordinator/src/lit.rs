@@ -12,6 +12,9 @@ pub struct LitMesh {
     pub surfaces: Vec<Vec<LitTriangle>>,
     /// Parts of the light, each by itself, on the same vertices.
     pub layers: Vec<LitLayer>,
+    /// Radiosity that is still to be shot, of each vertex, interpolated between the shares, in the unit of [`LitVertex::irradiance`]:
+    /// of the present state of a bake under way. Below 0 where too much was shot. Empty once the bake is done.
+    pub unshot: Vec<DVec3>,
 }
 
 /// The light of some sources alone.

@@ -106,6 +106,12 @@ impl Metrics {
         Held::new(&self.figures.workers)
     }
 
+    /// Workers that are connected now.
+    #[must_use]
+    pub fn workers(&self) -> usize {
+        usize::try_from(self.figures.workers.get()).unwrap_or_default()
+    }
+
     /// A worker is connected that was before.
     pub fn came_back(&self) {
         self.figures.reconnections.inc();
@@ -196,6 +202,7 @@ mod tests {
         metrics.progress(&Progress {
             phase: Phase::Refine,
             unshot: 0.25,
+            error: None,
             rows: 10,
             rows_needed: 20,
             rays: 1,

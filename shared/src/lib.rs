@@ -13,8 +13,10 @@
 //! | [`security`] | who may talk to whom: certificates, tokens, where plain text may go |
 //! | [`simd`] | wide vectors, chosen at run time |
 //! | [`telemetry`] | logs, metrics and spans |
+//! | [`api`] | the generated messages of `radiosity.v1`: what clients ask of a service |
 //! | [`protocol`] | the generated messages of `radiosity.worker.v1` |
 
+pub mod api;
 pub mod form_factor;
 pub mod geometry;
 pub mod hemisphere;

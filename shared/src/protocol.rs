@@ -9,7 +9,7 @@ use crate::replica::Digest;
 tonic::include_proto!("radiosity.worker.v1");
 
 /// The protocol in its own words: an encoded `FileDescriptorSet`, for reflection.
-pub const DESCRIPTORS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/descriptors.bin"));
+pub const DESCRIPTORS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/worker-descriptors.bin"));
 
 /// Version of the protocol; both sides refuse to talk to another version.
 pub const PROTOCOL_VERSION: u32 = 5;

@@ -2,8 +2,9 @@
 //! the name of one of the three scenes or a number of rooms.
 
 use std::error::Error;
+use std::time::Duration;
 
-use coordinator::bake::{BakeError, BakeSettings, RowService, bake};
+use coordinator::bake::{BakeError, BakeSettings, RowService, Unobserved, bake};
 use coordinator::cluster::{Cluster, FinishedJob, JobId, Workers};
 use shared::replica::{Digest, EncodedReplica};
 use shared::row::{Precision, Rounding, Row, RowRequest, encode_row};
@@ -37,7 +38,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             cluster: Cluster::start(&Workers::Embedded { threads: 2 }.into())?,
             sums: Sums::default(),
         };
-        bake(&scene, &settings, &mut service, &mut |_| ())?;
+        bake(&scene, &settings, &mut service, &mut Unobserved)?;
         let Sums { rows, receivers, factors, bytes, bytes_exact, error, largest_error } = service.sums;
         let per = |what: u64, of: u64| what as f64 / of as f64;
         println!(
@@ -88,9 +89,13 @@ impl RowService for Weighing {
         self.cluster.submit(requests);
     }
 
-    fn next(&mut self) -> Result<FinishedJob, BakeError> {
-        let finished = RowService::next(&mut self.cluster)?;
-        for row in &finished.rows {
+    fn withdraw(&mut self) {
+        self.cluster.withdraw();
+    }
+
+    fn next(&mut self, patience: Duration) -> Result<Option<FinishedJob>, BakeError> {
+        let finished = RowService::next(&mut self.cluster, patience)?;
+        for row in finished.iter().flat_map(|finished| &finished.rows) {
             self.sums.add(row);
         }
         Ok(finished)

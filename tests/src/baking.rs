@@ -1,6 +1,6 @@
 //! A scene baked in this process, and figures of the result.
 
-use coordinator::bake::{BakeSettings, Baked, bake};
+use coordinator::bake::{BakeSettings, Baked, Unobserved, bake};
 use coordinator::cluster::{Cluster, Workers};
 use coordinator::import::{ImportOptions, import_slice};
 use coordinator::lit::{LitMesh, LitVertex};
@@ -23,7 +23,8 @@ pub fn imported(glb: &[u8]) -> Scene {
 #[must_use]
 pub fn baked_by(scene: &Scene, settings: &BakeSettings, threads: usize) -> Baked {
     let mut cluster = Cluster::start(&Workers::Embedded { threads }.into()).expect("threads can be started");
-    let baked = bake(scene, settings, &mut cluster, &mut |_| ()).unwrap_or_else(|error| panic!("{error}"));
+    let baked =
+        bake(scene, settings, &mut cluster, &mut Unobserved).unwrap_or_else(|error| panic!("{error}"));
     cluster.shutdown();
     baked
 }

@@ -15,6 +15,7 @@
 //! | [`dirty`] | a furnished room as careless tools write it |
 //! | [`certificates`] | certificates of an authority of the test's own |
 //! | [`programs`] | the binaries of the workspace as processes |
+//! | [`service`] | a coordinator that serves clients, as a process |
 
 pub mod baking;
 pub mod builder;
@@ -28,6 +29,7 @@ pub mod painting;
 pub mod programs;
 pub mod rooms_only;
 pub mod scenes;
+pub mod service;
 pub mod shapes;
 
 use std::path::PathBuf;

@@ -105,7 +105,7 @@ impl Drop for WorkerProcess {
 ///
 /// # Panics
 /// When the child has ended and somebody has waited for it.
-fn send(child: &Child, signal: Signal) {
+pub(crate) fn send(child: &Child, signal: Signal) {
     kill_process(Pid::from_child(child), signal).expect("the process is there until it is waited for");
 }
 

@@ -5,6 +5,7 @@
 
 use std::collections::{HashMap, VecDeque};
 use std::f64::consts::PI;
+use std::time::Duration;
 
 use coordinator::bake::{BakeError, RowService};
 use coordinator::cluster::{FinishedJob, JobId};
@@ -99,7 +100,11 @@ impl RowService for RoomsOnly<'_> {
         self.jobs.extend(requests);
     }
 
-    fn next(&mut self) -> Result<FinishedJob, BakeError> {
+    fn withdraw(&mut self) {
+        self.jobs.clear();
+    }
+
+    fn next(&mut self, _: Duration) -> Result<Option<FinishedJob>, BakeError> {
         let (job, request) = self.jobs.pop_front().expect("nobody waits for more rows than were asked for");
         let row = |shooter| self.row(request.receivers, shooter);
         let rows: Vec<Row> = request.shooters.iter().map(row).collect();
@@ -112,6 +117,6 @@ impl RowService for RoomsOnly<'_> {
             })
             .collect();
         self.bytes += rows.iter().map(|row| encode_row(row).len() as u64).sum::<u64>();
-        Ok(FinishedJob { job, rows, statistics })
+        Ok(Some(FinishedJob { job, rows, statistics }))
     }
 }

@@ -17,7 +17,7 @@ use tokio::net::TcpListener;
 use tokio::signal::unix::{SignalKind, signal};
 use tokio_util::sync::CancellationToken;
 use worker::Settings;
-use worker::incoming::incoming;
+use worker::incoming::{ConnectionLimits, incoming};
 use worker::metrics::Metrics;
 
 /// How long what is left of sessions may take after the worker is done.
@@ -77,7 +77,7 @@ async fn run(options: Options) -> anyhow::Result<()> {
 
     // For scripts: from this line on, coordinators may call. Where nobody reads it, nobody misses it.
     let _ = writeln!(std::io::stdout(), "worker {name} listens on {address} with {threads} threads");
-    let incoming = incoming(listener, transport.tls().map(Tls::server));
+    let incoming = incoming(listener, transport.tls().map(Tls::server), ConnectionLimits::WORKER);
     let replica_bytes = options.replica_bytes;
     let settings = Settings { replica_bytes, token, metrics, ..Settings::new(&name, threads) };
     Ok(worker::serve(incoming, settings, shutdown).await?)

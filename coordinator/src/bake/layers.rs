@@ -47,6 +47,11 @@ impl LightPart {
             Self::Indirect => all - direct,
         }
     }
+
+    /// This part of the irradiance of each vertex, of which so much is direct.
+    pub(super) fn of_all(self, all: &[DVec3], direct: &[DVec3]) -> Vec<DVec3> {
+        all.iter().zip(direct).map(|(all, direct)| self.of(*all, *direct)).collect()
+    }
 }
 
 /// Light sources whose light is wanted by itself.
@@ -114,17 +119,6 @@ fn names_of(scene: &Scene, origin: Origin) -> impl Iterator<Item = &str> {
 }
 
 impl Bake<'_, '_> {
-    /// The wanted part of the whole light, fitted like it: from the exact irradiance of the vertices.
-    pub(super) fn part_of_whole(&self) -> Option<Vec<DVec3>> {
-        let part = self.settings.only;
-        (!part.is_all()).then(|| best_fit_of_part(&self.mesh, &self.irradiance, &self.part(part)))
-    }
-
-    /// This part of the light that is there now.
-    fn part(&self, part: LightPart) -> Vec<DVec3> {
-        self.irradiance.iter().zip(&self.direct).map(|(all, direct)| part.of(*all, *direct)).collect()
-    }
-
     /// The light of each group.
     ///
     /// # Errors
@@ -145,7 +139,7 @@ impl Bake<'_, '_> {
             };
             let sources: Vec<LightSource> = self.sources.iter().filter(is_meant).cloned().collect();
             self.light_vertices(&sources)?;
-            let part = self.part(self.settings.only);
+            let part = self.settings.only.of_all(&self.irradiance, &self.direct);
             layers.push(LitLayer {
                 name: group.name.clone(),
                 lights: group.lights.clone(),

@@ -106,6 +106,7 @@ impl Bake<'_, '_> {
         let visibility = noise * INTERPOLATED_NOISE.sqrt();
         let unshot = self.residual / (1.0 - RETURNING * self.mean_reflectance());
         self.error = ErrorBudget::new(unshot, visibility, form_factors, receivers, shooters);
+        self.office.set_error(Some(self.error.total));
         self.end_step("measure");
         Ok(())
     }

@@ -26,8 +26,10 @@ mod emitters;
 mod layers;
 mod light;
 mod measure;
+mod observer;
 pub(crate) mod occluders;
 mod pieces;
+mod present;
 mod receiver_rows;
 mod receivers;
 mod refine;
@@ -39,26 +41,27 @@ mod settle;
 mod share_rows;
 mod shoot;
 mod sky;
+#[cfg(test)]
+mod tests;
 
 use std::time::Instant;
 
 use glam::DVec3;
-use serde::Serialize;
 use shared::replica::{Receivers, encode_translucent_scene};
 use shared::row::{Row, Shape, Shooter};
 
 pub use budget::ErrorBudget;
 pub use layers::{LightGroup, LightPart, check_groups};
+pub use observer::{Observer, Phase, Progress, Unobserved};
 pub use report::{BakeReport, Model};
 pub use rows::{BakeError, RowService};
 pub use settings::{BakeSettings, RowsOf};
 
 use crate::lit::{LitLayer, LitMesh};
-use crate::mesh::{Mesh, Share, VertexId, triangulate};
+use crate::mesh::{Mesh, Share, VertexId};
 use crate::scene::Scene;
 use crate::solver::ShareEnergy;
 use crate::solver::cache::SetId;
-use crate::solver::fit::best_fit;
 use channels::Channels;
 use checks::Checks;
 use light::{LightSource, Origin};
@@ -66,59 +69,6 @@ use receivers::receivers;
 use reflection::{MeanLook, PatchLooks};
 use rows::RowOffice;
 use share_rows::{COARSE, ShareRows};
-
-/// What a bake is doing.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-pub enum Phase {
-    /// Rows of the light sources.
-    Light,
-    /// Shooting.
-    Shoot,
-    /// Refining the mesh.
-    Refine,
-    /// Measuring the error.
-    Measure,
-    /// Last sweeps and triangles.
-    Settle,
-    /// Light by groups of its sources.
-    Groups,
-}
-
-impl Phase {
-    /// All of them, in the order in which they come first.
-    pub const ALL: [Self; 6] =
-        [Self::Light, Self::Shoot, Self::Refine, Self::Measure, Self::Settle, Self::Groups];
-
-    /// What it is called in a line of progress.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Light => "light",
-            Self::Shoot => "shoot",
-            Self::Refine => "refine",
-            Self::Measure => "measure",
-            Self::Settle => "settle",
-            Self::Groups => "groups",
-        }
-    }
-}
-
-/// How far a bake has come.
-#[derive(Debug, Clone, Copy)]
-pub struct Progress {
-    /// What it is doing.
-    pub phase: Phase,
-    /// Unshot flux over reflected flux.
-    pub unshot: f64,
-    /// Rows finished.
-    pub rows: u64,
-    /// Rows known to be needed, so far.
-    pub rows_needed: u64,
-    /// Rays cast.
-    pub rays: u64,
-    /// Vertices of the mesh.
-    pub vertices: usize,
-}
 
 /// What a bake gives.
 pub struct Baked {
@@ -128,27 +78,30 @@ pub struct Baked {
     pub report: BakeReport,
 }
 
-/// Bakes a scene. Rows come from `service`; `progress` is told how far it is, often.
+/// Bakes a scene. Rows come from `service`, and `observer` is told how far it is, often.
+///
+/// However it ends, the service is left with nothing to do and nothing to hold for it.
 ///
 /// # Errors
-/// When the rows cannot be had, or the scene gives no mesh.
+/// When the rows cannot be had, the scene gives no mesh, or the observer ends it.
 #[tracing::instrument(skip_all)]
 pub fn bake(
     scene: &Scene,
     settings: &BakeSettings,
     service: &mut dyn RowService,
-    progress: &mut dyn FnMut(&Progress),
+    observer: &mut dyn Observer,
 ) -> Result<Baked, BakeError> {
     check_groups(scene, &settings.groups)?;
     let blockers = occluders::occluders(scene);
     let mut office =
-        RowOffice::new(service, progress, encode_translucent_scene(&blockers.polygons, &blockers.opacities));
+        RowOffice::new(service, observer, encode_translucent_scene(&blockers.polygons, &blockers.opacities));
     let mut settings = settings.clone();
     let mut spent = Spent::default();
     loop {
         let mut bake = Bake::new(scene, &settings, &mut office, spent)?;
         bake.occluders = blockers.polygons.len();
         bake.light()?;
+        bake.show();
         bake.shoot()?;
         bake.meet_error()?;
         match bake.better_settings() {
@@ -211,6 +164,8 @@ struct Bake<'a, 'b> {
     ray_noise: f64,
     /// Whether rows are those of receivers.
     is_gathered: bool,
+    /// Whether the shares take means over the refined mesh by now, rather than the values at their vertices.
+    takes_means: bool,
     /// Variance of the row of each light source over the guides, summed over it.
     guide_variances: Vec<f64>,
     /// Irradiance from the light sources, per vertex.
@@ -255,6 +210,8 @@ impl<'a, 'b> Bake<'a, 'b> {
         spent: Spent,
     ) -> Result<Self, BakeError> {
         let clock = Instant::now();
+        office.check()?;
+        office.set_error(None);
         let mesh = shooting_mesh(scene, settings);
         if mesh.patches.is_empty() {
             return Err(BakeError::EmptyMesh);
@@ -309,6 +266,7 @@ impl<'a, 'b> Bake<'a, 'b> {
             guide_twins: None,
             ray_noise: 0.0,
             is_gathered,
+            takes_means: false,
             guide_variances: vec![],
             direct: vec![],
             exposed: vec![],
@@ -386,12 +344,9 @@ impl<'a, 'b> Bake<'a, 'b> {
     }
 
     fn finish(mut self, warnings: Vec<String>, layers: Vec<LitLayer>) -> Baked {
-        let shown = self.part_of_whole();
-        self.irradiance = best_fit(&self.mesh, &self.irradiance);
-        let radiosity = |vertex: VertexId| self.irradiance[vertex.index()];
-        let triangles = triangulate(&self.mesh, self.scene.surfaces.len(), radiosity);
-        let shown = shown.as_deref().unwrap_or(&self.irradiance);
-        let lit = LitMesh { layers, ..receivers::lit_mesh(&self.mesh, shown, triangles) };
+        let (lit, fitted) = self.lit(&self.irradiance, &self.direct);
+        let lit = LitMesh { layers, ..lit };
+        self.irradiance = fitted;
         self.end_step("export mesh");
         let mut report = self.report();
         report.warnings.extend(warnings);

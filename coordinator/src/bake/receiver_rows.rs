@@ -116,6 +116,7 @@ impl Bake<'_, '_> {
         let mut acceleration = Acceleration::new(areas.clone());
         for _ in 0..MOST_PASSES {
             self.gather()?;
+            self.show();
             self.spent.sweeps += 1;
             let reflected = |(share, mean): (&crate::solver::ShareEnergy, DVec3)| share.reflectance * mean;
             let next: Vec<DVec3> =

@@ -43,5 +43,5 @@ pub fn lit_mesh(mesh: &Mesh, irradiance: &[DVec3], surfaces: Vec<Vec<LitTriangle
             irradiance: *irradiance,
         })
         .collect();
-    LitMesh { vertices, surfaces, layers: vec![] }
+    LitMesh { vertices, surfaces, layers: vec![], unshot: vec![] }
 }

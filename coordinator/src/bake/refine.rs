@@ -63,6 +63,7 @@ impl Bake<'_, '_> {
             }
             self.spent.rounds += 1;
             self.receive(first)?;
+            self.show();
         }
         self.end_step("refine");
         Ok(())

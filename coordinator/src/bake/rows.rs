@@ -1,14 +1,17 @@
 //! Asking for rows and getting them.
 
 use std::collections::{BTreeMap, HashMap, VecDeque};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
 
 use shared::geometry::ConvexPolygon;
 use shared::protocol::RowStatistics;
 use shared::replica::{Digest, EncodedReplica, Receivers, encode_receivers, encode_translucent_scene};
 use shared::row::{Precision, Row, RowRequest, Shooter};
 
-use super::{Phase, Progress};
+use super::{Observer, Phase, Progress};
 use crate::cluster::{Cluster, FinishedJob, JobId};
+use crate::lit::LitMesh;
 
 /// A job should have this many pairs of shooter and receiver at least: some milliseconds of work, so that the end of a batch does
 /// not wait for one worker, and the message costs little beside it.
@@ -30,8 +33,18 @@ const MOST_UNDER_WAY: usize = 256;
 /// A ray of a hemisphere counts as so many pairs.
 const PAIRS_PER_RAY: usize = 4;
 
+/// Rows are waited for so long before the observer is asked again whether they are still wanted.
+const PATIENCE: Duration = Duration::from_millis(100);
+
 /// Form factors are summed up in this unit: 2^-50, far below the rounding of a row.
 const SUM_UNIT: f64 = 1.0 / (1_u64 << 50) as f64;
+
+/// Offices opened by this process. No job of one may be taken for one of another that has the same workers: what was withdrawn from
+/// them may be answered late.
+static OFFICES: AtomicU64 = AtomicU64::new(0);
+
+/// More jobs than an office ever asks for.
+const JOBS_OF_OFFICE: u64 = 1 << 40;
 
 /// Whoever computes rows: a cluster of workers, in this process or elsewhere.
 pub trait RowService {
@@ -39,17 +52,19 @@ pub trait RowService {
     fn publish(&mut self, replica: EncodedReplica);
     /// Says that a replica will not be used again.
     fn release(&mut self, digest: Digest);
-    /// Asks for rows; earlier requests are more urgent.
+    /// Asks for rows; earlier requests are more urgent. No job id may be used twice.
     fn submit(&mut self, requests: Vec<(JobId, RowRequest)>);
+    /// Forgets all jobs that have no answer yet: none of them is answered any more.
+    fn withdraw(&mut self);
     /// How many jobs are computed at the same time now.
     fn threads(&self) -> usize {
         1
     }
-    /// Waits for the next finished job, in any order.
+    /// Waits for the next finished job, in any order; `None` where there is none after about so long.
     ///
     /// # Errors
     /// When no more rows can be had.
-    fn next(&mut self) -> Result<FinishedJob, BakeError>;
+    fn next(&mut self, patience: Duration) -> Result<Option<FinishedJob>, BakeError>;
 }
 
 impl RowService for Cluster {
@@ -65,12 +80,16 @@ impl RowService for Cluster {
         Cluster::submit(self, requests);
     }
 
+    fn withdraw(&mut self) {
+        Cluster::withdraw(self);
+    }
+
     fn threads(&self) -> usize {
         Cluster::threads(self)
     }
 
-    fn next(&mut self) -> Result<FinishedJob, BakeError> {
-        Cluster::next(self).map_err(|error| BakeError::Rows(Box::new(error)))
+    fn next(&mut self, patience: Duration) -> Result<Option<FinishedJob>, BakeError> {
+        self.next_within(patience).map_err(|error| BakeError::Rows(Box::new(error)))
     }
 }
 
@@ -93,6 +112,9 @@ pub enum BakeError {
         /// Those that are.
         known: String,
     },
+    /// Whoever watches it wants it no more.
+    #[error("the bake was cancelled")]
+    Cancelled,
     /// No more rows.
     #[error("rows cannot be computed: {0}")]
     Rows(#[source] Box<dyn std::error::Error + Send + Sync>),
@@ -143,7 +165,7 @@ struct Asked {
 /// Cuts wishes into jobs, keeps account of them and of what they cost.
 pub struct RowOffice<'a> {
     service: &'a mut dyn RowService,
-    report: &'a mut dyn FnMut(&Progress),
+    observer: &'a mut dyn Observer,
     scene: Digest,
     /// Replicas that are published, and for how many sets: two may have the same content.
     published: HashMap<Digest, usize>,
@@ -166,20 +188,20 @@ impl<'a> RowOffice<'a> {
     /// Opens the office for a scene.
     pub fn new(
         service: &'a mut dyn RowService,
-        report: &'a mut dyn FnMut(&Progress),
+        observer: &'a mut dyn Observer,
         scene: EncodedReplica,
     ) -> Self {
         let digest = scene.digest;
         service.publish(scene);
         Self {
             service,
-            report,
+            observer,
             scene: digest,
             published: HashMap::from([(digest, 1)]),
             precision: Precision::DEFAULT,
             jobs: HashMap::new(),
             pace: (0.0, 0.0),
-            next_job: 0,
+            next_job: OFFICES.fetch_add(1, Ordering::Relaxed) * JOBS_OF_OFFICE,
             statistics: RowStatistics::default(),
             factor_sums: [0; 2],
             rows_again: 0,
@@ -187,6 +209,7 @@ impl<'a> RowOffice<'a> {
             progress: Progress {
                 phase: Phase::Light,
                 unshot: 1.0,
+                error: None,
                 rows: 0,
                 rows_needed: 0,
                 rays: 0,
@@ -339,7 +362,8 @@ impl<'a> RowOffice<'a> {
     /// Waits for the next job, whatever its place: its tag and its rows.
     pub fn next(&mut self) -> Result<(u64, FinishedJob), BakeError> {
         loop {
-            let finished = self.service.next()?;
+            self.check()?;
+            let Some(finished) = self.service.next(PATIENCE)? else { continue };
             if let Some(Asked { tag, again, pairs }) = self.jobs.remove(&finished.job) {
                 for (row, again) in finished.statistics.iter().zip(again) {
                     self.count(row, again);
@@ -347,7 +371,7 @@ impl<'a> RowOffice<'a> {
                 self.visible_factors += finished.rows.iter().map(|row| row.count() as u64).sum::<u64>();
                 let busy: u64 = finished.statistics.iter().map(|row| row.busy_nanoseconds).sum();
                 self.pace = (self.pace.0 + pairs as f64, self.pace.1 + busy as f64);
-                (self.report)(&self.progress);
+                self.observer.progress(&self.progress);
                 return Ok((tag, finished));
             }
         }
@@ -401,11 +425,48 @@ impl<'a> RowOffice<'a> {
     pub fn enter(&mut self, phase: Phase, vertices: usize) {
         self.progress.phase = phase;
         self.progress.vertices = vertices;
-        (self.report)(&self.progress);
+        self.observer.progress(&self.progress);
+    }
+
+    /// An error once the bake is not wanted any more.
+    pub fn check(&mut self) -> Result<(), BakeError> {
+        if self.observer.is_cancelled() { Err(BakeError::Cancelled) } else { Ok(()) }
+    }
+
+    /// Whether the observer wants the present state.
+    pub fn wants_present(&mut self) -> bool {
+        self.observer.wants_present()
+    }
+
+    /// Hands the present state to the observer.
+    pub fn present(&mut self, lit: LitMesh) {
+        self.observer.present(lit);
+    }
+
+    /// The step under way.
+    pub fn phase(&self) -> Phase {
+        self.progress.phase
     }
 
     /// The unshot flux, relative to the reflected.
     pub fn set_unshot(&mut self, unshot: f64) {
         self.progress.unshot = unshot;
+    }
+
+    /// The error of the present answer, once it is known.
+    pub fn set_error(&mut self, error: Option<f64>) {
+        self.progress.error = error;
+    }
+}
+
+impl Drop for RowOffice<'_> {
+    /// However the bake ends, nothing of it stays with the service.
+    fn drop(&mut self) {
+        if !self.jobs.is_empty() {
+            self.service.withdraw();
+        }
+        for digest in self.published.keys() {
+            self.service.release(*digest);
+        }
     }
 }

@@ -19,7 +19,9 @@ impl Bake<'_, '_> {
     #[tracing::instrument(skip_all)]
     pub(super) fn settle(&mut self) -> Result<(), BakeError> {
         self.office.enter(Phase::Settle, self.mesh.vertices.len());
+        self.takes_means = true;
         self.solve_settled(self.settings.threshold)?;
+        self.show();
         self.end_step("settle");
         Ok(())
     }

@@ -139,6 +139,8 @@ impl ShareRows {
         wanted: impl Fn(ShareId) -> bool,
         mut take: impl FnMut(ShareId, Option<&[&Row]>),
     ) -> Result<(), BakeError> {
+        // Where all rows are kept, no other question would come between two sweeps.
+        office.check()?;
         let missing = self.missing(sets, &wanted);
         let mut left: usize = missing.iter().map(|missing| missing.shares.len()).sum();
         office.expect_rows(left as u64);

@@ -108,6 +108,11 @@ impl Bake<'_, '_> {
                 }
             }
             self.office.set_unshot(shooting.progress().unshot);
+            if self.office.wants_present() {
+                let seen = |lights: &[L]| lights.iter().map(|light| light.to_rgb(colour)).collect::<Vec<_>>();
+                let lit = self.state(&seen(shooting.irradiance()), &seen(&shooting.unshot_of_shares()));
+                self.office.present(lit);
+            }
         }
         self.spent.shots += shooting.progress().shots;
         Ok(shooting.into_shot().into_iter().map(|light| light.to_rgb(colour)).collect())

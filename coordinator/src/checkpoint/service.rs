@@ -3,6 +3,7 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
+use std::time::Duration;
 
 use shared::protocol::RowStatistics;
 use shared::replica::{Digest, EncodedReplica};
@@ -157,20 +158,27 @@ impl<S: RowService> RowService for Checkpointed<S> {
         }
     }
 
+    fn withdraw(&mut self) {
+        self.inner.withdraw();
+        self.under_way.clear();
+        self.ready.clear();
+        self.answered.clear();
+    }
+
     fn threads(&self) -> usize {
         self.inner.threads()
     }
 
-    fn next(&mut self) -> Result<FinishedJob, BakeError> {
+    fn next(&mut self, patience: Duration) -> Result<Option<FinishedJob>, BakeError> {
         if let Some(finished) = self.answered.pop_front() {
-            return Ok(finished);
+            return Ok(Some(finished));
         }
         while let Some((job, request, keys)) = self.ready.pop_front() {
             if let Some(finished) = self.ask(job, request, keys) {
-                return Ok(finished);
+                return Ok(Some(finished));
             }
         }
-        let computed = self.inner.next()?;
-        Ok(self.complete(computed))
+        let computed = self.inner.next(patience)?;
+        Ok(computed.map(|computed| self.complete(computed)))
     }
 }

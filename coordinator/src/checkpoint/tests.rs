@@ -2,6 +2,7 @@ use std::fs;
 use std::io::{self, Write};
 use std::path::Path;
 use std::sync::{Arc, Mutex};
+use std::time::Duration;
 
 use glam::DVec3;
 use proptest::prelude::*;
@@ -54,12 +55,16 @@ impl RowService for Counting {
         self.jobs.extend(requests);
     }
 
-    fn next(&mut self) -> Result<FinishedJob, BakeError> {
+    fn withdraw(&mut self) {
+        self.jobs.clear();
+    }
+
+    fn next(&mut self, _: Duration) -> Result<Option<FinishedJob>, BakeError> {
         let (job, request) = self.jobs.pop().unwrap();
         self.computed += request.shooters.len() as u64;
         let keys: Vec<u64> = request.shooters.iter().map(|shooter| shooter.key).collect();
         let rows = keys.iter().map(|key| row(*key)).collect();
-        Ok(FinishedJob { job, rows, statistics: keys.into_iter().map(statistics).collect() })
+        Ok(Some(FinishedJob { job, rows, statistics: keys.into_iter().map(statistics).collect() }))
     }
 }
 
@@ -68,7 +73,7 @@ fn bake(path: &Path, limit: u64, jobs: &[(u64, u64)]) -> (u64, CheckpointSummary
     let mut service = Checkpointed::open(Counting::default(), path, limit).unwrap();
     service.submit((0..).map(JobId).zip(jobs.iter().copied().map(request)).collect());
     for _ in jobs {
-        let finished = service.next().unwrap();
+        let finished = service.next(Duration::ZERO).unwrap().unwrap();
         let (first, end) = jobs[finished.job.0 as usize];
         assert!(finished.rows.iter().cloned().eq((first..end).map(row)));
         assert!(finished.statistics.iter().copied().eq((first..end).map(statistics)));

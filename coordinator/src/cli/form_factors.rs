@@ -51,7 +51,7 @@ pub struct FormFactorArguments {
 pub fn run(arguments: &FormFactorArguments, threads: NonZeroUsize) -> anyhow::Result<()> {
     let clock = Instant::now();
     let outputs = check_outputs(arguments)?;
-    let options = ImportOptions { needs_light: false, ..arguments.options.import_options() };
+    let options = ImportOptions { needs_light: false, ..arguments.options.import_options()? };
     let scene = import(&arguments.scene, &options)?;
     for warning in &scene.warnings {
         eprintln!("warning: {warning}");

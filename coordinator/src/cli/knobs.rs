@@ -1,5 +1,7 @@
 use clap::Args;
 use coordinator::bake::{BakeSettings, RowsOf};
+use coordinator::service::options::{Violations, bake_settings};
+use shared::api::{self, BakeOptions};
 
 /// Knobs of the bake.
 #[derive(Args)]
@@ -32,8 +34,8 @@ pub struct Knobs {
     #[arg(long, value_parser = positive)]
     threshold: Option<f64>,
     /// Shot n is chosen from the state after shot n - WINDOW. Part of the answer, whatever the workers.
-    #[arg(long, default_value_t = BakeSettings::default().window, value_parser = at_least_one)]
-    window: usize,
+    #[arg(long, default_value_t = BakeSettings::default().window as u32, value_parser = clap::value_parser!(u32).range(1..))]
+    window: u32,
     /// Visibility through a shaft with more occluders than this is sampled with rays; that through others is computed exactly.
     #[arg(long, default_value_t = BakeSettings::default().exact_occluders)]
     exact_occluders: u32,
@@ -47,8 +49,8 @@ pub struct Knobs {
     #[arg(long, default_value_t = BakeSettings::default().factor_rounding, value_parser = rounding)]
     factor_rounding: f64,
     /// Random points at which the answer is measured, at least. At 0 the error is predicted from the vertices alone.
-    #[arg(long, default_value_t = BakeSettings::default().check_points)]
-    check_points: usize,
+    #[arg(long, default_value_t = BakeSettings::default().check_points as u64)]
+    check_points: u64,
     /// Seed of all rays and of the check points.
     #[arg(long, default_value_t = BakeSettings::default().seed)]
     seed: u64,
@@ -58,35 +60,40 @@ pub struct Knobs {
 }
 
 impl Knobs {
-    /// The settings that the knobs ask for.
-    pub fn settings(&self) -> BakeSettings {
-        let picked = match self.error {
-            Some(error) => BakeSettings::for_error(error),
-            None => BakeSettings {
-                shooter_edge: self.shooter_edge,
-                mesh_error: self.mesh_error,
-                ..BakeSettings::default()
-            },
-        };
-        let picked = match self.rays {
-            Some(rays) => picked.with_rays(f64::from(rays)),
-            None => picked,
-        };
-        BakeSettings {
-            threshold: self.threshold.unwrap_or(picked.threshold),
-            form_factor_error: self.form_factor_error,
-            factor_rounding: self.factor_rounding,
+    /// The knobs as a service is told of them, the memory for rows aside: that is no part of the answer.
+    pub fn options(&self) -> BakeOptions {
+        // What --error chooses is not told: it has its defaults here.
+        let unless_chosen = |value: f64| self.error.is_none().then_some(value);
+        BakeOptions {
+            error: self.error,
+            mesh_error: unless_chosen(self.mesh_error),
+            shooter_edge: unless_chosen(self.shooter_edge),
             max_edge: self.max_edge,
-            max_vertices: self.max_vertices,
-            rows: self.rows,
-            row_cache: self.row_cache,
-            window: self.window,
-            exact_occluders: self.exact_occluders,
-            check_points: self.check_points,
-            seed: self.seed,
+            max_vertices: Some(self.max_vertices as u64),
+            rows: match self.rows {
+                RowsOf::Suiting => api::RowsOf::Unspecified,
+                RowsOf::Shooters => api::RowsOf::Shooters,
+                RowsOf::Receivers => api::RowsOf::Receivers,
+            }
+            .into(),
+            threshold: self.threshold,
+            window: Some(self.window),
+            exact_occluders: Some(self.exact_occluders),
+            rays: self.rays,
+            form_factor_error: Some(self.form_factor_error),
+            factor_rounding: Some(self.factor_rounding),
+            check_points: Some(self.check_points),
+            seed: Some(self.seed),
             planar_point_lights: self.planar_point_lights,
-            ..picked
         }
+    }
+
+    /// The settings that the knobs ask for: those that a service would take them for.
+    pub fn settings(&self) -> anyhow::Result<BakeSettings> {
+        let mut wrong = Violations::default();
+        let settings = bake_settings(&self.options(), &mut wrong);
+        wrong.check()?;
+        Ok(BakeSettings { row_cache: self.row_cache, ..settings })
     }
 }
 
@@ -132,12 +139,5 @@ fn proportion(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if (1e-3..=1.0).contains(&value) => Ok(value),
         _ => Err("must be a number from 0.001 to 1".into()),
-    }
-}
-
-fn at_least_one(text: &str) -> Result<usize, String> {
-    match text.parse() {
-        Ok(0) | Err(_) => Err("must be a whole number from 1".into()),
-        Ok(value) => Ok(value),
     }
 }

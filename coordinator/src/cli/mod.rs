@@ -1,14 +1,17 @@
 //! The command line.
 
+mod client;
 mod compare;
 mod form_factors;
 mod knobs;
 mod machine;
+mod output_options;
 mod progress;
 mod reference;
 mod render;
 mod report;
 mod scene_options;
+mod serve;
 mod solve;
 mod study;
 mod telemetry;
@@ -19,12 +22,14 @@ use std::path::Path;
 use clap::{Parser, Subcommand};
 use coordinator::metrics::Metrics;
 
-/// Bakes diffuse global illumination into glTF scenes by progressive radiosity.
+/// Bakes diffuse global illumination into glTF scenes by progressive radiosity. Without a command it serves clients that submit scenes.
 #[derive(Parser)]
 #[command(version)]
 pub struct Arguments {
     #[command(subcommand)]
-    command: Command,
+    command: Option<Command>,
+    #[command(flatten)]
+    serve: serve::ServeArguments,
     #[command(flatten)]
     workers: workers::WorkerArguments,
     #[command(flatten)]
@@ -33,6 +38,20 @@ pub struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
+    /// Serve clients that submit scenes, until it is told to stop. Without any command: the same.
+    Serve(serve::ServeArguments),
+    /// Submit a scene to a service: the name of its job is printed.
+    Submit(client::SubmitArguments),
+    /// Show how far a job of a service is, until it has ended.
+    Watch(client::WatchArguments),
+    /// Fetch the lit scene of a job, or the present state of one that runs.
+    Fetch(client::FetchArguments),
+    /// List the jobs of a service, newest first.
+    Jobs(client::JobsArguments),
+    /// End a job that is queued or runs.
+    Cancel(client::JobArguments),
+    /// Forget a job and all that is kept of it.
+    Delete(client::JobArguments),
     /// Bake a glTF file: a lit glTF comes out.
     Solve(solve::SolveArguments),
     /// Make a picture of a lit file: PNG or EXR.
@@ -51,14 +70,25 @@ enum Command {
 pub fn run(arguments: Arguments) -> anyhow::Result<()> {
     let _logging = arguments.telemetry.log()?;
     let metrics = Metrics::default();
-    let _page = arguments.telemetry.show(&metrics)?;
-    match arguments.command {
-        Command::Solve(solve) => solve::run(&solve, &arguments.workers.cluster(&metrics)?),
-        Command::Render(render) => render::run(&render, &arguments.workers.cluster(&metrics)?),
-        Command::Compare(compare) => compare::run(&compare),
-        Command::Reference(reference) => reference::run(&reference, arguments.workers.threads()?),
-        Command::FormFactors(factors) => form_factors::run(&factors, arguments.workers.threads()?),
-        Command::Study(study) => study::run(&study, &arguments.workers.cluster(&metrics)?.workers),
+    let service_metrics = coordinator::service::Metrics::default();
+    let _page = arguments.telemetry.show(&metrics, &service_metrics)?;
+    let workers = &arguments.workers;
+    let serve = |serve| serve::run(serve, workers.cluster(&metrics)?, service_metrics.clone());
+    match &arguments.command {
+        None => serve(&arguments.serve),
+        Some(Command::Serve(arguments)) => serve(arguments),
+        Some(Command::Submit(submit)) => client::submit(submit, &workers.security()?),
+        Some(Command::Watch(watch)) => client::watch(watch, &workers.security()?),
+        Some(Command::Fetch(fetch)) => client::fetch(fetch, &workers.security()?),
+        Some(Command::Jobs(jobs)) => client::list(jobs, &workers.security()?),
+        Some(Command::Cancel(job)) => client::cancel(job, &workers.security()?),
+        Some(Command::Delete(job)) => client::delete(job, &workers.security()?),
+        Some(Command::Solve(solve)) => solve::run(solve, &workers.cluster(&metrics)?),
+        Some(Command::Render(render)) => render::run(render, &workers.cluster(&metrics)?),
+        Some(Command::Compare(compare)) => compare::run(compare),
+        Some(Command::Reference(reference)) => reference::run(reference, workers.threads()?),
+        Some(Command::FormFactors(factors)) => form_factors::run(factors, workers.threads()?),
+        Some(Command::Study(study)) => study::run(study, &workers.cluster(&metrics)?.workers),
     }
 }
 

@@ -1,6 +1,6 @@
 use std::time::{Duration, Instant};
 
-use coordinator::bake::{Phase, Progress};
+use coordinator::bake::Progress;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 /// Between plain lines of one step, where standard error is not a terminal.
@@ -13,7 +13,7 @@ const BAR_INTERVAL: Duration = Duration::from_millis(100);
 pub struct ProgressLine {
     bar: ProgressBar,
     started: Instant,
-    last: Option<(Instant, Phase)>,
+    last: Option<(Instant, &'static str)>,
 }
 
 impl ProgressLine {
@@ -30,33 +30,45 @@ impl ProgressLine {
 
     /// Shows how far the bake has come.
     pub fn show(&mut self, progress: &Progress) {
+        let step = progress.phase.name();
+        self.show_step(step, (progress.rows, progress.rows_needed), |elapsed| {
+            let part = progress.rows as f64 / progress.rows_needed.max(1) as f64;
+            let left = if part > 0.0 { elapsed * (1.0 - part) / part } else { 0.0 };
+            format!(
+                "unshot {:.2} % · rows {}/{} · {} rays/s · {} vertices · {:.0} s left",
+                progress.unshot * 100.0,
+                progress.rows,
+                progress.rows_needed,
+                short(progress.rays as f64 / elapsed.max(1e-9)),
+                progress.vertices,
+                left,
+            )
+        });
+    }
+
+    /// Shows a step with so many of its rows done; what there is to say is asked for where it is time to, with the seconds that have
+    /// passed.
+    pub fn show_step(
+        &mut self,
+        step: &'static str,
+        (rows, needed): (u64, u64),
+        message: impl FnOnce(f64) -> String,
+    ) {
         // Rows come by the ten thousand, and each would be a line.
         let interval = if self.bar.is_hidden() { PLAIN_INTERVAL } else { BAR_INTERVAL };
-        let is_due = |(time, phase): (Instant, Phase)| phase != progress.phase || time.elapsed() >= interval;
+        let is_due = |(time, last): (Instant, &str)| last != step || time.elapsed() >= interval;
         if !self.last.is_none_or(is_due) {
             return;
         }
-        self.last = Some((Instant::now(), progress.phase));
-        let elapsed = self.started.elapsed().as_secs_f64();
-        let step = progress.phase.name();
-        let part = progress.rows as f64 / progress.rows_needed.max(1) as f64;
-        let left = if part > 0.0 { elapsed * (1.0 - part) / part } else { 0.0 };
-        let message = format!(
-            "unshot {:.2} % · rows {}/{} · {} rays/s · {} vertices · {:.0} s left",
-            progress.unshot * 100.0,
-            progress.rows,
-            progress.rows_needed,
-            short(progress.rays as f64 / elapsed.max(1e-9)),
-            progress.vertices,
-            left,
-        );
+        self.last = Some((Instant::now(), step));
+        let message = message(self.started.elapsed().as_secs_f64());
         if self.bar.is_hidden() {
             eprintln!("{step}: {message}");
             return;
         }
         self.bar.set_prefix(step);
-        self.bar.set_length(progress.rows_needed);
-        self.bar.set_position(progress.rows);
+        self.bar.set_length(needed);
+        self.bar.set_position(rows);
         self.bar.set_message(message);
     }
 

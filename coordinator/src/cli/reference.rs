@@ -49,7 +49,7 @@ fn at_least_one(text: &str) -> Result<NonZeroUsize, String> {
 pub fn run(arguments: &ReferenceArguments, threads: NonZeroUsize) -> anyhow::Result<()> {
     let clock = Instant::now();
     check_output(arguments)?;
-    let scene = PlainScene::open_with(&arguments.scene, &arguments.options.import_options())?;
+    let scene = PlainScene::open_with(&arguments.scene, &arguments.options.import_options()?)?;
     for warning in &scene.warnings {
         eprintln!("warning: {warning}");
     }

@@ -118,7 +118,7 @@ pub fn run(arguments: &RenderArguments, workers: &ClusterSettings) -> anyhow::Re
     let format = PictureFormat::of(&arguments.output)
         .with_context(|| format!("output {} must end in .png or .exr", arguments.output.display()))?;
     ensure_place(&arguments.output)?;
-    let file = read_lit(&arguments.file, &arguments.scene.import_options())?;
+    let file = read_lit(&arguments.file, &arguments.scene.import_options()?)?;
     for warning in &file.warnings {
         eprintln!("warning: {warning}");
     }

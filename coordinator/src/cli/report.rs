@@ -1,42 +1,19 @@
 use std::time::Duration;
 
 use comfy_table::{Table, presets};
-use coordinator::bake::{BakeReport, BakeSettings};
-use coordinator::checkpoint::CheckpointSummary;
-use coordinator::cluster::{ClusterCounts, WorkerSummary};
-use coordinator::export::Exported;
-use coordinator::import::Account;
-use serde_json::json;
+use coordinator::cluster::WorkerSummary;
+use coordinator::summary::{Summary, busy_share};
 
 use super::progress::short;
 
-/// All figures of a bake, for people and for programs.
-pub struct Summary<'a> {
-    /// Wall time from the file to the lit file.
-    pub seconds: f64,
-    /// Unit of the irradiance.
-    pub unit: &'a str,
-    /// What of the file counts, and what is passed over.
-    pub account: &'a Account,
-    /// Triangles dropped on import.
-    pub degenerate_triangles: usize,
-    /// Largest memory of this process so far; none where the system does not say.
-    pub peak_memory_bytes: Option<u64>,
-    /// Of the bake.
-    pub bake: &'a BakeReport,
-    /// Of the output.
-    pub exported: &'a Exported,
-    /// Of each worker.
-    pub workers: &'a [WorkerSummary],
-    /// Of the cluster as a whole.
-    pub cluster: ClusterCounts,
-    /// Of the checkpoint, where there was one.
-    pub checkpoint: Option<&'a CheckpointSummary>,
+/// Figures as tables, for people.
+pub trait Tables {
+    /// Prints the tables.
+    fn print(&self);
 }
 
-impl Summary<'_> {
-    /// Prints the tables.
-    pub fn print(&self) {
+impl Tables for Summary<'_> {
+    fn print(&self) {
         let bake = self.bake;
         let mut table = new_table();
         let mut row = |name: &str, value: String| {
@@ -149,89 +126,45 @@ impl Summary<'_> {
         }
         println!("{table}");
         if self.workers.len() > 1 {
-            println!("{}", self.worker_table());
+            println!("{}", worker_table(self.workers));
         }
     }
+}
 
-    fn worker_table(&self) -> Table {
-        let mut table = new_table();
-        table.set_header(["worker", "threads", "jobs", "late", "rows", "rays", "busy", "received", "sent"]);
-        for worker in self.workers {
-            let mut name = worker.name.clone();
-            if worker.connections > 1 {
-                name += &format!(" (connected {} times)", worker.connections);
-            }
-            if let Some(why) = &worker.lost {
-                name += &format!(" (lost: {why})");
-            }
-            table.add_row([
-                name,
-                worker.threads.to_string(),
-                worker.jobs.to_string(),
-                worker.late.to_string(),
-                worker.rows.to_string(),
-                short(worker.rays as f64),
-                format!("{:.0} % of {:.2} s", 100.0 * busy_share(worker), seconds(worker.connected)),
-                format!(
-                    "{}B ({:.0} a row)",
-                    short(worker.bytes_received as f64),
-                    worker.bytes_received as f64 / worker.rows.max(1) as f64
-                ),
-                format!("{}B", short(worker.bytes_sent as f64)),
-            ]);
+fn worker_table(workers: &[WorkerSummary]) -> Table {
+    let mut table = new_table();
+    table.set_header(["worker", "threads", "jobs", "late", "rows", "rays", "busy", "received", "sent"]);
+    for worker in workers {
+        let mut name = worker.name.clone();
+        if worker.connections > 1 {
+            name += &format!(" (connected {} times)", worker.connections);
         }
-        table
+        if let Some(why) = &worker.lost {
+            name += &format!(" (lost: {why})");
+        }
+        table.add_row([
+            name,
+            worker.threads.to_string(),
+            worker.jobs.to_string(),
+            worker.late.to_string(),
+            worker.rows.to_string(),
+            short(worker.rays as f64),
+            format!("{:.0} % of {:.2} s", 100.0 * busy_share(worker), seconds(worker.connected)),
+            format!(
+                "{}B ({:.0} a row)",
+                short(worker.bytes_received as f64),
+                worker.bytes_received as f64 / worker.rows.max(1) as f64
+            ),
+            format!("{}B", short(worker.bytes_sent as f64)),
+        ]);
     }
-
-    /// All figures as JSON.
-    pub fn to_json(&self, settings: &BakeSettings) -> serde_json::Result<String> {
-        let workers: Vec<_> = self
-            .workers
-            .iter()
-            .map(|worker| {
-                json!({
-                    "name": worker.name, "address": worker.address, "threads": worker.threads, "jobs": worker.jobs,
-                    "late": worker.late, "rows": worker.rows, "rays": worker.rays, "busy_seconds": seconds(worker.busy),
-                    "busy_share": busy_share(worker), "connected_seconds": seconds(worker.connected),
-                    "connections": worker.connections, "bytes_received": worker.bytes_received,
-                    "bytes_sent": worker.bytes_sent, "lost": worker.lost,
-                })
-            })
-            .collect();
-        serde_json::to_string_pretty(&json!({
-            "seconds": self.seconds,
-            "unit": self.unit,
-            "exposure": self.exported.exposure,
-            "output_vertices": self.exported.vertices,
-            "output_triangles": self.exported.triangles,
-            "account": self.account,
-            "degenerate_triangles": self.degenerate_triangles,
-            "peak_memory_bytes": self.peak_memory_bytes,
-            "bake": self.bake,
-            "settings": settings,
-            "workers": workers,
-            "checkpoint": self.checkpoint.map(|checkpoint| json!({
-                "rows_read": checkpoint.rows_read, "rows_written": checkpoint.rows_written,
-                "rows_dropped": checkpoint.rows_dropped, "bytes": checkpoint.bytes, "stopped": checkpoint.stopped,
-            })),
-            "cluster": {
-                "duplicates": self.cluster.duplicates, "ignored_answers": self.cluster.ignored_answers,
-                "lost_workers": self.cluster.lost_workers,
-            },
-        }))
-    }
+    table
 }
 
 /// Kinds with how many there are of each; `true`: also where there is none.
 fn counts(kinds: &[(usize, &str, bool)]) -> String {
     let shown = kinds.iter().filter(|(count, _, always)| *always || *count > 0);
     shown.map(|(count, name, _)| format!("{count} {name}")).collect::<Vec<_>>().join(", ")
-}
-
-/// Part of the time of its threads that a worker computed.
-fn busy_share(worker: &WorkerSummary) -> f64 {
-    let time = seconds(worker.connected) * worker.threads as f64;
-    if time > 0.0 { seconds(worker.busy) / time } else { 0.0 }
 }
 
 fn seconds(duration: Duration) -> f64 {

@@ -1,6 +1,8 @@
 use clap::{Args, ValueEnum};
-use coordinator::import::{ImportOptions, LightUnit};
+use coordinator::import::ImportOptions;
+use coordinator::service::options::{Violations, import_options};
 use glam::DVec3;
+use shared::api;
 
 use super::knobs::positive;
 
@@ -37,28 +39,27 @@ enum LightUnitName {
 }
 
 impl SceneOptions {
-    /// The options that the flags ask for.
-    pub fn import_options(&self) -> ImportOptions {
-        let light_unit = match self.light_unit {
-            Some(LightUnitName::Watt) => LightUnit::Watt,
-            Some(LightUnitName::Candela) | None => LightUnit::Candela,
-        };
-        ImportOptions {
-            scene: self.scene.clone(),
+    /// The flags as a service is told of them.
+    pub fn options(&self) -> api::SceneOptions {
+        api::SceneOptions {
+            scene: self.scene.clone().unwrap_or_default(),
             weld: self.weld,
-            light_unit,
-            sky: self.sky.unwrap_or(DVec3::ZERO),
-            ..ImportOptions::default()
+            sky: self.sky.map(|sky| api::Colour { r: sky.x, g: sky.y, b: sky.z }),
+            light_unit: match self.light_unit {
+                Some(LightUnitName::Watt) => api::LightUnit::Watt,
+                Some(LightUnitName::Candela) => api::LightUnit::Candela,
+                None => api::LightUnit::Unspecified,
+            }
+            .into(),
         }
     }
 
-    /// Unit of the irradiance that comes of it, for the output. Where it is not said what the numbers of lights mean, they may mean
-    /// anything: W/m^2 is what the output has always said.
-    pub fn irradiance_unit(&self) -> &'static str {
-        match self.light_unit {
-            Some(LightUnitName::Candela) => "lx",
-            Some(LightUnitName::Watt) | None => "W/m^2",
-        }
+    /// The options that the flags ask for: those that a service would take them for.
+    pub fn import_options(&self) -> anyhow::Result<ImportOptions> {
+        let mut wrong = Violations::default();
+        let options = import_options(&self.options(), &mut wrong);
+        wrong.check()?;
+        Ok(options)
     }
 }
 

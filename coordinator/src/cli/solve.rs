@@ -3,19 +3,20 @@ use std::time::Instant;
 
 use anyhow::Context;
 use atomic_write_file::AtomicWriteFile;
-use clap::{Args, ValueEnum};
-use coordinator::bake::{BakeSettings, LightGroup, LightPart, Progress, bake, check_groups};
+use clap::Args;
+use coordinator::bake::{Observer, Progress, bake, check_groups};
 use coordinator::checkpoint::{Checkpointed, remove};
 use coordinator::cluster::{Cluster, ClusterSettings};
-use coordinator::export::{Domain, ExportSettings, check_group_names, check_writable, export};
+use coordinator::export::{ExportSettings, check_writable, export};
 use coordinator::import::import;
-use glam::DVec3;
-use serde_json::json;
+use coordinator::metrics::Metrics;
+use coordinator::summary::{Summary, extras};
 
-use super::knobs::{Knobs, positive};
+use super::knobs::Knobs;
 use super::machine::peak_memory_bytes;
+use super::output_options::OutputOptions;
 use super::progress::ProgressLine;
-use super::report::Summary;
+use super::report::Tables;
 use super::scene_options::SceneOptions;
 
 #[derive(Args)]
@@ -28,67 +29,14 @@ pub struct SolveArguments {
     /// Write every figure of the table to this JSON file.
     #[arg(long)]
     report: Option<PathBuf>,
-    /// COLOR_0 per unit of irradiance [default: one at which 5 % of the surface is clipped].
-    #[arg(long, value_parser = positive)]
-    exposure: Option<f64>,
-    /// Unit of the irradiance, as the scene's lights mean it; written to the output [default: W/m^2, or lx with --light-unit
-    /// candela].
-    #[arg(long)]
-    unit: Option<String>,
     #[command(flatten)]
     options: SceneOptions,
-    /// Which vertices the triangles of the output share: those that are the same in everything, or none, so that tools which work on
-    /// the corners of faces keep creases.
-    #[arg(long, value_enum, default_value_t = OutputDomain::Vertex)]
-    output_domain: OutputDomain,
-    /// Which part of the light the output has: what comes straight from lights, what surfaces have reflected, or both.
-    #[arg(long, value_enum, default_value_t = Only::All)]
-    only: Only,
-    /// Write the light of these sources by itself as well, as the attribute _IRRADIANCE_NAME. Lights are named by their node;
-    /// emissive surfaces by their node or material; the sky is `sky`. May be given several times.
-    #[arg(long = "group", value_name = "NAME=LIGHT,LIGHT", value_parser = group)]
-    groups: Vec<LightGroup>,
+    #[command(flatten)]
+    written: OutputOptions,
     #[command(flatten)]
     checkpoint: CheckpointArguments,
     #[command(flatten)]
     knobs: Knobs,
-}
-
-#[derive(Clone, Copy, ValueEnum)]
-enum Only {
-    /// Light without a reflection.
-    Direct,
-    /// Light after a reflection or more.
-    Indirect,
-    /// Both.
-    All,
-}
-
-impl From<Only> for LightPart {
-    fn from(only: Only) -> Self {
-        match only {
-            Only::Direct => Self::Direct,
-            Only::Indirect => Self::Indirect,
-            Only::All => Self::All,
-        }
-    }
-}
-
-#[derive(Clone, Copy, ValueEnum)]
-enum OutputDomain {
-    /// Shared vertices.
-    Vertex,
-    /// Three vertices to each triangle.
-    Corner,
-}
-
-impl From<OutputDomain> for Domain {
-    fn from(domain: OutputDomain) -> Self {
-        match domain {
-            OutputDomain::Vertex => Self::Vertex,
-            OutputDomain::Corner => Self::Corner,
-        }
-    }
 }
 
 #[derive(Args)]
@@ -105,6 +53,19 @@ struct CheckpointArguments {
     keep_checkpoint: bool,
 }
 
+/// Shows how far a bake is: to whoever waits for it, and to Prometheus.
+struct Shown {
+    line: ProgressLine,
+    metrics: Metrics,
+}
+
+impl Observer for Shown {
+    fn progress(&mut self, progress: &Progress) {
+        self.metrics.progress(progress);
+        self.line.show(progress);
+    }
+}
+
 /// Bakes one file.
 pub fn run(arguments: &SolveArguments, workers: &ClusterSettings) -> anyhow::Result<()> {
     let clock = Instant::now();
@@ -113,60 +74,42 @@ pub fn run(arguments: &SolveArguments, workers: &ClusterSettings) -> anyhow::Res
         check_report(report)?;
     }
     check_distinct(arguments)?;
-    let scene = import(&arguments.scene, &arguments.options.import_options())?;
+    let (settings, export_settings) =
+        arguments.written.settings(&arguments.options.options(), arguments.knobs.settings()?)?;
+    let scene = import(&arguments.scene, &arguments.options.import_options()?)?;
     for warning in &scene.warnings {
         eprintln!("warning: {warning}");
     }
-    let settings = BakeSettings {
-        only: arguments.only.into(),
-        groups: arguments.groups.clone(),
-        ..arguments.knobs.settings()
-    };
     check_groups(&scene, &settings.groups)?;
-    check_group_names(&settings.groups)?;
-    let mut line = ProgressLine::new();
-    let mut progress = |progress: &Progress| {
-        workers.metrics.progress(progress);
-        line.show(progress);
-    };
+    let mut shown = Shown { line: ProgressLine::new(), metrics: workers.metrics.clone() };
     let mut cluster = Cluster::start(workers)?;
     let (baked, recorded) = match &arguments.checkpoint.checkpoint {
-        None => (bake(&scene, &settings, &mut cluster, &mut progress)?, None),
+        None => (bake(&scene, &settings, &mut cluster, &mut shown)?, None),
         Some(path) => {
             let limit = arguments.checkpoint.checkpoint_size.saturating_mul(1 << 20);
             let mut service = Checkpointed::open(cluster, path, limit)?;
-            let baked = bake(&scene, &settings, &mut service, &mut progress);
+            let baked = bake(&scene, &settings, &mut service, &mut shown);
             let recorded;
             (cluster, recorded) = service.finish();
             let kept = || format!("the rows made so far are in {}: the same command goes on", path.display());
             (baked.with_context(kept)?, Some(recorded))
         }
     };
-    line.finish();
+    shown.line.finish();
     for warning in &baked.report.warnings {
         eprintln!("warning: {warning}");
     }
     let (per_worker, counts) = (cluster.workers(), cluster.counts());
     cluster.shutdown();
-    let unit = arguments.unit.clone().unwrap_or_else(|| arguments.options.irradiance_unit().to_owned());
-    let mut extras = json!({ "energy_balance": baked.report.balance, "settings": settings });
-    if scene.sky != DVec3::ZERO {
-        // What a picture shows where there is no surface.
-        extras["sky"] = json!(scene.sky.to_array());
-    }
-    let export_settings = ExportSettings {
-        exposure: arguments.exposure,
-        unit: unit.clone(),
-        domain: arguments.output_domain.into(),
-        extras,
-    };
+    let extras = extras(&scene, &settings, &baked.report);
+    let export_settings = ExportSettings { extras, ..export_settings };
     let exported = export(&scene, &baked.lit, &export_settings, &arguments.output)?;
     for warning in &exported.warnings {
         eprintln!("warning: {warning}");
     }
     let summary = Summary {
         seconds: clock.elapsed().as_secs_f64(),
-        unit: &unit,
+        unit: &export_settings.unit,
         account: &scene.account,
         degenerate_triangles: scene.degenerate_triangles,
         peak_memory_bytes: peak_memory_bytes(),
@@ -186,16 +129,6 @@ pub fn run(arguments: &SolveArguments, workers: &ClusterSettings) -> anyhow::Res
         remove(path)?;
     }
     Ok(())
-}
-
-/// `NAME=LIGHT,LIGHT`.
-fn group(text: &str) -> Result<LightGroup, String> {
-    let (name, lights) = text.split_once('=').ok_or("not NAME=LIGHT,LIGHT")?;
-    let lights: Vec<String> = lights.split(',').map(|light| light.trim().to_owned()).collect();
-    if name.trim().is_empty() || lights.iter().any(String::is_empty) {
-        return Err("neither the group's name nor that of a light may be empty".into());
-    }
-    Ok(LightGroup { name: name.trim().to_owned(), lights })
 }
 
 /// Nothing that the bake reads or writes may overwrite another of its files.

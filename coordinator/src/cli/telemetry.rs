@@ -3,6 +3,7 @@ use std::net::SocketAddr;
 use anyhow::Context;
 use clap::Args;
 use coordinator::metrics::Metrics;
+use coordinator::service;
 use prometheus_client::registry::Registry;
 use shared::telemetry::{LogFormat, Logging, LoggingError, LoggingSettings, MetricsAddress, MetricsPage};
 
@@ -30,15 +31,16 @@ impl TelemetryArguments {
     }
 
     /// Shows these figures, for as long as the page is held, where that is asked for.
-    pub fn show(&self, metrics: &Metrics) -> anyhow::Result<Option<MetricsPage>> {
+    pub fn show(&self, metrics: &Metrics, service: &service::Metrics) -> anyhow::Result<Option<MetricsPage>> {
         let Some(MetricsAddress(Some(address))) = self.metrics else { return Ok(None) };
-        page(address, metrics).map(Some)
+        page(address, metrics, service).map(Some)
     }
 }
 
-fn page(address: SocketAddr, metrics: &Metrics) -> anyhow::Result<MetricsPage> {
+fn page(address: SocketAddr, metrics: &Metrics, service: &service::Metrics) -> anyhow::Result<MetricsPage> {
     let mut registry = Registry::default();
     metrics.register(&mut registry);
+    service.register(&mut registry);
     MetricsPage::start(address, registry)
         .with_context(|| format!("cannot show metrics at {address}: choose another --metrics address"))
 }

@@ -115,9 +115,14 @@ impl WorkerArguments {
                 FallbackArgument::None => None,
                 FallbackArgument::Embedded => Some(self.threads()?),
             },
-            security: self.security.security()?,
+            security: self.security()?,
             metrics: metrics.clone(),
         })
+    }
+
+    /// How remote workers are talked to, and services.
+    pub fn security(&self) -> anyhow::Result<ClientSecurity> {
+        self.security.security()
     }
 
     /// How many threads of this process compute.

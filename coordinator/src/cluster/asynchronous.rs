@@ -25,8 +25,7 @@ use crate::scheduler::JobId;
 pub struct AsyncCluster {
     messages: mpsc::UnboundedSender<Message>,
     results: mpsc::UnboundedReceiver<reactor::Result>,
-    /// Of all workers that are connected.
-    threads: Arc<AtomicUsize>,
+    connected: Arc<Connected>,
     /// Once all workers are lost, every call for results says so.
     all_lost: Option<ClusterError>,
     /// Ends the embedded worker, and all dialling.
@@ -39,29 +38,9 @@ impl AsyncCluster {
     /// # Errors
     /// As for [`super::Cluster::start`].
     pub async fn start(settings: &ClusterSettings, network: Arc<dyn Network>) -> Result<Self, ClusterError> {
-        let (messages, inbox) = mpsc::unbounded_channel();
-        let (sender, results) = mpsc::unbounded_channel();
-        let (ready, is_ready) = oneshot::channel();
-        let leaving = CancellationToken::new();
-        let guard = leaving.clone().drop_guard();
-        let members = Members::new(network, settings, messages.clone(), leaving.clone());
-        let names = match &settings.workers {
-            Workers::Embedded { threads } => {
-                members.embed(NonZeroUsize::new(*threads).ok_or(ClusterError::NoWorkers)?);
-                1
-            }
-            Workers::Remote(names) if names.is_empty() => return Err(ClusterError::NoWorkers),
-            Workers::Remote(names) => {
-                names.iter().try_for_each(|name| check_name(name))?;
-                names.iter().for_each(|name| members.follow(name.clone()));
-                names.len()
-            }
-        };
-        let threads = Arc::default();
-        let reactor = Reactor::new(settings.clone(), members, names, sender, Arc::clone(&threads), ready);
-        tokio::spawn(reactor.run(inbox, leaving));
+        let Started { messages, results, connected, is_ready, leaving } = Started::new(settings, network)?;
         is_ready.await.map_err(|_| ClusterError::Stopped)??;
-        Ok(Self { messages, results, threads, all_lost: None, _leaving: guard })
+        Ok(Self { messages, results, connected, all_lost: None, _leaving: leaving })
     }
 
     /// As [`super::Cluster::publish`].
@@ -86,10 +65,22 @@ impl AsyncCluster {
         self.tell(Message::Submit(tiles.collect()));
     }
 
+    /// As [`super::Cluster::withdraw`].
+    pub async fn withdraw(&mut self) {
+        let (done, is_done) = oneshot::channel::<()>();
+        self.tell(Message::WithdrawAll(done));
+        // Nothing is ever sent: it waits until the other end is dropped.
+        let _ = is_done.await;
+        while let Ok(result) = self.results.try_recv() {
+            // Only what is true from now on is of interest.
+            let _ = self.remember(Some(result));
+        }
+    }
+
     /// As [`super::Cluster::threads`].
     #[must_use]
     pub fn threads(&self) -> usize {
-        self.threads.load(Relaxed)
+        self.connected.threads.load(Relaxed)
     }
 
     /// As [`super::Cluster::next`].
@@ -160,5 +151,59 @@ impl AsyncCluster {
     fn tell(&self, message: Message) {
         // Where the reactor is gone, the next call for results says so.
         let _ = self.messages.send(message);
+    }
+}
+
+/// The workers that are connected now.
+#[derive(Debug, Default)]
+pub(super) struct Connected {
+    /// How many they are.
+    pub(super) workers: AtomicUsize,
+    /// How many jobs they compute at the same time.
+    pub(super) threads: AtomicUsize,
+}
+
+/// The reactor's task, as whoever started it sees it.
+pub(super) struct Started {
+    /// What it is to do.
+    pub(super) messages: mpsc::UnboundedSender<Message>,
+    /// What came of it.
+    pub(super) results: mpsc::UnboundedReceiver<reactor::Result>,
+    /// Whom it has.
+    pub(super) connected: Arc<Connected>,
+    /// Told once there is a worker and all others were tried, or why there is none.
+    pub(super) is_ready: oneshot::Receiver<Result<(), ClusterError>>,
+    /// Ends the embedded worker, and all dialling.
+    pub(super) leaving: DropGuard,
+}
+
+impl Started {
+    /// Starts it on the runtime of the caller.
+    ///
+    /// # Errors
+    /// When there is nobody to dial or to start, or an address makes no sense.
+    pub(super) fn new(settings: &ClusterSettings, network: Arc<dyn Network>) -> Result<Self, ClusterError> {
+        let (messages, inbox) = mpsc::unbounded_channel();
+        let (sender, results) = mpsc::unbounded_channel();
+        let (ready, is_ready) = oneshot::channel();
+        let leaving = CancellationToken::new();
+        let guard = leaving.clone().drop_guard();
+        let members = Members::new(network, settings, messages.clone(), leaving.clone());
+        let names = match &settings.workers {
+            Workers::Embedded { threads } => {
+                members.embed(NonZeroUsize::new(*threads).ok_or(ClusterError::NoWorkers)?);
+                1
+            }
+            Workers::Remote(names) if names.is_empty() => return Err(ClusterError::NoWorkers),
+            Workers::Remote(names) => {
+                names.iter().try_for_each(|name| check_name(name))?;
+                names.iter().for_each(|name| members.follow(name.clone()));
+                names.len()
+            }
+        };
+        let connected = Arc::default();
+        let reactor = Reactor::new(settings.clone(), members, names, sender, Arc::clone(&connected), ready);
+        tokio::spawn(reactor.run(inbox, leaving));
+        Ok(Self { messages, results, connected, is_ready, leaving: guard })
     }
 }

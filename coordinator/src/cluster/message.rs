@@ -20,6 +20,10 @@ pub(super) enum Message {
     Release(Digest),
     /// More jobs.
     Submit(Vec<(JobId, Request)>),
+    /// Jobs that nobody waits for any more.
+    Withdraw(Vec<JobId>),
+    /// Nobody waits for any job any more; the sender is dropped once none of them will be answered.
+    WithdrawAll(oneshot::Sender<()>),
     /// What did each worker do?
     Summarise(oneshot::Sender<(Vec<WorkerSummary>, ClusterCounts)>),
     /// Say goodbye to all workers; the sender is dropped when all have answered.

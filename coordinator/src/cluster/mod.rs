@@ -13,6 +13,9 @@
 //! | `reactor`, `message` | the one task that owns the scheduler, and what it is told |
 //! | `waiting` | what is known of workers that are not there, and how long they are waited for |
 //! | `accounts`, `summary` | what each worker did |
+//! | `sharing` | whose job goes next where several bakes share the workers (pure) |
+//! | `drivers` | the workers for several drivers at a time |
+//! | `recent` | how much is done in a second, lately |
 //! | `asynchronous` | the cluster for a driver that runs on the same runtime |
 //!
 //! A driver submits jobs of one kind and takes the results as they come; a bake is synchronous, and [`Cluster`] has a runtime of its
@@ -23,14 +26,17 @@ mod accounts;
 mod answer;
 mod asynchronous;
 mod connect;
+mod drivers;
 mod error;
 mod members;
 mod message;
 pub mod network;
 mod reactor;
+mod recent;
 mod request;
 mod session;
 mod settings;
+mod sharing;
 mod summary;
 mod upload;
 mod waiting;
@@ -45,7 +51,9 @@ use tokio::runtime::Runtime;
 
 pub use answer::{Answer, AnswerError};
 pub use asynchronous::AsyncCluster;
+pub use drivers::{ClusterStatus, Driver, SharedCluster};
 pub use error::ClusterError;
+pub use recent::RecentRate;
 pub use settings::{ClusterSettings, Schedule, Workers};
 pub use summary::{ClusterCounts, FinishedJob, FinishedTile, WorkerSummary};
 
@@ -108,6 +116,13 @@ impl Cluster {
         self.cluster.submit_tiles(requests);
     }
 
+    /// Forgets all jobs that have no answer yet: none of them is answered any more. What workers compute already they end.
+    pub fn withdraw(&mut self) {
+        if let Some(runtime) = &self.runtime {
+            runtime.block_on(self.cluster.withdraw());
+        }
+    }
+
     /// How many jobs the workers that are connected now compute at the same time.
     #[must_use]
     pub fn threads(&self) -> usize {
@@ -126,6 +141,16 @@ impl Cluster {
     )]
     pub fn next(&mut self) -> Result<FinishedJob, ClusterError> {
         self.cluster.blocking_next()
+    }
+
+    /// As [`Self::next`]; `None` where there is no result within so long.
+    ///
+    /// # Errors
+    /// As for [`Self::next`].
+    pub fn next_within(&mut self, patience: Duration) -> Result<Option<FinishedJob>, ClusterError> {
+        let Some(runtime) = &self.runtime else { return Err(ClusterError::Stopped) };
+        let next = async { tokio::time::timeout(patience, self.cluster.next()).await };
+        runtime.block_on(next).map_or(Ok(None), |result| result.map(Some))
     }
 
     /// As [`Self::next`], for a driver that asks for tiles.

@@ -2,7 +2,6 @@
 
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
-use std::sync::atomic::AtomicUsize;
 use std::sync::atomic::Ordering::Relaxed;
 
 use shared::protocol::FailureReason;
@@ -13,6 +12,7 @@ use tokio_util::sync::CancellationToken;
 
 use super::accounts::Accounts;
 use super::answer::Checked;
+use super::asynchronous::Connected;
 use super::members::Members;
 use super::message::{Joined, Message};
 use super::request::Request;
@@ -34,8 +34,8 @@ pub(super) struct Reactor {
     accounts: Accounts,
     /// Answers that were delivered, of jobs that another worker holds too, until it has answered or is lost.
     delivered: HashMap<JobId, Delivered>,
-    /// Threads of all sessions, for the driver.
-    threads: Arc<AtomicUsize>,
+    /// Whoever has a session, for the driver.
+    connected: Arc<Connected>,
     results: mpsc::UnboundedSender<Result>,
     waiting: Waiting,
     /// Held from the order to shut down until the last session is over.
@@ -59,7 +59,7 @@ impl Reactor {
         members: Arc<Members>,
         names: usize,
         results: mpsc::UnboundedSender<Result>,
-        threads: Arc<AtomicUsize>,
+        connected: Arc<Connected>,
         ready: Ready,
     ) -> Self {
         let policy = match settings.schedule {
@@ -73,7 +73,7 @@ impl Reactor {
             replicas: HashMap::new(),
             requests: HashMap::new(),
             sessions: BTreeMap::new(),
-            threads,
+            connected,
             accounts: Accounts::default(),
             delivered: HashMap::new(),
             results,
@@ -142,6 +142,11 @@ impl Reactor {
                 self.requests.extend(requests.into_iter().map(|(job, request)| (job, Arc::new(request))));
                 self.on(Event::Submitted { jobs });
             }
+            Message::Withdraw(jobs) => self.withdraw(jobs),
+            Message::WithdrawAll(done) => {
+                self.withdraw(self.requests.keys().copied().collect());
+                drop(done);
+            }
             Message::Summarise(reply) => {
                 let counts = ClusterCounts {
                     duplicates: self.scheduler.duplicates_sent(),
@@ -173,6 +178,15 @@ impl Reactor {
         }
     }
 
+    fn withdraw(&mut self, mut jobs: Vec<JobId>) {
+        // In an order of their own, whatever that of the map.
+        jobs.sort_unstable();
+        for job in &jobs {
+            self.requests.remove(job);
+        }
+        self.on(Event::Withdrawn { jobs });
+    }
+
     fn join(&mut self, Joined { worker, address, hello, commands, bytes_sent }: Joined) {
         let threads = hello.threads as usize;
         tracing::info!(worker = hello.name, address, threads, version = hello.software_version, "connected");
@@ -185,7 +199,8 @@ impl Reactor {
             return;
         }
         self.sessions.insert(worker, commands);
-        self.threads.fetch_add(threads, Relaxed);
+        self.connected.workers.fetch_add(1, Relaxed);
+        self.connected.threads.fetch_add(threads, Relaxed);
         self.on(Event::WorkerConnected { worker, threads });
         self.look_round();
     }
@@ -234,7 +249,8 @@ impl Reactor {
 
     fn lose(&mut self, worker: WorkerId, reason: &LostWorkerReason) {
         if self.sessions.remove(&worker).is_some() {
-            self.threads.fetch_sub(self.accounts.threads(worker), Relaxed);
+            self.connected.workers.fetch_sub(1, Relaxed);
+            self.connected.threads.fetch_sub(self.accounts.threads(worker), Relaxed);
         }
         self.delivered.retain(|_, delivered| delivered.holder != worker);
         if self.shutdown.is_some() {

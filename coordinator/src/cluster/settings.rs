@@ -52,6 +52,9 @@ pub struct ClusterSettings {
 impl ClusterSettings {
     /// How long a cluster waits where nobody asks for more or less: a worker that restarts, or a machine that does.
     pub const DEFAULT_GRACE: Duration = Duration::from_secs(30);
+
+    /// Waits on, however long no worker comes: for a service, whose workers come back.
+    pub const ENDLESS_GRACE: Duration = Duration::MAX;
 }
 
 impl From<Workers> for ClusterSettings {

@@ -42,9 +42,9 @@ impl Waiting {
         }
     }
 
-    /// When a worker must be there, if there is none. Whoever was not dialled yet may come.
+    /// When a worker must be there, if there is none; `None` where that is beyond all times. Whoever was not dialled yet may come.
     pub(super) fn ends(&self, grace: Duration) -> Option<Instant> {
-        self.alone_since.filter(|_| self.untried == 0).map(|since| since + grace)
+        self.alone_since.filter(|_| self.untried == 0).and_then(|since| since.checked_add(grace))
     }
 
     /// A machine, or a name, could not be reached.
@@ -57,6 +57,7 @@ impl Waiting {
     pub(super) fn came(&mut self, address: &str) {
         self.failures.remove(address);
         self.alone_since = None;
+        self.failed = false;
     }
 
     /// The last worker is gone; false where that makes no difference any more.

@@ -17,6 +17,9 @@ pub(super) const TINT: &str = "COLOR_0";
 /// Name of the attribute of the irradiance, without its underscore; those of its parts begin with it.
 pub(super) const IRRADIANCE: &str = "IRRADIANCE";
 
+/// Name of the attribute of the radiosity that is still to be shot, without its underscore.
+pub(super) const UNSHOT: &str = "UNSHOT";
+
 /// An attribute of the input, as floats.
 pub(super) struct SourceAttribute {
     /// Its name.
@@ -30,7 +33,7 @@ pub(super) struct SourceAttribute {
 }
 
 /// Reads the attributes that the refined mesh takes over: neither those that it has of its own (`POSITION`, `NORMAL`,
-/// `_IRRADIANCE` and what begins like it) nor those that belong to an undone pose (`JOINTS`, `WEIGHTS`). `COLOR_0`, which the
+/// `_IRRADIANCE` and what begins like it, `_UNSHOT`) nor those that belong to an undone pose (`JOINTS`, `WEIGHTS`). `COLOR_0`, which the
 /// light is multiplied by, is also kept by itself, as [`TINT`].
 ///
 /// Matrices, which only application-specific attributes have, are left out.
@@ -43,7 +46,7 @@ pub(super) fn read(
         let own = match &semantic {
             Semantic::Positions | Semantic::Normals => true,
             Semantic::Joints(_) | Semantic::Weights(_) => true,
-            Semantic::Extras(name) => name == TINT || name.starts_with(IRRADIANCE),
+            Semantic::Extras(name) => name == TINT || name == UNSHOT || name.starts_with(IRRADIANCE),
             _ => false,
         };
         let width = accessor.dimensions().multiplicity();

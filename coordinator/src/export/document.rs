@@ -13,6 +13,7 @@ use serde_json::{Map, Value, json};
 
 use super::attributes::IRRADIANCE;
 use super::buffer::{self, NewData};
+use super::layers::Parts;
 use super::materials::{LitMaterials, complete_texture_transforms};
 use super::refined::{Placement, RefinedPrimitive, Show, refine};
 use super::{Domain, ExportError, ExportSettings, attributes, extensions, images, layers, materials};
@@ -86,8 +87,8 @@ struct Assembler<'a> {
     lit: &'a LitMesh,
     exposure: f64,
     domain: Domain,
-    /// Names of the attributes of the lit mesh's layers.
-    layers: Vec<Semantic>,
+    /// What the lit mesh has beside the whole light.
+    parts: Parts<'a>,
     /// The input, to read from while the output changes.
     document: gltf::Document,
     world: Vec<glam::DMat4>,
@@ -109,7 +110,7 @@ impl<'a> Assembler<'a> {
             lit,
             exposure,
             domain,
-            layers: layers::semantics(lit)?,
+            parts: layers::parts(lit)?,
             world: world_matrices(&document),
             document,
             new: NewData::new(scene.source.buffers.len()),
@@ -188,7 +189,7 @@ impl<'a> Assembler<'a> {
         let diffuse =
             materials::diffuse_part(original.material.and_then(|index| self.root.get(index)), glows);
         let show = Show { exposure: self.exposure, diffuse, domain: self.domain };
-        let refined = refine(surface, triangles, self.lit, &placement, show, &attributes)?;
+        let refined = refine(surface, triangles, self.lit, &self.parts, &placement, show, &attributes)?;
         self.vertices += refined.positions.len();
         self.triangles += triangles.len();
         let one_side = self.scene.surfaces.iter().any(|other| {
@@ -208,10 +209,11 @@ impl<'a> Assembler<'a> {
             (Semantic::Colors(0), colour_width, refined.colours),
             (Semantic::Extras(IRRADIANCE.into()), 3, refined.irradiances.into_flattened()),
         ];
-        let layers = self.layers.clone().into_iter().zip(refined.layers);
+        let names = self.parts.iter().map(|(semantic, _)| semantic.clone());
+        let parts = names.zip(refined.parts);
         let attributes = own
             .into_iter()
-            .chain(layers.map(|(semantic, values)| (semantic, 3, values.into_flattened())))
+            .chain(parts.map(|(semantic, values)| (semantic, 3, values.into_flattened())))
             .chain(refined.further)
             .map(|(semantic, width, values)| {
                 let accessor = self.new.push_attribute(&mut self.root, &semantic, width, &values);

@@ -1,17 +1,34 @@
 //! Names of the attributes that hold parts of the light.
 
+use glam::DVec3;
 use gltf::Semantic;
 use serde_json::{Value, json};
 
 use super::ExportError;
-use super::attributes::IRRADIANCE;
+use super::attributes::{IRRADIANCE, UNSHOT};
 use crate::lit::LitMesh;
+
+/// Attributes of irradiances or radiosities beside the whole light, each with its value at every vertex of the lit mesh.
+pub(super) type Parts<'a> = Vec<(Semantic, &'a [DVec3])>;
+
+/// All that the lit mesh has beside the whole light: its layers, and what is still unshot.
+///
+/// # Errors
+/// When two layers would have the same attribute.
+pub(super) fn parts(lit: &LitMesh) -> Result<Parts<'_>, ExportError> {
+    let layers = lit.layers.iter().map(|layer| layer.irradiance.as_slice());
+    let mut parts: Parts = semantics(lit)?.into_iter().zip(layers).collect();
+    if !lit.unshot.is_empty() {
+        parts.push((Semantic::Extras(UNSHOT.into()), &lit.unshot));
+    }
+    Ok(parts)
+}
 
 /// The attribute of each layer.
 ///
 /// # Errors
 /// When two layers would have the same.
-pub(super) fn semantics(lit: &LitMesh) -> Result<Vec<Semantic>, ExportError> {
+fn semantics(lit: &LitMesh) -> Result<Vec<Semantic>, ExportError> {
     let groups: Vec<&str> = lit.layers.iter().map(|layer| layer.name.as_str()).collect();
     check(&groups)?;
     Ok(groups.into_iter().map(|group| Semantic::Extras(attribute(group))).collect())

@@ -9,6 +9,7 @@
 //!   differs.
 //! - Per vertex there are `COLOR_0` (irradiance x exposure x the input's `COLOR_0`, clamped to [0, 1], linear, with its alpha),
 //!   `_IRRADIANCE` (irradiance as it is, without exposure or clamp), `_IRRADIANCE_NAME` for the part of each light group,
+//!   `_UNSHOT` (radiosity still to be shot) while the bake is under way,
 //!   `_COLOR_0` (the input's `COLOR_0`) and the input's other attributes, interpolated. `JOINTS`, `WEIGHTS` and morph targets
 //!   end here: the light is that of the pose that it was computed with.
 //! - Materials become `KHR_materials_unlit`, so that a viewer shows `COLOR_0` x base colour, which is radiosity x exposure, and

@@ -8,6 +8,7 @@ use smallvec::SmallVec;
 
 use super::attributes::{self, SourceAttribute};
 use super::exposure::{corners, display_colour};
+use super::layers::Parts;
 use super::{Domain, ExportError};
 use crate::lit::{LitMesh, LitTriangle, LitVertex};
 use crate::scene::{Frame, Surface};
@@ -20,8 +21,8 @@ pub(super) struct RefinedPrimitive {
     /// `COLOR_0`: of four components where the input's has four, else of three.
     pub(super) colours: Vec<f32>,
     pub(super) irradiances: Vec<[f32; 3]>,
-    /// Irradiance of each layer of the lit mesh.
-    pub(super) layers: Vec<Vec<[f32; 3]>>,
+    /// What the lit mesh has beside the whole light.
+    pub(super) parts: Vec<Vec<[f32; 3]>>,
     /// Name, components per vertex and components of every further attribute.
     pub(super) further: Vec<(Semantic, usize, Vec<f32>)>,
     /// Three per triangle, counter-clockwise in glTF's sense.
@@ -80,6 +81,7 @@ pub(super) fn refine(
     surface: &Surface,
     triangles: &[LitTriangle],
     lit: &LitMesh,
+    parts: &Parts,
     placement: &Placement,
     show: Show,
     source: &[SourceAttribute],
@@ -90,7 +92,7 @@ pub(super) fn refine(
     });
     let tint = tint.unwrap_or(0..0);
     let mut refined = RefinedPrimitive {
-        layers: vec![vec![]; lit.layers.len()],
+        parts: vec![vec![]; parts.len()],
         further: source.iter().map(|a| (a.semantic.clone(), a.kept_width(), Vec::new())).collect(),
         ..RefinedPrimitive::default()
     };
@@ -120,6 +122,7 @@ pub(super) fn refine(
                 None => {
                     let index = refined.push(surface, corner, source, &values, placement)?;
                     refined.push_light(surface, lit, vertex, &values[tint.clone()], show)?;
+                    refined.push_parts(surface, parts, vertex)?;
                     known.insert(key, index);
                     index
                 }
@@ -178,11 +181,16 @@ impl RefinedPrimitive {
         let colour = display_colour(irradiance * rgb * show.diffuse, show.exposure);
         self.colours.extend(finite(surface, colour, "colour")?);
         self.colours.extend(alpha);
-        for (values, layer) in self.layers.iter_mut().zip(&lit.layers) {
-            let irradiance = layer.irradiance.get(vertex as usize).ok_or_else(|| {
-                ExportError::Mismatch(format!("group {} has no irradiance of vertex {vertex}", layer.name))
+        Ok(())
+    }
+
+    /// Adds what the vertex that was added last has beside the whole light.
+    fn push_parts(&mut self, surface: &Surface, parts: &Parts, vertex: u32) -> Result<(), ExportError> {
+        for (values, (semantic, of_vertices)) in self.parts.iter_mut().zip(parts) {
+            let value = of_vertices.get(vertex as usize).ok_or_else(|| {
+                ExportError::Mismatch(format!("{} has no value at vertex {vertex}", semantic.to_string()))
             })?;
-            values.push(finite(surface, *irradiance, &format!("irradiance of group {}", layer.name))?);
+            values.push(finite(surface, *value, &semantic.to_string())?);
         }
         Ok(())
     }

@@ -50,6 +50,11 @@ pub enum Event {
         /// The jobs, most urgent first, each with the replicas that it needs. They come after all that wait already.
         jobs: Vec<(JobId, Vec<Digest>)>,
     },
+    /// Nobody waits for these jobs any more. Those that are over, or unknown, do no harm.
+    Withdrawn {
+        /// The jobs.
+        jobs: Vec<JobId>,
+    },
     /// A replica has arrived.
     ReplicaLoaded {
         /// Where.

@@ -117,6 +117,14 @@ impl Scheduler {
                     }
                 }
             }
+            Event::Withdrawn { jobs } => {
+                for job in jobs {
+                    if let Some(state) = self.jobs.get(&job).filter(|state| state.holders.is_empty()) {
+                        self.queue.remove(job, state);
+                    }
+                    self.end(job, actions);
+                }
+            }
             Event::ReplicaLoaded { worker, digest } => {
                 let replica =
                     self.workers.get_mut(&worker).and_then(|worker| worker.replicas.get_mut(&digest));

@@ -212,6 +212,7 @@ impl Watch {
             Event::Failed { .. } | Event::Refused { .. } => {
                 return Err("a worker failed at a job, and none is broken".into());
             }
+            Event::Withdrawn { .. } => return Err("jobs were withdrawn, and all are wanted".into()),
             Event::Released { .. } | Event::Tick => {}
         }
         let mut is_delivered = false;

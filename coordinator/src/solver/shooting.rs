@@ -164,6 +164,18 @@ impl<L: Light> Shooting<L> {
         ShootingProgress { shots: self.shots, unshot: L::ratio(unshot, reflected).largest_channel() }
     }
 
+    /// Irradiance of every receiver, by the shots applied so far.
+    #[must_use]
+    pub fn irradiance(&self) -> &[L] {
+        &self.irradiance
+    }
+
+    /// Radiosity that each share has still to shoot.
+    #[must_use]
+    pub fn unshot_of_shares(&self) -> Vec<L> {
+        (0..self.shares.len()).map(|share| self.unshot(share)).collect()
+    }
+
     /// Radiosity shot by each share.
     #[must_use]
     pub fn into_shot(self) -> Vec<L> {

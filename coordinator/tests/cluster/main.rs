@@ -3,6 +3,7 @@
 mod bakery;
 mod names;
 mod server;
+mod sharing;
 
 use std::time::Duration;
 

@@ -30,9 +30,13 @@ pub struct Server {
 
 impl Server {
     fn start(serve: impl FnOnce(&Runtime, TcpListenerStream, CancellationToken)) -> Self {
+        Self::start_at("127.0.0.1:0", serve)
+    }
+
+    fn start_at(address: &str, serve: impl FnOnce(&Runtime, TcpListenerStream, CancellationToken)) -> Self {
         let runtime =
             tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
-        let listener = runtime.block_on(TcpListener::bind("127.0.0.1:0")).unwrap();
+        let listener = runtime.block_on(TcpListener::bind(address)).unwrap();
         let address = listener.local_addr().unwrap().to_string();
         let shutdown = CancellationToken::new();
         serve(&runtime, TcpListenerStream::new(listener), shutdown.clone());
@@ -41,7 +45,12 @@ impl Server {
 
     /// A real worker of one thread.
     pub fn real() -> Self {
-        Self::start(|runtime, incoming, shutdown| {
+        Self::real_at("127.0.0.1:0")
+    }
+
+    /// The same at a given address.
+    pub fn real_at(address: &str) -> Self {
+        Self::start_at(address, |runtime, incoming, shutdown| {
             let settings = Settings { replica_bytes: 1 << 20, ..Settings::new("real", NonZeroUsize::MIN) };
             runtime.spawn(worker::serve(incoming, settings, shutdown));
         })

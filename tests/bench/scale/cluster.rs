@@ -4,6 +4,7 @@ use std::cell::Cell;
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap, HashMap, VecDeque};
 use std::sync::Arc;
+use std::time::Duration;
 
 use coordinator::bake::{BakeError, Phase, RowService};
 use coordinator::cluster::{FinishedJob, JobId};
@@ -322,7 +323,11 @@ impl RowService for Simulated<'_> {
         self.model.workers.len()
     }
 
-    fn next(&mut self) -> Result<FinishedJob, BakeError> {
+    fn withdraw(&mut self) {
+        self.submitted.clear();
+    }
+
+    fn next(&mut self, _: Duration) -> Result<Option<FinishedJob>, BakeError> {
         self.charge();
         self.take_submitted();
         while self.results.is_empty() {
@@ -341,6 +346,6 @@ impl RowService for Simulated<'_> {
             statistics: rows.iter().map(|row| row.statistics).collect(),
         };
         self.mark = processor_time();
-        Ok(finished)
+        Ok(Some(finished))
     }
 }

@@ -5,7 +5,7 @@ use std::error::Error;
 use std::fs;
 use std::path::Path;
 
-use coordinator::bake::{BakeReport, BakeSettings, Baked, Phase, Progress, bake};
+use coordinator::bake::{BakeReport, BakeSettings, Baked, Observer, Phase, Progress, bake};
 use coordinator::scene::Scene;
 use shared::replica::Digest;
 use tests::baking::imported;
@@ -82,12 +82,23 @@ impl Prepared {
     pub fn run(&mut self, model: Model) -> Result<Run, Box<dyn Error>> {
         let phase = Cell::new(Phase::Light);
         let mut cluster = Simulated::new(&mut self.recorder, model, &phase);
-        let mut progress = |progress: &Progress| phase.set(progress.phase);
-        let Baked { lit, report } = bake(&self.scene, &self.settings, &mut cluster, &mut progress)?;
+        let mut watched = Watched { phase: &phase };
+        let Baked { lit, report } = bake(&self.scene, &self.settings, &mut cluster, &mut watched)?;
         let seconds = in_seconds(cluster.finish());
         let light = lit.vertices.iter().flat_map(|vertex| vertex.irradiance.to_array());
         let digest = Digest::of(&light.flat_map(f64::to_le_bytes).collect::<Vec<u8>>());
         Ok(Run { seconds, account: cluster.account, report, digest })
+    }
+}
+
+/// Tells the cluster what the bake is doing.
+struct Watched<'a> {
+    phase: &'a Cell<Phase>,
+}
+
+impl Observer for Watched<'_> {
+    fn progress(&mut self, progress: &Progress) {
+        self.phase.set(progress.phase);
     }
 }
 

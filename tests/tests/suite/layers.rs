@@ -1,6 +1,8 @@
 //! Parts of the light against the whole, and against bakes of scenes that have nothing but the part.
 
-use coordinator::bake::{BakeError, BakeSettings, Baked, LightGroup, LightPart, bake, check_groups};
+use coordinator::bake::{
+    BakeError, BakeSettings, Baked, LightGroup, LightPart, Unobserved, bake, check_groups,
+};
 use coordinator::cluster::{Cluster, Workers};
 use coordinator::import::{ImportOptions, import_slice};
 use coordinator::lit::LitMesh;
@@ -147,7 +149,7 @@ fn an_unknown_light_is_an_error_that_lists_those_that_are() {
     );
     let mut cluster = Cluster::start(&Workers::Embedded { threads: 1 }.into()).unwrap();
     let settings = BakeSettings { groups, ..settings() };
-    let refused = bake(&scene, &settings, &mut cluster, &mut |_| ()).map(|_| ());
+    let refused = bake(&scene, &settings, &mut cluster, &mut Unobserved).map(|_| ());
     assert!(matches!(refused, Err(BakeError::UnknownLight { .. })));
     cluster.shutdown();
 }

@@ -27,6 +27,7 @@
 //! | `dirty` | meshes as careless tools write them, against the same surfaces written with care |
 //! | `stability` | hard cases, and scenes told in several ways, against what is true of every bake |
 //! | `security` | workers with certificates and tokens against those who have none or others, and against garbage |
+//! | `service` | the long-running service against `solve`, crashes, wrong clients and what its protocol promises |
 //! | `telemetry` | health, reflection and metrics against what was baked |
 //! | `view_factors` | view factors of scenes against known values, a Monte Carlo of the test's own, and each other |
 //! | `faults` | bakes while workers and the network fail against undisturbed ones, bit for bit |
@@ -53,6 +54,7 @@ mod receiver_rows;
 mod reference;
 mod scenes;
 mod security;
+mod service;
 mod size;
 mod sky;
 mod spheres;

@@ -1,6 +1,6 @@
 //! How a bake grows with its scene, in counts: the same rooms, five and twenty of them.
 
-use coordinator::bake::{BakeReport, BakeSettings, bake};
+use coordinator::bake::{BakeReport, BakeSettings, Unobserved, bake};
 use tests::baking::imported;
 use tests::building::building;
 use tests::rooms_only::RoomsOnly;
@@ -22,7 +22,7 @@ fn baked(rooms: usize, row_cache: usize) -> (BakeReport, u64) {
         ..BakeSettings::default()
     };
     let mut service = RoomsOnly::new(&building, scene.frame);
-    let baked = bake(&scene, &settings, &mut service, &mut |_| ()).unwrap();
+    let baked = bake(&scene, &settings, &mut service, &mut Unobserved).unwrap();
     (baked.report, service.bytes)
 }
 

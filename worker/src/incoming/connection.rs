@@ -11,31 +11,43 @@ use tokio_rustls::server::TlsStream;
 use tokio_util::either::Either;
 use tonic::transport::server::{Connected, TcpConnectInfo};
 
-/// Length of the words that every HTTP/2 connection begins with.
+/// Length of the words that every HTTP/2 connection begins with; no request of HTTP/1 is shorter.
 const PREFACE_BYTES: u64 = 24;
 
 /// How long a caller may take to say them.
 const PREFACE: Duration = Duration::from_secs(10);
 
-/// How long a connection may then be silent. The server asks for a sign of life three times meanwhile.
-const SILENCE: Duration = Duration::from_secs(30);
-
 /// The bytes of a connection.
 pub(super) type Bytes = Either<TcpStream, Box<TlsStream<TcpStream>>>;
 
-/// A connection that ends by itself when the caller does not speak HTTP/2 soon, or falls silent; gives its place back when it
+/// A connection that ends by itself when the caller does not speak soon, or falls silent; gives its place back when it
 /// is dropped.
 pub struct Connection {
     bytes: Bytes,
     info: TcpConnectInfo,
     received: u64,
     patience: Pin<Box<Sleep>>,
+    silence: Duration,
     _place: OwnedSemaphorePermit,
 }
 
 impl Connection {
-    pub(super) fn new(bytes: Bytes, info: TcpConnectInfo, place: OwnedSemaphorePermit) -> Self {
-        Self { bytes, info, received: 0, patience: Box::pin(sleep(PREFACE)), _place: place }
+    pub(super) fn new(
+        bytes: Bytes,
+        info: TcpConnectInfo,
+        place: OwnedSemaphorePermit,
+        silence: Duration,
+    ) -> Self {
+        Self { bytes, info, received: 0, patience: Box::pin(sleep(PREFACE)), silence, _place: place }
+    }
+
+    /// Bytes went in one of the directions.
+    fn be_patient(&mut self) {
+        // A caller that says its first words letter by letter gains no time with it.
+        if self.received >= PREFACE_BYTES {
+            let silence = self.silence;
+            self.patience.as_mut().reset(Instant::now() + silence);
+        }
     }
 }
 
@@ -57,10 +69,7 @@ impl AsyncRead for Connection {
         match Pin::new(&mut self.bytes).poll_read(context, buffer) {
             Poll::Ready(outcome) => {
                 self.received += (buffer.filled().len() - before) as u64;
-                // A caller that says its first words letter by letter gains no time with it.
-                if self.received >= PREFACE_BYTES {
-                    self.patience.as_mut().reset(Instant::now() + SILENCE);
-                }
+                self.be_patient();
                 Poll::Ready(outcome)
             }
             Poll::Pending => {
@@ -77,7 +86,9 @@ impl AsyncWrite for Connection {
         context: &mut Context<'_>,
         bytes: &[u8],
     ) -> Poll<io::Result<usize>> {
-        Pin::new(&mut self.bytes).poll_write(context, bytes)
+        let written = ready!(Pin::new(&mut self.bytes).poll_write(context, bytes));
+        self.be_patient();
+        Poll::Ready(written)
     }
 
     fn poll_flush(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
@@ -93,7 +104,9 @@ impl AsyncWrite for Connection {
         context: &mut Context<'_>,
         slices: &[io::IoSlice<'_>],
     ) -> Poll<io::Result<usize>> {
-        Pin::new(&mut self.bytes).poll_write_vectored(context, slices)
+        let written = ready!(Pin::new(&mut self.bytes).poll_write_vectored(context, slices));
+        self.be_patient();
+        Poll::Ready(written)
     }
 
     fn is_write_vectored(&self) -> bool {

@@ -1,4 +1,4 @@
-//! Connections from outside, up to the point where HTTP/2 begins: how many, how long they may take, and who they are.
+//! Connections from outside, up to the point where HTTP begins: how many, how long they may take, and who they are.
 //!
 //! | module | what lives there |
 //! |---|---|
@@ -26,9 +26,20 @@ use tonic::transport::server::Connected;
 
 pub use connection::Connection;
 
-/// Connections at the same time. A coordinator has two, so this is more than a worker is ever shared by, and bounds what
-/// all of them together can take.
-pub const MOST_CONNECTIONS: usize = 32;
+/// What connections may take, all of them together.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ConnectionLimits {
+    /// Connections at the same time.
+    pub connections: usize,
+    /// How long one may be silent, in both directions.
+    pub silence: Duration,
+}
+
+impl ConnectionLimits {
+    /// Those of a worker. A coordinator has two connections, so this is more than a worker is ever shared by; and the server asks for
+    /// a sign of life three times while one is silent.
+    pub const WORKER: Self = Self { connections: 32, silence: Duration::from_secs(30) };
+}
 
 /// How long a caller may take to prove who it is.
 const HANDSHAKE: Duration = Duration::from_secs(10);
@@ -47,16 +58,22 @@ const PAUSE: Duration = Duration::from_millis(100);
 pub fn incoming(
     listener: TcpListener,
     tls: Option<Arc<ServerConfig>>,
+    limits: ConnectionLimits,
 ) -> impl Stream<Item = Result<Connection, Infallible>> {
-    let (admitted, connections) = mpsc::channel(MOST_CONNECTIONS);
-    tokio::spawn(accept(listener, tls.map(TlsAcceptor::from), admitted));
+    let (admitted, connections) = mpsc::channel(limits.connections);
+    tokio::spawn(accept(listener, tls.map(TlsAcceptor::from), limits, admitted));
     ReceiverStream::new(connections)
 }
 
 type Admitted = mpsc::Sender<Result<Connection, Infallible>>;
 
-async fn accept(listener: TcpListener, tls: Option<TlsAcceptor>, admitted: Admitted) {
-    let places = Arc::new(Semaphore::new(MOST_CONNECTIONS));
+async fn accept(
+    listener: TcpListener,
+    tls: Option<TlsAcceptor>,
+    limits: ConnectionLimits,
+    admitted: Admitted,
+) {
+    let places = Arc::new(Semaphore::new(limits.connections));
     loop {
         let accepted = tokio::select! {
             accepted = listener.accept() => accepted,
@@ -65,10 +82,13 @@ async fn accept(listener: TcpListener, tls: Option<TlsAcceptor>, admitted: Admit
         match accepted {
             Ok((socket, peer)) => match Arc::clone(&places).try_acquire_owned() {
                 Ok(place) => {
-                    tokio::spawn(admit(socket, peer, tls.clone(), place, admitted.clone()));
+                    let (tls, admitted) = (tls.clone(), admitted.clone());
+                    tokio::spawn(admit(socket, peer, tls, place, limits.silence, admitted));
                 }
                 // Closing it tells the caller sooner than letting it wait.
-                Err(_) => tracing::warn!(%peer, most = MOST_CONNECTIONS, "too many connections: refused one"),
+                Err(_) => {
+                    tracing::warn!(%peer, most = limits.connections, "too many connections: refused one")
+                }
             },
             Err(error) => {
                 tracing::warn!(%error, "cannot take a connection");
@@ -83,6 +103,7 @@ async fn admit(
     peer: SocketAddr,
     tls: Option<TlsAcceptor>,
     place: OwnedSemaphorePermit,
+    silence: Duration,
     admitted: Admitted,
 ) {
     // Without it messages wait for each other; a socket that refuses is about to end.
@@ -101,7 +122,7 @@ async fn admit(
         },
     };
     // Nobody takes it where the worker has stopped meanwhile.
-    let _ = admitted.send(Ok(Connection::new(bytes, info, place))).await;
+    let _ = admitted.send(Ok(Connection::new(bytes, info, place, silence))).await;
 }
 
 /// Ends a refused connection so that the caller hears why: closing it with bytes unread would take back what was sent last.

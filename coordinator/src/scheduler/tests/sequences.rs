@@ -139,3 +139,16 @@ fn a_tick_changes_nothing_where_news_does_all() {
     scheduler.on(submitted(1..=10));
     assert_eq!(scheduler.on(Event::Tick), []);
 }
+
+#[test]
+fn what_nobody_waits_for_is_not_begun_and_not_delivered() {
+    let mut scheduler = Checked::with(&[A]);
+    // Three are sent to a worker of one thread, two wait.
+    assert_eq!(scheduler.on(submitted(1..=5)), [send(A, 1), send(A, 2), send(A, 3)]);
+    let withdrawn = Event::Withdrawn { jobs: [1, 2, 4, 9].map(JobId).to_vec() };
+    assert_eq!(scheduler.on(withdrawn), [cancel(A, 1), cancel(A, 2)]);
+    assert_eq!(scheduler.on(finished(A, 1)), [send(A, 5)]);
+    assert_eq!(scheduler.on(cancelled(A, 2)), []);
+    assert_eq!(scheduler.on(finished(A, 3))[0], deliver(3));
+    assert_eq!(scheduler.on(finished(A, 5))[0], deliver(5));
+}

@@ -1,8 +1,9 @@
 //! A bake that is held to what is true of every bake.
 
 use std::collections::{BTreeMap, HashMap};
+use std::time::Duration;
 
-use coordinator::bake::{BakeError, BakeSettings, Baked, RowService, bake};
+use coordinator::bake::{BakeError, BakeSettings, Baked, RowService, Unobserved, bake};
 use coordinator::cluster::{Cluster, FinishedJob, JobId, Workers};
 use coordinator::scene::Scene;
 use glam::DVec3;
@@ -84,7 +85,8 @@ pub fn checked(builder: &SceneBuilder, settings: &BakeSettings, expected: Expect
 pub fn checked_scene(scene: &Scene, settings: &BakeSettings, expected: Expectation) -> Baked {
     let cluster = Cluster::start(&Workers::Embedded { threads: 2 }.into()).unwrap();
     let mut service = CheckedRows::new(cluster);
-    let baked = bake(scene, settings, &mut service, &mut |_| ()).unwrap_or_else(|error| panic!("{error}"));
+    let baked =
+        bake(scene, settings, &mut service, &mut Unobserved).unwrap_or_else(|error| panic!("{error}"));
     service.check_sums(scene, &baked, expected);
     service.cluster.shutdown();
     for vertex in &baked.lit.vertices {
@@ -289,9 +291,15 @@ impl RowService for CheckedRows {
         self.cluster.submit(requests);
     }
 
-    fn next(&mut self) -> Result<FinishedJob, BakeError> {
-        let finished = RowService::next(&mut self.cluster)?;
-        if let Some(request) = self.requests.remove(&finished.job) {
+    fn withdraw(&mut self) {
+        self.cluster.withdraw();
+    }
+
+    fn next(&mut self, patience: Duration) -> Result<Option<FinishedJob>, BakeError> {
+        let finished = RowService::next(&mut self.cluster, patience)?;
+        if let Some(finished) = &finished
+            && let Some(request) = self.requests.remove(&finished.job)
+        {
             assert_eq!(request.shooters.len(), finished.rows.len());
             for (shooter, row) in request.shooters.iter().zip(&finished.rows) {
                 let row = row.to_dense();

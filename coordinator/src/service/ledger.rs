@@ -1,0 +1,281 @@
+//! All jobs in memory: what is asked often is answered from here, without a look at the disk.
+
+use std::collections::{BTreeMap, HashMap};
+use std::sync::Arc;
+use std::time::SystemTime;
+
+use prost::Message;
+use shared::api::{Job, ListJobsRequest, ListJobsResponse, MAX_MESSAGE_BYTES, State};
+use tokio::sync::watch;
+
+use super::job::{ClientName, JobId, Record, SceneDigest, Sequence, next_revision};
+use super::progress::Live;
+use super::queue::{Action, Event, Places, Priority, Queue, Waiting};
+use super::refusal::Refusal;
+
+/// Jobs of a page where nobody says how many, and at most.
+const PAGE: (usize, usize) = (100, 1000);
+
+/// A page that has more bytes is complete: it fits into a message then.
+const PAGE_BYTES: usize = MAX_MESSAGE_BYTES / 4;
+
+/// A job in memory.
+#[derive(Debug)]
+pub struct Entry {
+    /// What is kept of it.
+    pub record: Record,
+    /// While it has a place.
+    pub live: Option<Arc<Live>>,
+    changed: watch::Sender<()>,
+}
+
+/// All jobs in memory.
+#[derive(Debug)]
+pub struct Ledger {
+    entries: BTreeMap<JobId, Entry>,
+    by_sequence: BTreeMap<Sequence, JobId>,
+    by_key: HashMap<(ClientName, String), JobId>,
+    queue: Queue,
+    /// Jobs before each that waits; made when it is asked for.
+    ahead: Option<HashMap<JobId, u32>>,
+    queue_changed: watch::Sender<()>,
+    /// How often the queue has changed: each time, the jobs that wait may have another place.
+    queue_changes: u64,
+}
+
+impl Ledger {
+    /// An empty one.
+    #[must_use]
+    pub fn new(places: Places) -> Self {
+        Self {
+            entries: BTreeMap::new(),
+            by_sequence: BTreeMap::new(),
+            by_key: HashMap::new(),
+            queue: Queue::new(places),
+            ahead: None,
+            queue_changed: watch::channel(()).0,
+            queue_changes: 0,
+        }
+    }
+
+    /// Lets no job begin, until the queue is told that they may.
+    pub fn hold(&mut self) {
+        self.tell_queue(Event::Closed);
+    }
+
+    /// Takes a job in. Which jobs begin now.
+    pub fn insert(&mut self, record: Record) -> Vec<Action> {
+        let id = record.id;
+        self.by_sequence.insert(record.sequence, id);
+        if !record.header.idempotency_key.is_empty() {
+            self.by_key.insert((record.client.clone(), record.header.idempotency_key.clone()), id);
+        }
+        let waiting = (!record.has_ended()).then(|| Waiting {
+            client: record.client.clone(),
+            priority: Priority(record.header.priority),
+            sequence: record.sequence,
+        });
+        self.entries.insert(id, Entry { record, live: None, changed: watch::channel(()).0 });
+        waiting.map(|waiting| self.tell_queue(Event::Submitted(id, waiting))).unwrap_or_default()
+    }
+
+    /// Forgets a job, which has ended or was withdrawn.
+    pub fn remove(&mut self, job: JobId) -> Option<Entry> {
+        let entry = self.entries.remove(&job)?;
+        self.by_sequence.remove(&entry.record.sequence);
+        let key = (entry.record.client.clone(), entry.record.header.idempotency_key.clone());
+        if self.by_key.get(&key) == Some(&job) {
+            self.by_key.remove(&key);
+        }
+        Some(entry)
+    }
+
+    /// Tells the queue what happened. What is to be done; jobs that begin are marked as running.
+    pub fn tell_queue(&mut self, event: Event) -> Vec<Action> {
+        let actions = self.queue.handle(event);
+        self.ahead = None;
+        self.queue_changes += 1;
+        for action in &actions {
+            if let Action::Start(job) = action
+                && let Some(entry) = self.entries.get_mut(job)
+            {
+                entry.live = Some(Arc::new(Live::new(entry.changed.clone())));
+                entry.record.state = State::Running;
+                entry.record.started = Some(SystemTime::now());
+                entry.touch(self.queue_changes);
+            }
+        }
+        self.queue_changed.send_replace(());
+        actions
+    }
+
+    /// A job, whoever's.
+    #[must_use]
+    pub fn entry(&self, job: JobId) -> Option<&Entry> {
+        self.entries.get(&job)
+    }
+
+    /// Changes a job.
+    pub fn change(&mut self, job: JobId, change: impl FnOnce(&mut Entry)) {
+        if let Some(entry) = self.entries.get_mut(&job) {
+            change(entry);
+            entry.touch(self.queue_changes);
+        }
+    }
+
+    /// A job of this client.
+    ///
+    /// # Errors
+    /// When it does not exist, or is another's: nobody learns which.
+    pub fn of_client(&self, client: &ClientName, id: &str) -> Result<&Entry, Refusal> {
+        let entry = id.parse().ok().and_then(|id: JobId| self.entries.get(&id));
+        entry.filter(|entry| entry.record.client == *client).ok_or_else(|| {
+            Refusal::UnknownJob(id.chars().filter(|character| !character.is_control()).take(40).collect())
+        })
+    }
+
+    /// The job that this client submitted with this key.
+    #[must_use]
+    pub fn by_key(&self, client: &ClientName, key: &str) -> Option<&Entry> {
+        if key.is_empty() {
+            return None;
+        }
+        self.by_key.get(&(client.clone(), key.to_owned())).and_then(|job| self.entries.get(job))
+    }
+
+    /// All jobs, the oldest first.
+    pub fn all(&self) -> impl DoubleEndedIterator<Item = &Entry> {
+        self.by_sequence.values().filter_map(|job| self.entries.get(job))
+    }
+
+    /// Whether a job other than this one is of a scene.
+    #[must_use]
+    pub fn uses(&self, scene: SceneDigest, but: JobId) -> bool {
+        self.entries.values().any(|entry| entry.record.scene == scene && entry.record.id != but)
+    }
+
+    /// Whether this client has a job of a scene: then it need not send it again. What others have sent does not count: a digest does
+    /// not prove that somebody has the file.
+    #[must_use]
+    pub fn has_scene(&self, client: &ClientName, scene: SceneDigest) -> bool {
+        self.entries.values().any(|entry| entry.record.scene == scene && entry.record.client == *client)
+    }
+
+    /// Jobs of a client that have not ended.
+    #[must_use]
+    pub fn unfinished(&self, client: &ClientName) -> usize {
+        let is_counted = |entry: &&Entry| entry.record.client == *client && !entry.record.has_ended();
+        self.entries.values().filter(is_counted).count()
+    }
+
+    /// The next place among all jobs.
+    #[must_use]
+    pub fn next_sequence(&self) -> Sequence {
+        Sequence(self.by_sequence.last_key_value().map_or(0, |(last, _)| last.0) + 1)
+    }
+
+    /// How many jobs wait and run.
+    #[must_use]
+    pub fn load(&self) -> (usize, usize) {
+        (self.queue.waiting(), self.queue.running())
+    }
+
+    /// What a client sees of its job.
+    ///
+    /// # Errors
+    /// When it is none of its.
+    pub fn view(&mut self, client: &ClientName, id: &str) -> Result<Job, Refusal> {
+        let job = self.of_client(client, id)?.record.id;
+        self.count_ahead();
+        // It is there: it was found above.
+        self.entry(job).map(|entry| self.show(entry)).ok_or_else(|| Refusal::UnknownJob(id.into()))
+    }
+
+    fn count_ahead(&mut self) {
+        let order = || self.queue.order().into_iter().zip(0..).collect();
+        self.ahead.get_or_insert_with(order);
+    }
+
+    fn show(&self, entry: &Entry) -> Job {
+        let mut job = entry.record.view();
+        if entry.record.state == State::Queued {
+            let ahead = self.ahead.as_ref().and_then(|ahead| ahead.get(&entry.record.id));
+            job.ahead = ahead.copied().unwrap_or_default();
+            job.revision += self.queue_changes;
+        }
+        if let Some(live) = &entry.live
+            && entry.record.state == State::Running
+        {
+            let (progress, changes) = live.progress();
+            job.progress = Some(progress);
+            job.revision += changes;
+        }
+        job
+    }
+
+    /// A page of a client's jobs.
+    ///
+    /// # Errors
+    /// When the token of the page is none of this service's.
+    pub fn list(
+        &mut self,
+        client: &ClientName,
+        request: &ListJobsRequest,
+    ) -> Result<ListJobsResponse, Refusal> {
+        let before = match request.page_token.as_str() {
+            "" => Sequence(u64::MAX),
+            token => Sequence(token.parse().map_err(|_| {
+                Refusal::invalid("page_token", "must be one of an earlier answer, as it was")
+            })?),
+        };
+        self.count_ahead();
+        let size = match request.page_size as usize {
+            0 => PAGE.0,
+            size => size.min(PAGE.1),
+        };
+        let wanted = |record: &Record| {
+            record.client == *client
+                && (request.states.is_empty() || request.states.contains(&record.state.into()))
+        };
+        let jobs = self.by_sequence.range(..before).rev();
+        let entries = jobs.filter_map(|(_, job)| self.entries.get(job)).filter(|entry| wanted(&entry.record));
+        let (mut jobs, mut bytes, mut next_page_token) = (vec![], 0, String::new());
+        let mut last = Sequence::default();
+        for entry in entries {
+            if jobs.len() >= size || bytes > PAGE_BYTES {
+                next_page_token = last.0.to_string();
+                break;
+            }
+            let mut job = self.show(entry);
+            if let Some(outcome) = &mut job.outcome {
+                outcome.report_json.clear();
+            }
+            bytes += job.encoded_len();
+            last = entry.record.sequence;
+            jobs.push(job);
+        }
+        Ok(ListJobsResponse { jobs, next_page_token })
+    }
+
+    /// News of a job of this client, and of the queue.
+    ///
+    /// # Errors
+    /// When it is none of its.
+    pub fn news(
+        &self,
+        client: &ClientName,
+        id: &str,
+    ) -> Result<(watch::Receiver<()>, watch::Receiver<()>), Refusal> {
+        let entry = self.of_client(client, id)?;
+        Ok((entry.changed.subscribe(), self.queue_changed.subscribe()))
+    }
+}
+
+impl Entry {
+    /// Counts a change on from what was shown last: [`Ledger::show`] adds those of the queue or of the run.
+    fn touch(&mut self, queue_changes: u64) {
+        let changes = self.live.as_ref().map_or(0, |live| live.progress().1);
+        self.record.revision = next_revision(self.record.revision + changes.max(queue_changes));
+        self.changed.send_replace(());
+    }
+}

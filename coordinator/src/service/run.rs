@@ -1,0 +1,165 @@
+//! One job, in a thread of its own: import, bake, export.
+
+use std::fs::File;
+use std::io;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Instant;
+
+use sha2::{Digest, Sha256};
+use shared::api::{self, Outcome};
+
+use super::job::Record;
+use super::options::{Violations, wanted};
+use super::present::Stage;
+use super::progress::{Live, Watched};
+use super::refusal::is_full;
+use super::settings::Limits;
+use super::store::Store;
+use crate::bake::{BakeError, BakeSettings, bake, check_groups};
+use crate::checkpoint::Checkpointed;
+use crate::cluster::{ClusterCounts, ClusterError, SharedCluster};
+use crate::export::{ExportError, ExportSettings, export};
+use crate::import::import_slice;
+use crate::summary::{Summary, extras};
+
+/// How a job ended.
+#[derive(Debug)]
+pub enum Ending {
+    /// The lit file is in its place.
+    Done(Outcome),
+    /// It cannot be baked.
+    Failed(String),
+    /// It was told to.
+    Stopped,
+    /// It can go on later: there are no workers, or there is no room on the disk.
+    Later(String),
+}
+
+/// What jobs need.
+pub struct Means<'a> {
+    /// Where the files are.
+    pub store: &'a Store,
+    /// Who computes.
+    pub workers: &'a SharedCluster,
+    /// How much a job may have.
+    pub limits: &'a Limits,
+}
+
+/// Runs one job to its end, whatever that is. Finished rows are kept on the disk, so that it goes on where it was.
+pub fn run(means: &Means<'_>, record: &Record, live: &Live) -> Ending {
+    // What a panic leaves half done is the job's alone.
+    let outcome = catch_unwind(AssertUnwindSafe(|| attempt(means, record, live)));
+    match outcome {
+        Ok(Ok(outcome)) => Ending::Done(outcome),
+        Ok(Err(_)) if live.is_stopped() => Ending::Stopped,
+        Ok(Err(ending)) => ending,
+        Err(_) => {
+            tracing::error!(job = %record.id, "the bake panicked");
+            Ending::Failed("the bake failed for a fault of this program: please report the scene".into())
+        }
+    }
+}
+
+fn attempt(means: &Means<'_>, record: &Record, live: &Live) -> Result<Outcome, Ending> {
+    let clock = Instant::now();
+    live.enter(api::Phase::Import);
+    let mut wrong = Violations::default();
+    let wanted = wanted(&record.header, &mut wrong);
+    wrong.check().map_err(|refusal| Ending::Failed(refusal.to_string()))?;
+    let settings = BakeSettings { row_cache: means.limits.row_cache, ..wanted.bake };
+    let bytes =
+        std::fs::read(means.store.scene(record.scene)).map_err(of_disk("its scene cannot be read"))?;
+    // Without a folder: a file that names others is refused, whatever it names.
+    let scene = import_slice(&bytes, &wanted.import).map_err(|error| Ending::Failed(error.to_string()))?;
+    drop(bytes);
+    check_groups(&scene, &settings.groups).map_err(|error| Ending::Failed(error.to_string()))?;
+    if live.is_stopped() {
+        return Err(Ending::Stopped);
+    }
+    let scene = Arc::new(scene);
+    live.present.begin(Stage { scene: Arc::clone(&scene), export: wanted.export.clone() });
+    let limit = means.limits.checkpoint_bytes;
+    let path = means.store.checkpoint(record.id);
+    let rows = || means.workers.driver(record.header.priority);
+    let mut service = Checkpointed::open(rows(), &path, limit).or_else(|error| {
+        // Rows of another release, or damaged: they are made again.
+        tracing::warn!(job = %record.id, %error, "the checkpoint is of no use");
+        std::fs::remove_file(&path).map_err(of_disk("its checkpoint cannot be removed"))?;
+        Checkpointed::open(rows(), &path, limit).map_err(|error| Ending::Later(error.to_string()))
+    })?;
+    let mut watched = Watched { live, workers: means.workers };
+    let baked = bake(&scene, &settings, &mut service, &mut watched);
+    let (_, recorded) = service.finish();
+    let baked = baked.map_err(of_bake)?;
+
+    live.enter(api::Phase::Export);
+    let result = means.store.result(record);
+    let export_settings =
+        ExportSettings { extras: extras(&scene, &settings, &baked.report), ..wanted.export };
+    let exported =
+        export(&scene, &baked.lit, &export_settings, &result).map_err(|error| of_export(error, &result))?;
+    let (size, sha256) = digest(&result).map_err(of_disk("its lit file cannot be read"))?;
+    let summary = Summary {
+        seconds: clock.elapsed().as_secs_f64(),
+        unit: &export_settings.unit,
+        account: &scene.account,
+        degenerate_triangles: scene.degenerate_triangles,
+        // Other jobs have their part in it.
+        peak_memory_bytes: None,
+        bake: &baked.report,
+        exported: &exported,
+        // They are everybody's: the service's metrics tell what they do.
+        workers: &[],
+        cluster: ClusterCounts::default(),
+        checkpoint: Some(&recorded),
+    };
+    let report_json = summary.to_json(&settings).map_err(|error| Ending::Failed(error.to_string()))?;
+    let warnings = [&scene.warnings, &baked.report.warnings, &exported.warnings];
+    Ok(Outcome {
+        size,
+        sha256: sha256.to_vec().into(),
+        report_json,
+        warnings: warnings.into_iter().flatten().cloned().collect(),
+        took: clock.elapsed().try_into().ok(),
+    })
+}
+
+/// What a job does whose bake ended so.
+fn of_bake(error: BakeError) -> Ending {
+    match &error {
+        BakeError::Cancelled => Ending::Stopped,
+        // A job that kills whoever computes it would do so again.
+        BakeError::Rows(rows) if !matches!(rows.downcast_ref(), Some(ClusterError::Abandoned { .. })) => {
+            Ending::Later(error.to_string())
+        }
+        _ => Ending::Failed(error.to_string()),
+    }
+}
+
+/// What a job that met this error of the disk does.
+fn of_disk(what: &'static str) -> impl Fn(io::Error) -> Ending {
+    move |error| {
+        if is_full(&error) {
+            return Ending::Later("there is no room on the service's disk".into());
+        }
+        tracing::error!(%error, what, "the disk fails");
+        Ending::Failed(format!("{what}: the service's log says more"))
+    }
+}
+
+fn of_export(error: ExportError, path: &Path) -> Ending {
+    match error {
+        ExportError::Write { source, .. } => of_disk("its lit file cannot be written")(source),
+        // Where the service has its files is nobody's business.
+        other => Ending::Failed(other.to_string().replace(&path.display().to_string(), "the lit file")),
+    }
+}
+
+/// Length and SHA-256 of a file.
+pub(super) fn digest(path: &Path) -> io::Result<(u64, [u8; 32])> {
+    let mut hasher = Sha256::new();
+    let size = io::copy(&mut File::open(path)?, &mut hasher)?;
+    Ok((size, hasher.finalize().into()))
+}

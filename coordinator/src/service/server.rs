@@ -1,0 +1,137 @@
+//! One port for all: gRPC, gRPC-web and HTTP, with reflection and health.
+
+use std::convert::Infallible;
+use std::time::Duration;
+
+use axum::Router;
+use axum::extract::Request;
+use axum::middleware::from_fn;
+use axum::response::IntoResponse;
+use shared::api::radiosity_server::{RadiosityServer, SERVICE_NAME};
+use shared::api::{DESCRIPTORS, MAX_MESSAGE_BYTES};
+use tokio_stream::Stream;
+use tokio_util::sync::CancellationToken;
+use tonic::server::NamedService;
+use tonic::service::Routes;
+use tonic::transport::Server;
+use tonic_health::ServingStatus;
+use tonic_health::server::health_reporter;
+use tonic_web::GrpcWebLayer;
+use tower::{Layer, Service as Answers};
+use worker::incoming::Connection;
+
+use super::api::Api;
+use super::clients::Clients;
+use super::guard::{Names, only_own_pages, only_this_machine};
+use super::{Service, http};
+
+/// Bytes of a connection that may be on their way to the service: uploads wait for the disk, not for each piece to be
+/// acknowledged.
+const CONNECTION_WINDOW: u32 = 8 << 20;
+
+/// The same for one call. Smaller, so that an upload cannot use up the window of its whole connection.
+const CALL_WINDOW: u32 = 2 << 20;
+
+/// Calls at the same time on one connection.
+const CALLS: u32 = 64;
+
+/// Bytes that the headers of a call may have.
+const HEADER_BYTES: u32 = 32 << 10;
+
+/// How often a quiet client is asked for a sign of life, and how long it has to give one.
+const KEEP_ALIVE: Duration = Duration::from_secs(20);
+
+/// How long clients have to take what they are owed when the service ends, and jobs to stop.
+const PARTING: Duration = Duration::from_secs(10);
+
+/// Why the service does not serve.
+#[derive(Debug, thiserror::Error)]
+pub enum ServeError {
+    /// The API cannot be told to those who ask.
+    #[error("cannot offer reflection: {0}")]
+    Reflection(#[from] tonic_reflection::server::Error),
+    /// The server failed.
+    #[error("cannot serve: {0}")]
+    Transport(#[from] tonic::transport::Error),
+}
+
+/// Serves clients on these connections until `shutdown` is cancelled; then jobs stop, to go on at the next start.
+///
+/// # Errors
+/// When the server fails.
+pub async fn serve(
+    incoming: impl Stream<Item = Result<Connection, Infallible>>,
+    service: Service,
+    clients: Clients,
+    names: Names,
+    shutdown: CancellationToken,
+) -> Result<(), ServeError> {
+    let (health, health_service) = health_reporter();
+    for name in ["", SERVICE_NAME] {
+        health.set_service_status(name, ServingStatus::Serving).await;
+    }
+    let described = || {
+        tonic_reflection::server::Builder::configure()
+            .register_encoded_file_descriptor_set(DESCRIPTORS)
+            .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
+    };
+    let reflection = described().build_v1()?;
+    // Python's library asks in the older words.
+    let older_reflection = described().build_v1alpha()?;
+    let api = RadiosityServer::new(Api::new(service.clone(), clients))
+        .max_decoding_message_size(MAX_MESSAGE_BYTES)
+        .max_encoding_message_size(MAX_MESSAGE_BYTES);
+    let router = http::routes();
+    // Browsers speak gRPC-web to the API; what else they ask for is the page.
+    let router = with(with(with(router, GrpcWebLayer::new().layer(api)), health_service), reflection);
+    service.resume();
+    let router = guarded(with(router, older_reflection), names);
+    let drained = CancellationToken::new();
+    let serving = Server::builder()
+        .accept_http1(true)
+        .initial_connection_window_size(CONNECTION_WINDOW)
+        .initial_stream_window_size(CALL_WINDOW)
+        .http2_keepalive_interval(Some(KEEP_ALIVE))
+        .http2_keepalive_timeout(Some(KEEP_ALIVE))
+        .http2_max_header_list_size(HEADER_BYTES)
+        .max_concurrent_streams(CALLS)
+        .add_routes(Routes::from(router))
+        .serve_with_incoming_shutdown(incoming, drained.cancelled());
+    let ending = async {
+        shutdown.cancelled().await;
+        for name in ["", SERVICE_NAME] {
+            health.set_service_status(name, ServingStatus::NotServing).await;
+        }
+        drained.cancel();
+        if !service.end(PARTING).await {
+            tracing::warn!("leaving although a job has not stopped: it goes on from its checkpoint");
+        }
+        // What is owed to watchers is told meanwhile; whoever is slower than that asks again.
+        tokio::time::sleep(Duration::from_millis(200)).await;
+    };
+    tokio::select! {
+        result = serving => result?,
+        () = ending => return Ok(()),
+    }
+    service.end(PARTING).await;
+    Ok(())
+}
+
+/// A router with a gRPC service beside what it had.
+fn with<S>(router: Router, service: S) -> Router
+where
+    S: Answers<Request, Error = Infallible> + NamedService + Clone + Send + Sync + 'static,
+    S::Response: IntoResponse,
+    S::Future: Send + 'static,
+{
+    router.route_service(&format!("/{}/{{*call}}", S::NAME), service)
+}
+
+/// The same for nobody whom a page of another site has sent.
+fn guarded(router: Router, names: Names) -> Router {
+    let router = router.layer(from_fn(only_own_pages));
+    match names {
+        Names::Any => router,
+        Names::ThisMachine => router.layer(from_fn(only_this_machine)),
+    }
+}

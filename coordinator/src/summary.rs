@@ -1,0 +1,96 @@
+//! What comes out of a bake beside the lit mesh: figures for programs, and what the lit file says of itself.
+
+use glam::DVec3;
+use serde_json::json;
+
+use crate::bake::{BakeReport, BakeSettings};
+use crate::checkpoint::CheckpointSummary;
+use crate::cluster::{ClusterCounts, WorkerSummary};
+use crate::export::Exported;
+use crate::import::Account;
+use crate::scene::Scene;
+
+/// All figures of a bake.
+pub struct Summary<'a> {
+    /// Wall time from the file to the lit file.
+    pub seconds: f64,
+    /// Unit of the irradiance.
+    pub unit: &'a str,
+    /// What of the file counts, and what is passed over.
+    pub account: &'a Account,
+    /// Triangles dropped on import.
+    pub degenerate_triangles: usize,
+    /// Largest memory of this process so far; none where the system does not say, or the process does other things too.
+    pub peak_memory_bytes: Option<u64>,
+    /// Of the bake.
+    pub bake: &'a BakeReport,
+    /// Of the output.
+    pub exported: &'a Exported,
+    /// Of each worker.
+    pub workers: &'a [WorkerSummary],
+    /// Of the cluster as a whole.
+    pub cluster: ClusterCounts,
+    /// Of the checkpoint, where there was one.
+    pub checkpoint: Option<&'a CheckpointSummary>,
+}
+
+impl Summary<'_> {
+    /// All figures as JSON.
+    ///
+    /// # Errors
+    /// When a figure cannot be written.
+    pub fn to_json(&self, settings: &BakeSettings) -> serde_json::Result<String> {
+        let workers: Vec<_> = self
+            .workers
+            .iter()
+            .map(|worker| {
+                json!({
+                    "name": worker.name, "address": worker.address, "threads": worker.threads, "jobs": worker.jobs,
+                    "late": worker.late, "rows": worker.rows, "rays": worker.rays, "busy_seconds": worker.busy.as_secs_f64(),
+                    "busy_share": busy_share(worker), "connected_seconds": worker.connected.as_secs_f64(),
+                    "connections": worker.connections, "bytes_received": worker.bytes_received,
+                    "bytes_sent": worker.bytes_sent, "lost": worker.lost,
+                })
+            })
+            .collect();
+        serde_json::to_string_pretty(&json!({
+            "seconds": self.seconds,
+            "unit": self.unit,
+            "exposure": self.exported.exposure,
+            "output_vertices": self.exported.vertices,
+            "output_triangles": self.exported.triangles,
+            "account": self.account,
+            "degenerate_triangles": self.degenerate_triangles,
+            "peak_memory_bytes": self.peak_memory_bytes,
+            "bake": self.bake,
+            "settings": settings,
+            "workers": workers,
+            "checkpoint": self.checkpoint.map(|checkpoint| json!({
+                "rows_read": checkpoint.rows_read, "rows_written": checkpoint.rows_written,
+                "rows_dropped": checkpoint.rows_dropped, "bytes": checkpoint.bytes, "stopped": checkpoint.stopped,
+            })),
+            "cluster": {
+                "duplicates": self.cluster.duplicates, "ignored_answers": self.cluster.ignored_answers,
+                "lost_workers": self.cluster.lost_workers,
+            },
+        }))
+    }
+}
+
+/// Part of the time of its threads that a worker computed.
+#[must_use]
+pub fn busy_share(worker: &WorkerSummary) -> f64 {
+    let time = worker.connected.as_secs_f64() * worker.threads as f64;
+    if time > 0.0 { worker.busy.as_secs_f64() / time } else { 0.0 }
+}
+
+/// What a lit file says of the bake that it came from.
+#[must_use]
+pub fn extras(scene: &Scene, settings: &BakeSettings, report: &BakeReport) -> serde_json::Value {
+    let mut extras = json!({ "energy_balance": report.balance, "settings": settings });
+    if scene.sky != DVec3::ZERO {
+        // What a picture shows where there is no surface.
+        extras["sky"] = json!(scene.sky.to_array());
+    }
+    extras
+}

@@ -1,0 +1,3 @@
+import { App } from './page/app';
+
+new App(document.querySelector('#page')!);

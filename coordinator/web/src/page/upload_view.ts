@@ -1,0 +1,99 @@
+// Where scenes are handed over.
+
+import { html, nothing, type TemplateResult } from 'lit-html';
+import { repeat } from 'lit-html/directives/repeat.js';
+import type { MessageInitShape } from '@bufbuild/protobuf';
+import { LightUnit, type SubmitSceneHeaderSchema } from '../messages/radiosity/v1/radiosity_pb';
+
+/** A file on its way to the service. */
+export interface Upload {
+  /** Chosen by the page. */
+  key: string;
+  name: string;
+  step: 'reading' | 'sending' | 'failed';
+  part: number;
+  failure: string;
+  stop: AbortController;
+}
+
+/** What can be done about files. */
+export interface UploadActions {
+  bake(files: Iterable<File>): void;
+  look(file: File): void;
+  dismiss(upload: Upload): void;
+}
+
+const STEPS = { reading: 'reading', sending: 'sending', failed: 'failed' };
+
+/** A place for files, and those that are on their way. */
+export function uploadView(uploads: Upload[], isOver: boolean, actions: UploadActions): TemplateResult {
+  return html`
+    <section class="upload" aria-labelledby="upload">
+      <h2 id="upload">Bake a scene</h2>
+      <div class="drop" ?data-over=${isOver}>
+        <p>Drop a <code>.glb</code> here, or a <code>.gltf</code> with its data inside.</p>
+        ${picker('Choose a file', 'bake', true, (files) => actions.bake(files))}
+      </div>
+      <details class="options">
+        <summary>How exactly</summary>
+        <form id="options" @submit=${(event: Event) => event.preventDefault()}>
+          <label>Error to reach, %
+            <input name="error" type="number" min="0.01" max="50" step="any" placeholder="as by default" /></label>
+          <label>Vertices at most
+            <input name="vertices" type="number" min="1" step="1" placeholder="as by default" /></label>
+          <label>Numbers of lights are
+            <select name="lights">
+              <option value=${LightUnit.UNSPECIFIED}>in whatever unit</option>
+              <option value=${LightUnit.CANDELA}>candela and lux</option>
+              <option value=${LightUnit.WATT}>watts and W/m²</option>
+            </select></label>
+          <label>Priority
+            <input name="priority" type="number" min="-100" max="100" step="1" value="0" /></label>
+        </form>
+      </details>
+      ${picker('Look at a lit file', 'look', false, ([file]) => file && actions.look(file))}
+      ${uploads.length
+        ? html`<ul class="uploads">${repeat(uploads, ({ key }) => key, (upload) => uploadItem(upload, actions))}</ul>`
+        : nothing}
+    </section>
+  `;
+}
+
+function uploadItem(upload: Upload, actions: UploadActions): TemplateResult {
+  const failed = upload.step === 'failed';
+  return html`<li>
+    <div class="line"><span>${upload.name}</span> <span class="state">${STEPS[upload.step]}</span></div>
+    ${failed
+      ? html`<p class="failure" role="alert">${upload.failure}</p>`
+      : html`<progress aria-label="${upload.name} on its way" max="1" value=${upload.part}></progress>`}
+    <div class="actions"><button type="button" @click=${() => actions.dismiss(upload)}>${failed ? 'Dismiss' : 'Cancel'}</button></div>
+  </li>`;
+}
+
+function picker(label: string, name: string, multiple: boolean, chosen: (files: File[]) => void): TemplateResult {
+  return html`<label class="picker">
+    <span>${label}</span>
+    <input type="file" name=${name} accept=".glb,.gltf,model/gltf-binary,model/gltf+json" ?multiple=${multiple}
+      @change=${(event: Event) => {
+        const input = event.target as HTMLInputElement;
+        const files = [...(input.files ?? [])];
+        input.value = ''; // The same file may be chosen again.
+        chosen(files);
+      }} />
+  </label>`;
+}
+
+/** What the form asks for. */
+export function wanted(): MessageInitShape<typeof SubmitSceneHeaderSchema> {
+  const values = new FormData(document.querySelector<HTMLFormElement>('#options')!);
+  const number = (name: string): number | undefined => {
+    const text = String(values.get(name) ?? '');
+    return text === '' ? undefined : Number(text);
+  };
+  const [error, vertices] = [number('error'), number('vertices')];
+  return {
+    scene: { lightUnit: number('lights') },
+    bake: { error: error === undefined ? undefined : error / 100, maxVertices: vertices === undefined ? undefined : BigInt(Math.trunc(vertices)) },
+    priority: number('priority'),
+  };
+}

@@ -1,0 +1,33 @@
+//! Whatever the bytes of a submission, its fields are named as wrong, or its settings are such that a bake can begin.
+#![no_main]
+
+use coordinator::service::JobId;
+use coordinator::service::options::{Violations, wanted};
+use libfuzzer_sys::fuzz_target;
+use prost::Message;
+use shared::api::SubmitSceneHeader;
+
+fuzz_target!(|bytes: &[u8]| {
+    if let Ok(text) = std::str::from_utf8(bytes)
+        && let Ok(job) = text.parse::<JobId>()
+    {
+        assert_eq!(job.to_string(), text, "a job has one name");
+    }
+    let Ok(header) = SubmitSceneHeader::decode(bytes) else { return };
+    let mut wrong = Violations::default();
+    let wanted = wanted(&header, &mut wrong);
+    if wrong.check().is_err() {
+        return;
+    }
+    let bake = wanted.bake;
+    for number in [bake.mesh_error, bake.shooter_edge, bake.threshold] {
+        assert!(number > 0.0 && number.is_finite(), "{bake:?}");
+    }
+    assert!(bake.window > 0 && (4..=262_144).contains(&bake.rays_per_hemisphere), "{bake:?}");
+    assert!((0.0..=0.5).contains(&bake.form_factor_error), "{bake:?}");
+    assert!((0.0..=1e-3).contains(&bake.factor_rounding), "{bake:?}");
+    assert!(bake.max_edge.is_none_or(|edge| edge > 0.0 && edge.is_finite()), "{bake:?}");
+    assert!(wanted.import.sky.is_finite() && wanted.import.sky.min_element() >= 0.0);
+    assert!(wanted.import.weld.is_none_or(|weld| weld > 0.0 && weld.is_finite()));
+    assert!(wanted.export.exposure.is_none_or(|exposure| exposure > 0.0 && exposure.is_finite()));
+});
