@@ -63,7 +63,12 @@ fn whoever_always_asks_changes_no_bit() {
         assert_eq!(baked.lit.surfaces, expected.lit.surfaces);
         assert!(baked.lit.unshot.is_empty());
         for phase in [Phase::Light, Phase::Shoot, Phase::Refine, Phase::Settle] {
-            assert!(curious.seen.iter().any(|(seen, _)| *seen == phase), "nothing was shown in {phase:?}");
+            // Noise of rays may leave nothing to refine.
+            let may_be_left_out = phase == Phase::Refine && rows == RowsOf::Receivers;
+            assert!(
+                may_be_left_out || curious.seen.iter().any(|(seen, _)| *seen == phase),
+                "nothing was shown in {phase:?}"
+            );
         }
         assert_eq!(curious.errors.first(), Some(&None));
         assert_eq!(curious.errors.last(), Some(&Some(baked.report.error.total)));
@@ -87,7 +92,10 @@ fn check_states(seen: &[(Phase, LitMesh)]) {
     };
     let ([(_, first), ..], [.., (_, last)]) = (seen, seen) else { panic!("nothing was shown") };
     assert!(unshot(last) < 0.05 * unshot(first), "{} of {} is unshot", unshot(last), unshot(first));
-    assert!(light(last) > 1.2 * light(first), "{} after {}", light(last), light(first));
+    // On the same vertices.
+    let unrefined = seen.iter().rfind(|(_, lit)| lit.vertices.len() == first.vertices.len());
+    let shot = &unrefined.unwrap().1;
+    assert!(light(shot) > 1.2 * light(first), "{} after {}", light(shot), light(first));
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 use std::num::NonZeroUsize;
 use std::sync::Arc;
+use std::time::Duration;
 
 use shared::protocol::coordinator_message::Body as Incoming;
 use shared::protocol::replica_chunk::Body as Chunk;
@@ -36,7 +37,16 @@ impl Server {
     fn start_at(address: &str, serve: impl FnOnce(&Runtime, TcpListenerStream, CancellationToken)) -> Self {
         let runtime =
             tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
-        let listener = runtime.block_on(TcpListener::bind(address)).unwrap();
+        let listener = runtime.block_on(async {
+            // Whoever was there before may be about to leave.
+            for _ in 0..100 {
+                if let Ok(listener) = TcpListener::bind(address).await {
+                    return listener;
+                }
+                tokio::time::sleep(Duration::from_millis(50)).await;
+            }
+            TcpListener::bind(address).await.unwrap()
+        });
         let address = listener.local_addr().unwrap().to_string();
         let shutdown = CancellationToken::new();
         serve(&runtime, TcpListenerStream::new(listener), shutdown.clone());
