@@ -1,5 +1,5 @@
 //! A service under load: 50 clients that submit, watch and ask for a minute while it bakes, then a long queue. Prints how long calls
-//! took and what memory the service had: the figures of `docs/service.md`.
+//! took and what memory the service had.
 //!
 //!     cargo build --release -p coordinator && cargo run --release -p tests --example storm [-- SECONDS]
 
