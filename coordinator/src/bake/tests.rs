@@ -20,7 +20,7 @@ fn cluster() -> Cluster {
 
 fn settings(rows: RowsOf) -> BakeSettings {
     BakeSettings {
-        mesh_error: 0.05,
+        mesh_error: 0.02,
         check_points: 64,
         rays_per_hemisphere: 64,
         rows,
