@@ -58,7 +58,8 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Parsed<'_>, ImportProblem> {
 fn read_otherwise(json: &[u8], error: serde_json::Error) -> Result<json::Root, ImportProblem> {
     #[derive(Deserialize)]
     struct Asset {
-        version: String,
+        /// Early files have a number.
+        version: Value,
     }
     #[derive(Deserialize)]
     struct Versioned {
@@ -66,7 +67,7 @@ fn read_otherwise(json: &[u8], error: serde_json::Error) -> Result<json::Root, I
     }
     let failed = || problem(gltf::Error::Deserialize(error));
     let Ok(Versioned { asset }) = serde_json::from_slice(json) else { return Err(failed()) };
-    check_version(&asset.version)?;
+    check_version(&asset.version.as_str().map_or_else(|| asset.version.to_string(), str::to_owned))?;
     let Ok(mut document) = serde_json::from_slice::<Value>(json) else { return Err(failed()) };
     let scenes = document.get_mut("scenes").and_then(Value::as_array_mut).into_iter().flatten();
     for scene in scenes.filter_map(Value::as_object_mut) {
