@@ -99,6 +99,17 @@ test('a tap measures the light', async () => {
   await page.locator('canvas').click();
   const reading = page.locator('.reading');
   await reading.waitFor();
+  // What is measured is what the camera sees now, not what was drawn last: both keys fall between two pictures.
+  const at = () => reading.locator('dd').last().textContent();
+  const press = (...codes) =>
+    page.evaluate((codes) => {
+      for (const code of codes) document.querySelector('canvas').dispatchEvent(new KeyboardEvent('keydown', { code, bubbles: true }));
+    }, codes);
+  await press('ArrowLeft', 'KeyP');
+  const turned = await at();
+  await middle(page);
+  await press('KeyP');
+  assert.equal(await at(), turned);
   const text = await reading.textContent();
   assert.match(text, /Irradiance\s*[\d.]+\s*W\/m²/);
   assert.match(text, /red, green, blue/);

@@ -188,6 +188,9 @@ export class Viewer {
 
   /** What is seen at a place of the picture: from the upper left corner, in parts of the picture. */
   measure(at: Vector2): Reading | undefined {
+    // Both may have changed since the last picture was drawn, which is when three.js works out where they are.
+    this.#camera.updateMatrixWorld();
+    this.file?.root.updateMatrixWorld();
     const ray = new Raycaster();
     ray.setFromCamera(new Vector2(2 * at.x - 1, 1 - 2 * at.y), this.#camera);
     return this.file && measure(ray, this.file);
