@@ -3,7 +3,7 @@
 use glam::DVec3;
 use serde_json::json;
 
-use crate::bake::{BakeReport, BakeSettings};
+use crate::bake::{BakeReport, BakeSettings, Relit};
 use crate::checkpoint::CheckpointSummary;
 use crate::cluster::{ClusterCounts, WorkerSummary};
 use crate::export::Exported;
@@ -87,7 +87,16 @@ pub fn busy_share(worker: &WorkerSummary) -> f64 {
 /// What a lit file says of the bake that it came from.
 #[must_use]
 pub fn extras(scene: &Scene, settings: &BakeSettings, report: &BakeReport) -> serde_json::Value {
-    let mut extras = json!({ "energy_balance": report.balance, "settings": settings });
+    with_sky(json!({ "energy_balance": report.balance, "settings": settings }), scene)
+}
+
+/// The same of a file that was lit otherwise.
+#[must_use]
+pub fn relit_extras(relit: &Relit) -> serde_json::Value {
+    with_sky(json!({ "relit": relit.report }), &relit.scene)
+}
+
+fn with_sky(mut extras: serde_json::Value, scene: &Scene) -> serde_json::Value {
     if scene.sky != DVec3::ZERO {
         // What a picture shows where there is no surface.
         extras["sky"] = json!(scene.sky.to_array());

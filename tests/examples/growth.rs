@@ -29,7 +29,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             ..BakeSettings::default()
         };
         let mut service = RoomsOnly::new(&building, scene.frame);
-        let Baked { lit, report } = bake(&scene, &settings, &mut service, &mut Unobserved)?;
+        let Baked { lit, report, .. } = bake(&scene, &settings, &mut service, &mut Unobserved)?;
         let baked = clock.elapsed().as_secs_f64();
         let file = std::env::temp_dir().join(format!("growth-{}.glb", std::process::id()));
         let export_settings = ExportSettings::default();

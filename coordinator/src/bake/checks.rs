@@ -7,7 +7,7 @@
 use std::collections::HashMap;
 
 use glam::DVec3;
-use shared::geometry::uniform_point;
+use shared::geometry::{PlaneId, uniform_point};
 use shared::replica::{Receiver, Receivers};
 use sobol_burley::sample_4d;
 
@@ -33,7 +33,7 @@ pub const FIRST: usize = 256;
 const MOST_DRAWN: usize = 1 << 16;
 
 /// The points, and the light gathered at them.
-#[derive(Default)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Checks {
     /// Key of the first as a receiver.
     first_key: u64,
@@ -45,6 +45,7 @@ pub struct Checks {
 }
 
 /// A point on the surface.
+#[derive(Debug, Clone, PartialEq)]
 struct CheckPoint {
     /// The patch that it lies on, a leaf when the point was drawn.
     patch: PatchId,
@@ -145,6 +146,46 @@ impl Checks {
     pub fn set_gathered(&mut self, gathered: Gathering) {
         let gathered = gathered.into_irradiance();
         self.irradiance = self.direct.iter().zip(gathered).map(|(direct, light)| *direct + light).collect();
+    }
+
+    /// Takes all the light there is.
+    pub fn set_irradiance(&mut self, irradiance: Vec<DVec3>) {
+        self.irradiance = irradiance;
+    }
+
+    /// Root mean square over the area of the radiosity that was gathered.
+    pub fn level(&self) -> f64 {
+        self.mean_square().sqrt()
+    }
+
+    /// Whether all points have a patch of the mesh.
+    pub fn lie_on(&self, mesh: &Mesh) -> bool {
+        self.points.iter().all(|point| point.patch.index() < mesh.patches.len())
+    }
+
+    /// What is needed to compare at the points again: the patch of each, and its reflectance, position and weight, 7 numbers.
+    pub fn to_numbers(&self) -> (Vec<u32>, Vec<f64>) {
+        let numbers = |point: &CheckPoint| {
+            let [reflectance, position] = [point.reflectance, point.position].map(|v| v.to_array());
+            reflectance.into_iter().chain(position).chain([point.weight])
+        };
+        let patches = self.points.iter().map(|point| point.patch.0).collect();
+        (patches, self.points.iter().flat_map(numbers).collect())
+    }
+
+    /// The points from such numbers; `None` where they do not fit or cannot be. No rows can be asked for at them.
+    pub fn from_numbers(patches: &[u32], numbers: &[f64]) -> Option<Self> {
+        let (numbers, rest) = numbers.as_chunks::<7>();
+        let fits = rest.is_empty() && numbers.len() == patches.len();
+        let can_be = numbers.as_flattened().iter().all(|number| number.is_finite());
+        let point = |(patch, &[r, g, b, x, y, z, weight]): (&u32, &[f64; 7])| {
+            let position = DVec3::new(x, y, z);
+            let receiver = Receiver { position, normal: DVec3::ZERO, plane: PlaneId(0) };
+            let reflectance = DVec3::new(r, g, b);
+            CheckPoint { patch: PatchId(*patch), reflectance, receiver, position, weight }
+        };
+        (fits && can_be)
+            .then(|| Self { points: patches.iter().zip(numbers).map(point).collect(), ..Self::default() })
     }
 
     /// Compares the triangles of a mesh with these vertex values against the light gathered: the leaf under each point, and the

@@ -14,10 +14,10 @@ use crate::scene::Scene;
 use crate::solver::fit::best_fit_of_part;
 
 /// What the sky is called among the lights.
-const SKY: &str = "sky";
+pub(super) const SKY: &str = "sky";
 
 /// The parts are solved so much more exactly than the whole, that their sum is off by what the whole is.
-const TOLERANCE: f64 = 0.1;
+pub(super) const TOLERANCE: f64 = 0.1;
 
 /// Which of the light is wanted.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
@@ -100,7 +100,7 @@ fn light_names(scene: &Scene) -> Vec<String> {
 }
 
 /// The names of a light source.
-fn names_of(scene: &Scene, origin: Origin) -> impl Iterator<Item = &str> {
+pub(super) fn names_of(scene: &Scene, origin: Origin) -> impl Iterator<Item = &str> {
     let root = &scene.source.root;
     let (node, material, sky) = match origin {
         Origin::Surface(index) => {
@@ -130,37 +130,60 @@ impl Bake<'_, '_> {
         }
         self.office.enter(Phase::Groups, self.mesh.vertices.len());
         let whole = self.irradiance.clone();
-        let state = (self.direct.clone(), self.radiosity.clone(), self.spent.sweeps);
+        let layers = self.apart(|bake| bake.layers_beside(&whole))?;
+        self.end_step("groups");
+        Ok(layers)
+    }
+
+    /// Does something with other light than the whole, which is there again afterwards.
+    pub(super) fn apart<T>(
+        &mut self,
+        work: impl FnOnce(&mut Self) -> Result<T, BakeError>,
+    ) -> Result<T, BakeError> {
+        let state = (self.direct.clone(), self.radiosity.clone(), self.irradiance.clone(), self.spent.sweeps);
         let figures = (self.unshot, self.unshot_bound, self.residual);
+        let done = work(self);
+        (self.direct, self.radiosity, self.irradiance, self.spent.sweeps) = state;
+        (self.unshot, self.unshot_bound, self.residual) = figures;
+        done
+    }
+
+    /// The light of each group, fitted as this whole is.
+    fn layers_beside(&mut self, whole: &[DVec3]) -> Result<Vec<LitLayer>, BakeError> {
         let mut layers = vec![];
         for group in &self.settings.groups {
             let is_meant = |source: &&LightSource| {
                 names_of(self.scene, source.origin).any(|name| group.lights.iter().any(|light| light == name))
             };
             let sources: Vec<LightSource> = self.sources.iter().filter(is_meant).cloned().collect();
-            self.light_vertices(&sources)?;
+            self.light_vertices(&sources, self.settings.only != LightPart::Direct)?;
             let part = self.settings.only.of_all(&self.irradiance, &self.direct);
             layers.push(LitLayer {
                 name: group.name.clone(),
                 lights: group.lights.clone(),
-                irradiance: best_fit_of_part(&self.mesh, &whole, &part),
+                irradiance: best_fit_of_part(&self.mesh, whole, &part),
             });
         }
-        self.irradiance = whole;
-        (self.direct, self.radiosity, self.spent.sweeps) = state;
-        (self.unshot, self.unshot_bound, self.residual) = figures;
-        self.end_step("groups");
         Ok(layers)
     }
 
-    /// Gives all vertices the light of these sources alone, in place of the light that they had.
-    fn light_vertices(&mut self, sources: &[LightSource]) -> Result<(), BakeError> {
+    /// What these sources give all vertices.
+    pub(super) fn direct_of(&mut self, sources: &[LightSource]) -> Result<Vec<DVec3>, BakeError> {
         let mut direct = Vec::with_capacity(self.direct.len());
         for set in &self.vertex_sets {
             direct.extend(light::irradiance(sources, self.rows.set(*set), self.office, |_, _, _| ())?);
         }
-        self.direct = direct;
-        if self.settings.only == LightPart::Direct {
+        Ok(direct)
+    }
+
+    /// Gives all vertices the light of these sources alone, reflected or straight, in place of the light that they had.
+    pub(super) fn light_vertices(
+        &mut self,
+        sources: &[LightSource],
+        reflected: bool,
+    ) -> Result<(), BakeError> {
+        self.direct = self.direct_of(sources)?;
+        if !reflected {
             return Ok(());
         }
         self.radiosity = vec![DVec3::ZERO; self.shares.len()];

@@ -8,17 +8,18 @@ use super::budget::rounding_error;
 use super::checks::{Checks, FIRST};
 use super::refine::NOISE_HIDES;
 use super::{Bake, BakeError, BakeSettings, ErrorBudget, Phase, light, shooting_mesh};
+use crate::mesh::Mesh;
 use crate::solver::fit::best_fit;
 
 /// Key of the first leaf as a shooter: above all shares and light sources.
 const FIRST_LEAF_KEY: u64 = 1 << 40;
 
 /// Mean square of the weights with which a random point of a triangle takes the noise of its three vertices.
-const INTERPOLATED_NOISE: f64 = 0.5;
+pub(super) const INTERPOLATED_NOISE: f64 = 0.5;
 
 /// Light that is in the wrong place comes back after reflection at about half of its strength: transfer between the surfaces of
 /// a room evens out the finer patterns and keeps the coarse ones.
-const RETURNING: f64 = 0.5;
+pub(super) const RETURNING: f64 = 0.5;
 
 /// Part of the asked error that the shooters may take after a new start.
 const SHOOTERS_PART: f64 = 0.5;
@@ -84,12 +85,8 @@ impl Bake<'_, '_> {
             Checks::draw(&self.mesh, self.scene, self.settings, prediction.leaves(), self.rounds_measured);
         self.light_checks(&mut checks)?;
         let noise = self.noise();
-        let found = checks.compare(&self.mesh, &fitted);
         let receivers = if checks.count() > 0 {
-            let errors: Vec<DVec3> = found.into_iter().map(|(_, error)| error).collect();
-            let mixed = checks.relative(checks.with_level(&errors, self.mean_reflectance()).into_iter());
-            // The gathered light is noisy too.
-            without_noise(mixed, noise * (1.0 + INTERPOLATED_NOISE).sqrt())
+            receivers_error(&checks, &self.mesh, &fitted, self.mean_reflectance(), noise)
         } else {
             self.found_per_predicted * prediction.relative()
         };
@@ -107,6 +104,7 @@ impl Bake<'_, '_> {
         let unshot = self.residual / (1.0 - RETURNING * self.mean_reflectance());
         self.error = ErrorBudget::new(unshot, visibility, form_factors, receivers, shooters);
         self.office.set_error(Some(self.error.total));
+        self.checks = checks;
         self.end_step("measure");
         Ok(())
     }
@@ -248,6 +246,20 @@ impl Bake<'_, '_> {
             100.0 * estimate
         ))
     }
+}
+
+/// The error of interpolation that check points find, where the mean reflectance and the relative noise of the light are these.
+pub(super) fn receivers_error(
+    checks: &Checks,
+    mesh: &Mesh,
+    fitted: &[DVec3],
+    reflectance: f64,
+    noise: f64,
+) -> f64 {
+    let errors: Vec<DVec3> = checks.compare(mesh, fitted).into_iter().map(|(_, error)| error).collect();
+    let mixed = checks.relative(checks.with_level(&errors, reflectance).into_iter());
+    // The gathered light is noisy too.
+    without_noise(mixed, noise * (1.0 + INTERPOLATED_NOISE).sqrt())
 }
 
 /// What is left of a measured error without its noise. The noise is itself an estimate, often too high: no more than three

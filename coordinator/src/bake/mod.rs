@@ -9,7 +9,7 @@
 //! | refine | patches are divided where interpolation is wrong; new vertices only receive |
 //! | settle | shares take the mean radiosity of the refined mesh; sweeps again |
 //! | measure | the answer is compared with light gathered at random points |
-//! | groups | the light of each group of sources is solved for by itself |
+//! | groups | the light of each group of sources is solved for by itself; that of each source, where it is to be kept |
 //! | look behind | light that falls on the backs of one-sided surfaces is reported |
 //!
 //! Where an error is asked for, refining, settling and measuring are repeated until it is met, or all of it with finer shooters or
@@ -34,6 +34,7 @@ mod receiver_rows;
 mod receivers;
 mod refine;
 mod reflection;
+mod relight;
 mod report;
 mod rows;
 mod settings;
@@ -53,6 +54,7 @@ use shared::row::{Row, Shape, Shooter};
 pub use budget::ErrorBudget;
 pub use layers::{LightGroup, LightPart, check_groups};
 pub use observer::{Observer, Phase, Progress, Unobserved};
+pub use relight::{KeptLight, LightChange, NewLight, RelightError, RelightReport, Relit, relight};
 pub use report::{BakeReport, Model};
 pub use rows::{BakeError, RowService};
 pub use settings::{BakeSettings, RowsOf};
@@ -76,6 +78,8 @@ pub struct Baked {
     pub lit: LitMesh,
     /// The figures.
     pub report: BakeReport,
+    /// What it leaves behind so that the scene can be lit otherwise, if it was asked to.
+    pub kept: Option<KeptLight>,
 }
 
 /// Bakes a scene. Rows come from `service`, and `observer` is told how far it is, often.
@@ -112,7 +116,8 @@ pub fn bake(
             None => {
                 let lost_behind = bake.look_behind()?;
                 let layers = bake.layers()?;
-                return Ok(bake.finish(lost_behind, layers));
+                let kept = bake.keep_light()?;
+                return Ok(Baked { kept, ..bake.finish(lost_behind, layers) });
             }
         }
     }
@@ -197,6 +202,8 @@ struct Bake<'a, 'b> {
     /// Times that the error was measured.
     rounds_measured: u32,
     error: ErrorBudget,
+    /// Where it was measured, with the light there.
+    checks: Checks,
     /// What ended the refinement before its error was met.
     mesh_obstacle: Option<&'static str>,
     clock: Instant,
@@ -285,6 +292,7 @@ impl<'a, 'b> Bake<'a, 'b> {
             found_per_predicted: FOUND_PER_PREDICTED,
             rounds_measured: 0,
             error: ErrorBudget::default(),
+            checks: Checks::default(),
             mesh_obstacle: None,
             clock,
             shares,
@@ -350,7 +358,7 @@ impl<'a, 'b> Bake<'a, 'b> {
         self.end_step("export mesh");
         let mut report = self.report();
         report.warnings.extend(warnings);
-        Baked { lit, report }
+        Baked { lit, report, kept: None }
     }
 }
 

@@ -4,23 +4,17 @@ use glam::DVec3;
 
 use super::receivers;
 use super::settle::Means;
-use super::{Bake, Phase};
+use super::{Bake, LightPart, Phase};
 use crate::lit::LitMesh;
 use crate::mesh::{Mesh, Share, VertexId, triangulate};
+use crate::scene::Scene;
 use crate::solver::fit::{best_fit, best_fit_of_part};
 
 impl Bake<'_, '_> {
     /// The mesh as it is now with this irradiance of its vertices, of which so much is direct, and the fitted values of all of the
     /// light.
     pub(super) fn lit(&self, irradiance: &[DVec3], direct: &[DVec3]) -> (LitMesh, Vec<DVec3>) {
-        let part = self.settings.only;
-        let shown = (!part.is_all())
-            .then(|| best_fit_of_part(&self.mesh, irradiance, &part.of_all(irradiance, direct)));
-        let fitted = best_fit(&self.mesh, irradiance);
-        let radiosity = |vertex: VertexId| fitted[vertex.index()];
-        let triangles = triangulate(&self.mesh, self.scene.surfaces.len(), radiosity);
-        let lit = receivers::lit_mesh(&self.mesh, shown.as_deref().unwrap_or(&fitted), triangles);
-        (lit, fitted)
+        lit_mesh(self.scene, &self.mesh, self.settings.only, irradiance, direct)
     }
 
     /// Hands over what is known now, if it is wanted.
@@ -59,6 +53,22 @@ impl Bake<'_, '_> {
         let states = self.energies.iter().zip(at_shares).zip(&self.radiosity);
         states.map(|((share, irradiance), shot)| share.reflectance * irradiance - *shot).collect()
     }
+}
+
+/// A part of the light on a mesh, with this irradiance of its vertices, of which so much is direct; and the fitted values of all of it.
+pub(super) fn lit_mesh(
+    scene: &Scene,
+    mesh: &Mesh,
+    part: LightPart,
+    irradiance: &[DVec3],
+    direct: &[DVec3],
+) -> (LitMesh, Vec<DVec3>) {
+    let shown =
+        (!part.is_all()).then(|| best_fit_of_part(mesh, irradiance, &part.of_all(irradiance, direct)));
+    let fitted = best_fit(mesh, irradiance);
+    let triangles = triangulate(mesh, scene.surfaces.len(), |vertex: VertexId| fitted[vertex.index()]);
+    let lit = receivers::lit_mesh(mesh, shown.as_deref().unwrap_or(&fitted), triangles);
+    (lit, fitted)
 }
 
 /// A figure of each share at all vertices: at those of the shooting mesh the mean of the shares that meet there, by area, and

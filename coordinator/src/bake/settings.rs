@@ -66,6 +66,9 @@ pub struct BakeSettings {
     /// Light sources whose light is wanted by itself as well.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub groups: Vec<LightGroup>,
+    /// Keep the light of each source by itself, so that the scene can be lit otherwise. No part of the answer.
+    #[serde(skip)]
+    pub keep_light: bool,
     /// Weigh point lights by the cosine of an imaginary horizontal plane instead of evenly by solid angle.
     pub planar_point_lights: bool,
 }
@@ -148,6 +151,7 @@ impl Default for BakeSettings {
             seed: precision.seed,
             only: LightPart::All,
             groups: vec![],
+            keep_light: false,
             planar_point_lights: false,
         }
     }

@@ -34,9 +34,13 @@ impl Bake<'_, '_> {
         }
         let direct = means.of(&self.direct);
         let guess = std::mem::take(&mut self.radiosity);
+        self.solve(self.settled_energies(), Some(&means), direct, guess, tolerance)
+    }
+
+    /// The shares, each receiving its own mean.
+    pub(super) fn settled_energies(&self) -> Vec<ShareEnergy> {
         let itself = |(receiver, share): (usize, &ShareEnergy)| ShareEnergy { receiver, ..*share };
-        let energies = self.energies.iter().enumerate().map(itself).collect();
-        self.solve(energies, Some(&means), direct, guess, tolerance)
+        self.energies.iter().enumerate().map(itself).collect()
     }
 }
 

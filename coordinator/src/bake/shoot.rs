@@ -190,8 +190,7 @@ impl Bake<'_, '_> {
         Ok(())
     }
 
-    /// Solves for the radiosity of the shares and gathers the irradiance of all vertices: from the rows over the vertices of the
-    /// shooting mesh, or from the `means` over the shares.
+    /// Solves for the radiosity of the shares and gathers the irradiance of all vertices.
     pub(super) fn solve(
         &mut self,
         energies: Vec<ShareEnergy>,
@@ -200,6 +199,22 @@ impl Bake<'_, '_> {
         guess: Vec<DVec3>,
         tolerance: f64,
     ) -> Result<(), BakeError> {
+        let columns = None;
+        self.solve_shares(energies, means, columns, direct, guess, tolerance)?;
+        self.gather()
+    }
+
+    /// Solves for the radiosity of the shares: from the rows over the vertices of the shooting mesh, or from the `means` over the
+    /// shares, of which `columns` are known already. The columns for whoever solves with the same means again.
+    pub(super) fn solve_shares(
+        &mut self,
+        energies: Vec<ShareEnergy>,
+        means: Option<&Means>,
+        columns: Option<ColumnCache>,
+        direct: Vec<DVec3>,
+        guess: Vec<DVec3>,
+        tolerance: f64,
+    ) -> Result<ColumnCache, BakeError> {
         // Sweeps go over the columns again and again, over the rows they are made of once: columns come first.
         let bytes = if means.is_some() { self.coarse_bytes + self.coarse_bytes / 4 } else { 0 };
         let reserved = self.rows.cache().reserve(bytes);
@@ -208,7 +223,7 @@ impl Bake<'_, '_> {
             office: self.office,
             means,
             sets: &self.vertex_sets,
-            columns: ColumnCache::new(reserved, energies.len()),
+            columns: columns.unwrap_or_else(|| ColumnCache::new(reserved, energies.len())),
         };
         let solution = match self.channels {
             Channels::One(colour) => {
@@ -220,6 +235,7 @@ impl Bake<'_, '_> {
         };
         self.most_row_bytes =
             self.most_row_bytes.max(transfer.columns.bytes() + transfer.rows.cache().bytes());
+        let columns = transfer.columns;
         self.rows.cache().reserve(0);
         self.spent.sweeps += solution.sweeps;
         self.unshot_bound = solution.missing;
@@ -227,7 +243,7 @@ impl Bake<'_, '_> {
         self.unshot = solution.unshot;
         self.office.set_unshot(solution.missing);
         self.radiosity = solution.radiosity;
-        self.gather()
+        Ok(columns)
     }
 
     /// Gathers the irradiance of all vertices and guiding points from the radiosity of the shares.

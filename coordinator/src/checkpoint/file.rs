@@ -34,8 +34,8 @@ pub struct CheckpointFile {
     pub length: u64,
 }
 
-/// The line after the magic: rows of another release may have other bits.
-fn release() -> String {
+/// The line after the magic: rows and meshes of another release may have other bits.
+pub fn release() -> String {
     format!("{} protocol {PROTOCOL_VERSION}", env!("CARGO_PKG_VERSION"))
 }
 

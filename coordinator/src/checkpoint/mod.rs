@@ -23,6 +23,7 @@ mod writer;
 use std::path::{Path, PathBuf};
 use std::{fs, io};
 
+pub(crate) use file::release;
 pub use service::Checkpointed;
 
 /// Why a file cannot be used as a checkpoint. Nothing of it is lost.

@@ -8,6 +8,7 @@ mod machine;
 mod output_options;
 mod progress;
 mod reference;
+mod relight;
 mod render;
 mod report;
 mod scene_options;
@@ -54,6 +55,8 @@ enum Command {
     Delete(client::JobArguments),
     /// Bake a glTF file: a lit glTF comes out.
     Solve(solve::SolveArguments),
+    /// Light a baked scene otherwise: other brightness or colour of its lights, in a small part of the time.
+    Relight(relight::RelightArguments),
     /// Make a picture of a lit file: PNG or EXR.
     Render(render::RenderArguments),
     /// Compare a lit scene with a path-traced reference.
@@ -84,6 +87,7 @@ pub fn run(arguments: Arguments) -> anyhow::Result<()> {
         Some(Command::Cancel(job)) => client::cancel(job, &workers.security()?),
         Some(Command::Delete(job)) => client::delete(job, &workers.security()?),
         Some(Command::Solve(solve)) => solve::run(solve, &workers.cluster(&metrics)?),
+        Some(Command::Relight(relight)) => relight::run(relight),
         Some(Command::Render(render)) => render::run(render, &workers.cluster(&metrics)?),
         Some(Command::Compare(compare)) => compare::run(compare),
         Some(Command::Reference(reference)) => reference::run(reference, workers.threads()?),

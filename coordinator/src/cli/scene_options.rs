@@ -54,6 +54,11 @@ impl SceneOptions {
         }
     }
 
+    /// Radiance of the sky, where one was given.
+    pub fn sky(&self) -> Option<DVec3> {
+        self.sky
+    }
+
     /// The options that the flags ask for: those that a service would take them for.
     pub fn import_options(&self) -> anyhow::Result<ImportOptions> {
         let mut wrong = Violations::default();
@@ -64,7 +69,7 @@ impl SceneOptions {
 }
 
 /// Three numbers, finite and not negative.
-fn radiance(text: &str) -> Result<DVec3, String> {
+pub fn radiance(text: &str) -> Result<DVec3, String> {
     let parsed: Vec<f64> = text.split(',').filter_map(|number| number.trim().parse().ok()).collect();
     match parsed.as_slice() {
         &[r, g, b] if text.split(',').count() == 3 => Some(DVec3::new(r, g, b)),

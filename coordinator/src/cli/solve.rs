@@ -4,7 +4,7 @@ use std::time::Instant;
 use anyhow::Context;
 use atomic_write_file::AtomicWriteFile;
 use clap::Args;
-use coordinator::bake::{Observer, Progress, bake, check_groups};
+use coordinator::bake::{BakeSettings, Observer, Progress, bake, check_groups};
 use coordinator::checkpoint::{Checkpointed, remove};
 use coordinator::cluster::{Cluster, ClusterSettings};
 use coordinator::export::{ExportSettings, check_writable, export};
@@ -33,6 +33,9 @@ pub struct SolveArguments {
     options: SceneOptions,
     #[command(flatten)]
     written: OutputOptions,
+    /// Write the light of each source by itself to this file, so that `relight` can change its brightness and colour without a bake.
+    #[arg(long, value_name = "FILE")]
+    keep_light: Option<PathBuf>,
     #[command(flatten)]
     checkpoint: CheckpointArguments,
     #[command(flatten)]
@@ -73,9 +76,19 @@ pub fn run(arguments: &SolveArguments, workers: &ClusterSettings) -> anyhow::Res
     if let Some(report) = &arguments.report {
         check_report(report)?;
     }
-    check_distinct(arguments)?;
+    check_distinct(&[
+        ("scene", Some(&arguments.scene)),
+        ("output", Some(&arguments.output)),
+        ("report", arguments.report.as_ref()),
+        ("checkpoint", arguments.checkpoint.checkpoint.as_ref()),
+        ("kept light", arguments.keep_light.as_ref()),
+    ])?;
+    if let Some(kept) = &arguments.keep_light {
+        check_place(kept, "kept light", "--keep-light")?;
+    }
     let (settings, export_settings) =
         arguments.written.settings(&arguments.options.options(), arguments.knobs.settings()?)?;
+    let settings = BakeSettings { keep_light: arguments.keep_light.is_some(), ..settings };
     let scene = import(&arguments.scene, &arguments.options.import_options()?)?;
     for warning in &scene.warnings {
         eprintln!("warning: {warning}");
@@ -107,6 +120,9 @@ pub fn run(arguments: &SolveArguments, workers: &ClusterSettings) -> anyhow::Res
     for warning in &exported.warnings {
         eprintln!("warning: {warning}");
     }
+    if let (Some(path), Some(kept)) = (&arguments.keep_light, &baked.kept) {
+        kept.write(path)?;
+    }
     let summary = Summary {
         seconds: clock.elapsed().as_secs_f64(),
         unit: &export_settings.unit,
@@ -132,14 +148,8 @@ pub fn run(arguments: &SolveArguments, workers: &ClusterSettings) -> anyhow::Res
 }
 
 /// Nothing that the bake reads or writes may overwrite another of its files.
-fn check_distinct(arguments: &SolveArguments) -> anyhow::Result<()> {
+pub fn check_distinct(files: &[(&str, Option<&PathBuf>)]) -> anyhow::Result<()> {
     let whole = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-    let files = [
-        ("scene", Some(&arguments.scene)),
-        ("output", Some(&arguments.output)),
-        ("report", arguments.report.as_ref()),
-        ("checkpoint", arguments.checkpoint.checkpoint.as_ref()),
-    ];
     for (index, (name, path)) in files.iter().enumerate() {
         let Some(path) = path else { continue };
         for (other, taken) in &files[..index] {
@@ -153,14 +163,19 @@ fn check_distinct(arguments: &SolveArguments) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn check_report(path: &Path) -> anyhow::Result<()> {
+pub fn check_report(path: &Path) -> anyhow::Result<()> {
+    check_place(path, "report", "--report")
+}
+
+/// Finds out whether a file can be written that is called so and was asked for with this option.
+fn check_place(path: &Path, name: &str, option: &str) -> anyhow::Result<()> {
     AtomicWriteFile::open(path)
         .map(AtomicWriteFile::discard)
-        .with_context(|| format!("report {} cannot be written: choose another --report", path.display()))??;
+        .with_context(|| format!("{name} {} cannot be written: choose another {option}", path.display()))??;
     Ok(())
 }
 
-fn write_report(path: &Path, json: &str) -> anyhow::Result<()> {
+pub fn write_report(path: &Path, json: &str) -> anyhow::Result<()> {
     use std::io::Write;
     let write = || -> std::io::Result<()> {
         let mut file = AtomicWriteFile::open(path)?;

@@ -83,7 +83,7 @@ impl Prepared {
         let phase = Cell::new(Phase::Light);
         let mut cluster = Simulated::new(&mut self.recorder, model, &phase);
         let mut watched = Watched { phase: &phase };
-        let Baked { lit, report } = bake(&self.scene, &self.settings, &mut cluster, &mut watched)?;
+        let Baked { lit, report, .. } = bake(&self.scene, &self.settings, &mut cluster, &mut watched)?;
         let seconds = in_seconds(cluster.finish());
         let light = lit.vertices.iter().flat_map(|vertex| vertex.irradiance.to_array());
         let digest = Digest::of(&light.flat_map(f64::to_le_bytes).collect::<Vec<u8>>());

@@ -13,10 +13,10 @@ use tests::builder::{Material, SceneBuilder, pack};
 use tests::shapes;
 
 /// Radiance of the sky.
-const SKY: DVec3 = DVec3::new(0.5, 0.7, 1.5);
+pub const SKY: DVec3 = DVec3::new(0.5, 0.7, 1.5);
 
 /// A court with a block in it, under the sky, with a red lamp, a green panel and two point lights called bulb.
-fn court(lamp: f64, panel: f64, bulbs: f64, sky: DVec3) -> Scene {
+pub fn court(lamp: f64, panel: f64, bulbs: f64, sky: DVec3) -> Scene {
     let mut walls = shapes::box_facing_in(DVec3::ZERO, DVec3::new(4.0, 3.0, 5.0));
     walls.remove(3);
     let coloured = |rgb: [f64; 3]| Material { reflectance: rgb.into(), ..Material::grey(0.0) };
@@ -51,7 +51,7 @@ fn group(name: &str, lights: &[&str]) -> LightGroup {
     LightGroup { name: name.into(), lights: lights.iter().map(|light| (*light).to_owned()).collect() }
 }
 
-fn groups() -> Vec<LightGroup> {
+pub fn groups() -> Vec<LightGroup> {
     vec![group("warm", &["lamp", "bulb"]), group("cold", &["panel"]), group("outside", &["sky"])]
 }
 

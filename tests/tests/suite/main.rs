@@ -8,6 +8,7 @@
 //! | `made_scenes` | the scenes of `tests::scenes`: files, references |
 //! | `point_lights` | flux of point lights, as rows have it, against solid angles |
 //! | `layers` | light by groups of its sources, direct and indirect, against the whole |
+//! | `relight` | scenes lit otherwise against bakes of the changed scenes |
 //! | `leaks` | closed walls against light |
 //! | `mesh` | the mesh against its promises: tiling, convexity, no cracks, balance |
 //! | `furnace` | enclosures of constant radiosity against E / (1 - rho) |
@@ -52,6 +53,7 @@ mod point_lights;
 mod public_files;
 mod receiver_rows;
 mod reference;
+mod relight;
 mod scenes;
 mod security;
 mod service;
