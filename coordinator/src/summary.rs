@@ -96,6 +96,15 @@ pub fn relit_extras(relit: &Relit) -> serde_json::Value {
     with_sky(json!({ "relit": relit.report }), &relit.scene)
 }
 
+/// All figures of a relight as JSON; `seconds` are those from the file to the lit file.
+///
+/// # Errors
+/// When a figure cannot be written.
+pub fn relit_json(relit: &Relit, exported: &Exported, seconds: f64) -> serde_json::Result<String> {
+    let figures = json!({ "seconds": seconds, "relight": relit.report, "exposure": exported.exposure });
+    serde_json::to_string_pretty(&figures)
+}
+
 fn with_sky(mut extras: serde_json::Value, scene: &Scene) -> serde_json::Value {
     if scene.sky != DVec3::ZERO {
         // What a picture shows where there is no surface.

@@ -66,9 +66,10 @@ pub struct BakeSettings {
     /// Light sources whose light is wanted by itself as well.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub groups: Vec<LightGroup>,
-    /// Keep the light of each source by itself, so that the scene can be lit otherwise. No part of the answer.
+    /// Keep the light of each source by itself, so that the scene can be lit otherwise, if it takes no more than so many bytes. No
+    /// part of the answer.
     #[serde(skip)]
-    pub keep_light: bool,
+    pub keep_light: Option<u64>,
     /// Weigh point lights by the cosine of an imaginary horizontal plane instead of evenly by solid angle.
     pub planar_point_lights: bool,
 }
@@ -151,7 +152,7 @@ impl Default for BakeSettings {
             seed: precision.seed,
             only: LightPart::All,
             groups: vec![],
-            keep_light: false,
+            keep_light: None,
             planar_point_lights: false,
         }
     }

@@ -5,8 +5,7 @@ use clap::Args;
 use coordinator::bake::{BakeSettings, KeptLight, LightChange, NewLight, relight};
 use coordinator::export::{ExportSettings, check_writable, export};
 use coordinator::import::{ImportOptions, import};
-use coordinator::summary::relit_extras;
-use serde_json::json;
+use coordinator::summary::{relit_extras, relit_json};
 
 use super::output_options::OutputOptions;
 use super::scene_options::{SceneOptions, radiance};
@@ -74,14 +73,13 @@ pub fn run(arguments: &RelightArguments) -> anyhow::Result<()> {
         100.0 * relit.report.error_as_baked.total
     );
     if let Some(path) = &arguments.report {
-        let report = json!({ "seconds": seconds, "relight": relit.report, "exposure": exported.exposure });
-        write_report(path, &serde_json::to_string_pretty(&report)?)?;
+        write_report(path, &relit_json(&relit, &exported, seconds)?)?;
     }
     Ok(())
 }
 
 /// `NAME=R,G,B` or `NAME=NUMBER`.
-fn change(text: &str) -> Result<LightChange, String> {
+pub fn change(text: &str) -> Result<LightChange, String> {
     // A name may have an equals sign in it, a number has none.
     let (light, factor) = text.rsplit_once('=').ok_or("not NAME=R,G,B")?;
     let factor = match factor.trim().parse::<f64>() {

@@ -79,6 +79,9 @@ pub struct ServeArguments {
     /// Room for finished rows of one job on the disk, in MiB: what comes after is computed again by a job that goes on.
     #[arg(long, default_value_t = Limits::default().checkpoint_bytes / MIB, value_name = "MIB")]
     checkpoint_per_job: u64,
+    /// Room for the light of each source of one job, in MiB: a job that needs more cannot be lit otherwise.
+    #[arg(long, default_value_t = Limits::default().light_bytes / MIB, value_name = "MIB")]
+    light_per_job: u64,
     /// Jobs are forgotten when they ended so many days ago.
     #[arg(long, default_value_t = Limits::default().keep_age.as_secs() as f64 / 86400.0, value_name = "DAYS", value_parser = days)]
     keep_days: f64,
@@ -100,6 +103,7 @@ impl ServeArguments {
             vertices: self.vertices_per_job,
             row_cache: self.memory_per_job,
             checkpoint_bytes: self.checkpoint_per_job.saturating_mul(MIB),
+            light_bytes: self.light_per_job.saturating_mul(MIB),
             keep_age: Duration::from_secs_f64(self.keep_days * 86400.0),
             keep_bytes: self.keep_size.saturating_mul(MIB),
             free_bytes: self.keep_free.saturating_mul(MIB),

@@ -88,7 +88,8 @@ pub fn run(arguments: &SolveArguments, workers: &ClusterSettings) -> anyhow::Res
     }
     let (settings, export_settings) =
         arguments.written.settings(&arguments.options.options(), arguments.knobs.settings()?)?;
-    let settings = BakeSettings { keep_light: arguments.keep_light.is_some(), ..settings };
+    let settings =
+        BakeSettings { keep_light: arguments.keep_light.is_some().then_some(u64::MAX), ..settings };
     let scene = import(&arguments.scene, &arguments.options.import_options()?)?;
     for warning in &scene.warnings {
         eprintln!("warning: {warning}");

@@ -75,6 +75,12 @@ impl Office {
                 );
                 return Err(Refusal::exhausted(format!("client:{}", draft.client), description));
             }
+            if let Some(relit) = &draft.relit
+                && !ledger.uses_light(relit.baked, draft.id)
+            {
+                // Deleted since it was looked for.
+                return Err(Refusal::NoLight(relit.baked));
+            }
             if upload.is_none() && !ledger.has_scene(&draft.client, draft.scene) {
                 return Err(Refusal::SceneMissing(draft.scene));
             }
@@ -170,7 +176,12 @@ impl Office {
     }
 
     fn remove_files(&self, record: &Record) {
-        for path in [self.store.checkpoint(record.id), self.store.result(record)] {
+        let mut gone = vec![self.store.checkpoint(record.id), self.store.result(record)];
+        // What a bake that did not end left behind is of no use to anybody.
+        if record.relit.is_none() || !lock(&self.ledger).uses_light(record.light(), record.id) {
+            gone.push(self.store.light(record.light()));
+        }
+        for path in gone {
             if let Err(error) = remove_file(&path) {
                 tracing::warn!(%error, "a file of a job that is gone cannot be removed");
             }
@@ -220,9 +231,10 @@ impl Office {
     /// Forgets a job, while [`Self::changing`] is held.
     fn forget(&self, record: &Record) -> Result<Vec<Action>, Refusal> {
         let runs = lock(&self.ledger).entry(record.id).is_some_and(|entry| entry.live.is_some());
-        // A job that runs needs its scene for a moment more; its thread removes what is left.
+        // A job that runs needs its scene and light for a moment more; its thread removes what is left.
         let keeps_scene = runs || lock(&self.ledger).uses(record.scene, record.id);
-        self.store.remove(record, keeps_scene)?;
+        let keeps_light = runs || lock(&self.ledger).uses_light(record.light(), record.id);
+        self.store.remove(record, keeps_scene, keeps_light)?;
         let mut ledger = lock(&self.ledger);
         // Told by its handle: from now on it is not found by name.
         if let Some(live) = ledger.entry(record.id).and_then(|entry| entry.live.as_ref()) {

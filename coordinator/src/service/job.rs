@@ -5,7 +5,7 @@ use std::str::FromStr;
 use std::time::SystemTime;
 
 use prost_types::Timestamp;
-use shared::api::{Job, Outcome, State, SubmitSceneHeader};
+use shared::api::{Job, Outcome, SceneOptions, State, SubmitSceneHeader};
 
 /// Names a job: 128 random bits, 32 hexadecimal digits. Nobody can guess another's.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -100,6 +100,8 @@ pub struct Record {
     pub header: SubmitSceneHeader,
     /// The scene: of a relight, that of the job that it relights.
     pub scene: SceneDigest,
+    /// What a relight has of the job whose light it changes.
+    pub relit: Option<Relit>,
     /// Where it stands.
     pub state: State,
     /// Why it failed.
@@ -116,7 +118,22 @@ pub struct Record {
     pub revision: u64,
 }
 
+/// What a relight has of a job that was baked, so that it needs no more of it: that one may be deleted meanwhile.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Relit {
+    /// The job, which was baked itself.
+    pub baked: JobId,
+    /// How its scene was read.
+    pub options: SceneOptions,
+}
+
 impl Record {
+    /// The job whose kept light this one needs or has made.
+    #[must_use]
+    pub fn light(&self) -> JobId {
+        self.relit.as_ref().map_or(self.id, |relit| relit.baked)
+    }
+
     /// Whether nothing more will happen to it.
     #[must_use]
     pub fn has_ended(&self) -> bool {

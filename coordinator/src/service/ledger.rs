@@ -154,6 +154,12 @@ impl Ledger {
         self.entries.values().any(|entry| entry.record.scene == scene && entry.record.id != but)
     }
 
+    /// Whether a job other than this one needs the light that the bake of a job left behind.
+    #[must_use]
+    pub fn uses_light(&self, baked: JobId, but: JobId) -> bool {
+        self.entries.values().any(|entry| entry.record.light() == baked && entry.record.id != but)
+    }
+
     /// Whether this client has a job of a scene: then it need not send it again. What others have sent does not count: a digest does
     /// not prove that somebody has the file.
     #[must_use]

@@ -7,7 +7,7 @@
 //! | `ledger` | all jobs in memory, for what is asked often |
 //! | `store` | the data folder |
 //! | `changes` | what happens to a job, on the disk first and in memory then |
-//! | `run` | one job: import, bake, export |
+//! | `run`, `relight` | one job: import, bake or light otherwise, export |
 //! | `progress`, `present` | what is seen of a job that runs |
 //! | `submit`, `watch`, `fetch` | what clients ask for that takes longer than a look |
 //! | `options` | what the options of the API mean |
@@ -34,6 +34,7 @@ mod present;
 mod progress;
 pub mod queue;
 mod refusal;
+mod relight;
 mod run;
 pub mod server;
 mod settings;

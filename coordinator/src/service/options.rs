@@ -7,7 +7,7 @@ use glam::DVec3;
 use shared::api;
 
 use super::refusal::{Refusal, Violation};
-use crate::bake::{BakeSettings, LightGroup, LightPart, RowsOf};
+use crate::bake::{BakeSettings, LightChange, LightGroup, LightPart, NewLight, RowsOf};
 use crate::export::{Domain, ExportSettings, check_group_names};
 use crate::import::{ImportOptions, LightUnit};
 
@@ -15,7 +15,7 @@ use crate::import::{ImportOptions, LightUnit};
 pub const LONGEST_TEXT: usize = 200;
 
 /// Most groups of lights, and most names in all of them.
-const MOST_NAMES: usize = 1000;
+pub const MOST_NAMES: usize = 1000;
 
 /// Most random points at which an answer is measured.
 const MOST_CHECK_POINTS: u64 = 1_000_000;
@@ -184,6 +184,20 @@ pub fn light_parts(options: &api::OutputOptions, wrong: &mut Violations) -> (Lig
         wrong.demand(false, "output.groups", format!("have wrong names: {error}"));
     }
     (only, groups)
+}
+
+/// The light that a relight asks for, all of it.
+pub fn new_light(relight: &api::Relight, wrong: &mut Violations) -> NewLight {
+    let holds = relight.lights.len() <= MOST_NAMES;
+    wrong.demand(holds, "relight.lights", format!("must name {MOST_NAMES} lights at most"));
+    let mut changes = vec![];
+    for change in relight.lights.iter().take(MOST_NAMES) {
+        wrong.short(&change.light, "relight.lights");
+        wrong.demand(change.factor.is_some(), "relight.lights", "must have a factor each");
+        let factor = wrong.colour(change.factor, "relight.lights").unwrap_or(DVec3::ONE);
+        changes.push(LightChange { light: change.light.clone(), factor });
+    }
+    NewLight { changes, sky: wrong.colour(relight.sky, "relight.sky"), ..NewLight::default() }
 }
 
 /// How the lit file is written, its extras aside.

@@ -32,6 +32,9 @@ pub enum Refusal {
     /// The job is not done.
     #[error("job {0} is not done: watch it, or fetch its present state")]
     NotDone(JobId),
+    /// The light of the job was not kept.
+    #[error("the light of job {0} was not kept: submit its scene with the other light")]
+    NoLight(JobId),
     /// The job has no present state.
     #[error("job {0} has no present state: it does not run, or has not begun to shoot")]
     NotRunning(JobId),

@@ -1,4 +1,4 @@
-//! One job, in a thread of its own: import, bake, export.
+//! One job, in a thread of its own: import, bake or light otherwise, export.
 
 use std::fs::File;
 use std::io;
@@ -11,17 +11,20 @@ use sha2::{Digest, Sha256};
 use shared::api::{self, Outcome};
 
 use super::job::Record;
-use super::options::{Violations, wanted};
+use super::options::{LONGEST_TEXT, MOST_NAMES, Violations, Wanted, wanted};
 use super::present::Stage;
 use super::progress::{Live, Watched};
 use super::refusal::is_full;
+use super::relight::relight_baked;
 use super::settings::Limits;
 use super::store::Store;
-use crate::bake::{BakeError, BakeSettings, bake, check_groups};
+use crate::bake::{BakeError, BakeSettings, KeptLight, RelightError, bake, check_groups};
 use crate::checkpoint::Checkpointed;
 use crate::cluster::{ClusterCounts, ClusterError, SharedCluster};
-use crate::export::{ExportError, ExportSettings, export};
-use crate::import::import_slice;
+use crate::export::{ExportError, ExportSettings, Exported, export};
+use crate::import::{ImportOptions, import_slice};
+use crate::lit::LitMesh;
+use crate::scene::Scene;
 use crate::summary::{Summary, extras};
 
 /// How a job ended.
@@ -63,17 +66,32 @@ pub fn run(means: &Means<'_>, record: &Record, live: &Live) -> Ending {
 }
 
 fn attempt(means: &Means<'_>, record: &Record, live: &Live) -> Result<Outcome, Ending> {
-    let clock = Instant::now();
     live.enter(api::Phase::Import);
     let mut wrong = Violations::default();
     let wanted = wanted(&record.header, &mut wrong);
     wrong.check().map_err(|refusal| Ending::Failed(refusal.to_string()))?;
-    let settings = BakeSettings { row_cache: means.limits.row_cache, ..wanted.bake };
+    match &record.relit {
+        None => bake_whole(means, record, wanted, live),
+        Some(relit) => relight_baked(means, record, relit, wanted, live),
+    }
+}
+
+/// The scene of a job.
+pub(super) fn scene_of(means: &Means<'_>, record: &Record, options: &ImportOptions) -> Result<Scene, Ending> {
     let bytes =
         std::fs::read(means.store.scene(record.scene)).map_err(of_disk("its scene cannot be read"))?;
     // Without a folder: a file that names others is refused, whatever it names.
-    let scene = import_slice(&bytes, &wanted.import).map_err(|error| Ending::Failed(error.to_string()))?;
-    drop(bytes);
+    import_slice(&bytes, options).map_err(|error| Ending::Failed(error.to_string()))
+}
+
+fn bake_whole(means: &Means<'_>, record: &Record, wanted: Wanted, live: &Live) -> Result<Outcome, Ending> {
+    let clock = Instant::now();
+    let settings = BakeSettings {
+        row_cache: means.limits.row_cache,
+        keep_light: Some(means.limits.light_bytes),
+        ..wanted.bake
+    };
+    let scene = scene_of(means, record, &wanted.import)?;
     check_groups(&scene, &settings.groups).map_err(|error| Ending::Failed(error.to_string()))?;
     if live.is_stopped() {
         return Err(Ending::Stopped);
@@ -95,12 +113,12 @@ fn attempt(means: &Means<'_>, record: &Record, live: &Live) -> Result<Outcome, E
     let baked = baked.map_err(of_bake)?;
 
     live.enter(api::Phase::Export);
-    let result = means.store.result(record);
     let export_settings =
         ExportSettings { extras: extras(&scene, &settings, &baked.report), ..wanted.export };
-    let exported =
-        export(&scene, &baked.lit, &export_settings, &result).map_err(|error| of_export(error, &result))?;
-    let (size, sha256) = digest(&result).map_err(of_disk("its lit file cannot be read"))?;
+    let (exported, written) = write_result(means, record, &scene, &baked.lit, &export_settings)?;
+    if let Some(kept) = &baked.kept {
+        kept.write(&means.store.light(record.id)).map_err(of_light)?;
+    }
     let summary = Summary {
         seconds: clock.elapsed().as_secs_f64(),
         unit: &export_settings.unit,
@@ -118,12 +136,33 @@ fn attempt(means: &Means<'_>, record: &Record, live: &Live) -> Result<Outcome, E
     let report_json = summary.to_json(&settings).map_err(|error| Ending::Failed(error.to_string()))?;
     let warnings = [&scene.warnings, &baked.report.warnings, &exported.warnings];
     Ok(Outcome {
-        size,
-        sha256: sha256.to_vec().into(),
         report_json,
         warnings: warnings.into_iter().flatten().cloned().collect(),
         took: clock.elapsed().try_into().ok(),
+        can_be_relit: baked.kept.is_some(),
+        lights: baked.kept.map(|kept| names_of_lights(&kept)).unwrap_or_default(),
+        ..written
     })
+}
+
+/// Writes the lit file. What it says, and the outcome as far as it is about the file.
+pub(super) fn write_result(
+    means: &Means<'_>,
+    record: &Record,
+    scene: &Scene,
+    lit: &LitMesh,
+    settings: &ExportSettings,
+) -> Result<(Exported, Outcome), Ending> {
+    let path = means.store.result(record);
+    let exported = export(scene, lit, settings, &path).map_err(|error| of_export(error, &path))?;
+    let (size, sha256) = digest(&path).map_err(of_disk("its lit file cannot be read"))?;
+    Ok((exported, Outcome { size, sha256: sha256.to_vec().into(), ..Outcome::default() }))
+}
+
+/// The lights that clients can change: those that they can name.
+pub(super) fn names_of_lights(kept: &KeptLight) -> Vec<String> {
+    let can_be_named = |name: &&str| name.chars().count() <= LONGEST_TEXT && !name.contains(char::is_control);
+    kept.lights().into_iter().filter(can_be_named).take(MOST_NAMES).map(str::to_owned).collect()
 }
 
 /// What a job does whose bake ended so.
@@ -146,6 +185,14 @@ fn of_disk(what: &'static str) -> impl Fn(io::Error) -> Ending {
         }
         tracing::error!(%error, what, "the disk fails");
         Ending::Failed(format!("{what}: the service's log says more"))
+    }
+}
+
+/// What a job does whose light cannot be kept, or cannot be changed.
+pub(super) fn of_light(error: RelightError) -> Ending {
+    match error {
+        RelightError::Io { error, .. } => of_disk("the light of its scene cannot be used")(error),
+        other => Ending::Failed(other.to_string()),
     }
 }
 

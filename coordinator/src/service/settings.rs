@@ -24,6 +24,8 @@ pub struct Limits {
     pub row_cache: usize,
     /// Bytes of one checkpoint.
     pub checkpoint_bytes: u64,
+    /// Bytes of the light that a job leaves behind, for jobs that light the same scene otherwise.
+    pub light_bytes: u64,
     /// Jobs that ended longer ago are forgotten.
     pub keep_age: Duration,
     /// Bytes of all files of the data folder: the oldest jobs that ended are forgotten beyond.
@@ -43,6 +45,7 @@ impl Default for Limits {
             vertices: 2_000_000,
             row_cache: 2048,
             checkpoint_bytes: 16 << 30,
+            light_bytes: 256 << 20,
             keep_age: Duration::from_secs(30 * 24 * 3600),
             keep_bytes: 100 << 30,
             free_bytes: 1 << 30,

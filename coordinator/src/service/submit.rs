@@ -4,12 +4,12 @@ use std::time::SystemTime;
 
 use bytes::{Bytes, BytesMut};
 use shared::api::submit_scene_header::Source;
-use shared::api::{Job, State, SubmitSceneHeader};
+use shared::api::{Job, Relight, State, SubmitSceneHeader};
 use tokio::time::{Instant, timeout, timeout_at};
 use tokio_stream::{Stream, StreamExt};
 
-use super::job::{ClientName, JobId, Record, SceneDigest, Sequence, next_revision};
-use super::options::{Violations, wanted};
+use super::job::{ClientName, JobId, Record, Relit, SceneDigest, Sequence, next_revision};
+use super::options::{LONGEST_TEXT, Violations, new_light, wanted};
 use super::progress::lock;
 use super::refusal::Refusal;
 use super::store::Upload;
@@ -20,6 +20,9 @@ const WRITE_BYTES: usize = 256 << 10;
 
 /// Most bytes of a header.
 const HEADER_BYTES: usize = 256 << 10;
+
+/// Most lights that an error lists: it must fit into the head of an answer.
+const LISTED: usize = 20;
 
 /// Priorities that a client may choose.
 const PRIORITIES: std::ops::RangeInclusive<i32> = -100..=100;
@@ -61,7 +64,7 @@ impl Office {
             "bake.max_vertices",
             format!("must be {} at most: that is this service's limit", self.limits.vertices),
         );
-        let mut file = None;
+        let mut source = None;
         match &header.source {
             Some(Source::File(scene)) => {
                 let digest = <[u8; 32]>::try_from(&*scene.sha256).ok();
@@ -71,19 +74,17 @@ impl Office {
                     "file.size",
                     "must be the length of the file: there is no empty scene",
                 );
-                file = digest.map(|digest| (SceneDigest(digest), scene.size));
+                source = digest.map(|digest| (SceneDigest(digest), scene.size, None));
             }
-            Some(Source::Relight(_)) => {
-                wrong.demand(
-                    false,
-                    "relight",
-                    "is not offered by this service: submit the scene with its other light",
-                );
+            Some(Source::Relight(relight)) => {
+                new_light(relight, &mut wrong);
+                let (scene, relit) = self.relit(client, relight, &mut wrong)?;
+                source = Some((scene, 0, Some(relit)));
             }
             None => wrong.demand(false, "source", "must be a file or a job to relight"),
         }
         wrong.check()?;
-        let (scene, size) = file.ok_or_else(|| Refusal::invalid("source", "must be a file"))?;
+        let (scene, size, relit) = source.ok_or_else(|| Refusal::invalid("source", "must be a file"))?;
         if size > self.limits.upload_bytes {
             return Err(Refusal::exhausted(
                 "upload",
@@ -100,6 +101,7 @@ impl Office {
             sequence: Sequence::default(),
             header,
             scene,
+            relit,
             state: State::Queued,
             failure: String::new(),
             submitted: SystemTime::now(),
@@ -109,6 +111,34 @@ impl Office {
             revision: next_revision(0),
         };
         Ok((record, size))
+    }
+
+    /// What a relight takes over from the job whose light it changes.
+    fn relit(
+        &self,
+        client: &ClientName,
+        relight: &Relight,
+        wrong: &mut Violations,
+    ) -> Result<(SceneDigest, Relit), Refusal> {
+        let ledger = lock(&self.ledger);
+        let record = &ledger.of_client(client, &relight.job_id)?.record;
+        let outcome = record.outcome.as_ref().filter(|_| record.state == State::Done);
+        let outcome = outcome.ok_or(Refusal::NotDone(record.id))?;
+        if !outcome.can_be_relit {
+            return Err(Refusal::NoLight(record.id));
+        }
+        let named = relight.lights.iter().map(|change| &change.light);
+        if let Some(unknown) = named.into_iter().find(|light| !outcome.lights.contains(light)) {
+            let known: Vec<&str> = outcome.lights.iter().take(LISTED).map(String::as_str).collect();
+            let known = if known.is_empty() { "none that has a name".into() } else { known.join(", ") };
+            let unknown = unknown.escape_debug().take(LONGEST_TEXT).collect::<String>();
+            wrong.demand(false, "relight.lights", format!("must be of the job's, not {unknown}: {known}"));
+        }
+        let options = match &record.relit {
+            Some(relit) => relit.options.clone(),
+            None => record.header.scene.clone().unwrap_or_default(),
+        };
+        Ok((record.scene, Relit { baked: record.light(), options }))
     }
 
     async fn submit<S>(self: &Arc<Self>, draft: Record, size: u64, chunks: S) -> Result<JobId, Refusal>

@@ -22,7 +22,7 @@ fn unrefined(rows: RowsOf) -> BakeSettings {
         threshold: 1e-9,
         check_points: 64,
         rays_per_hemisphere: 256,
-        keep_light: true,
+        keep_light: Some(u64::MAX),
         rows,
         ..BakeSettings::default()
     }

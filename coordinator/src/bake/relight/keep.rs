@@ -17,6 +17,9 @@ use crate::solver::cache::{ColumnCache, SetId};
 /// Bytes of irradiances that are gathered at the same time.
 const MOST_GATHERED: usize = 1 << 30;
 
+/// Bytes that are kept for each vertex and light: irradiance in all and direct, three channels each.
+const BYTES: u64 = 24;
+
 /// The solution for a part, until the vertices and check points are lit by all of them.
 struct Solved {
     sources: Vec<LightSource>,
@@ -52,17 +55,18 @@ impl Unit {
 }
 
 impl Bake<'_, '_> {
-    /// Solves for the light of each source by itself.
+    /// Solves for the light of each source by itself. `None` where that is not wanted, or would take more room than it may.
     ///
     /// # Errors
     /// When rows cannot be had.
     #[tracing::instrument(skip_all)]
     pub(in crate::bake) fn keep_light(&mut self) -> Result<Option<KeptLight>, BakeError> {
-        if !self.settings.keep_light {
+        let Some(most_bytes) = self.settings.keep_light else { return Ok(None) };
+        let groups = self.sources_by_names();
+        if groups.len() as u64 * self.mesh.vertices.len() as u64 * BYTES > most_bytes {
             return Ok(None);
         }
         self.office.enter(Phase::Groups, self.mesh.vertices.len());
-        let groups = self.sources_by_names();
         let is_alone = groups.len() == 1;
         let level = self.guides.level();
         let reflectance = self.mean_reflectance();

@@ -4,10 +4,13 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use clap::{Args, ValueEnum};
+use coordinator::bake::LightChange;
 use sha2::{Digest, Sha256};
 use shared::api::submit_scene_header::Source;
 use shared::api::submit_scene_request::Body;
-use shared::api::{CHUNK_BYTES, Format, Job, SceneFile, SubmitSceneHeader, SubmitSceneRequest};
+use shared::api::{
+    self, CHUNK_BYTES, Format, Job, Relight, SceneFile, SubmitSceneHeader, SubmitSceneRequest,
+};
 use shared::security::ClientSecurity;
 use tokio_stream::StreamExt;
 use tokio_util::io::ReaderStream;
@@ -17,6 +20,7 @@ use tonic_types::StatusExt;
 use super::super::ensure_place;
 use super::super::knobs::Knobs;
 use super::super::output_options::OutputOptions;
+use super::super::relight::change;
 use super::super::scene_options::SceneOptions;
 use super::fetch::{Wish, fetch};
 use super::watch::follow;
@@ -25,7 +29,15 @@ use super::{Client, ServerArgument, refused, wait};
 #[derive(Args)]
 pub struct SubmitArguments {
     /// Scene to bake: .glb, or .gltf with all that it needs in data URIs.
-    scene: PathBuf,
+    #[arg(required_unless_present = "relight")]
+    scene: Option<PathBuf>,
+    /// In place of a scene: light the one of this job, which is done, otherwise. How the scene is read and baked stays as it was; --sky is
+    /// the radiance of the new sky.
+    #[arg(long, value_name = "JOB", conflicts_with = "scene")]
+    relight: Option<String>,
+    /// With --relight: multiply a light by this, channel by channel, or all channels by one number. May be given several times.
+    #[arg(long = "light", value_name = "NAME=R,G,B", value_parser = change, requires = "relight")]
+    lights: Vec<LightChange>,
     /// What the job is called [default: the file's name].
     #[arg(long)]
     name: Option<String>,
@@ -70,7 +82,7 @@ pub fn run(arguments: &SubmitArguments, security: &ClientSecurity) -> anyhow::Re
     let header = header(arguments)?;
     wait(async {
         let mut client = arguments.server.connect(security).await?;
-        let job = submit(&mut client, header, &arguments.scene).await?;
+        let job = submit(&mut client, header, arguments.scene.as_deref()).await?;
         println!("{}", job.id);
         if arguments.watch || arguments.output.is_some() {
             follow(&mut client, &job.id).await?;
@@ -83,21 +95,21 @@ pub fn run(arguments: &SubmitArguments, security: &ClientSecurity) -> anyhow::Re
 }
 
 fn header(arguments: &SubmitArguments) -> anyhow::Result<SubmitSceneHeader> {
-    let path = &arguments.scene;
-    let digest = || -> io::Result<(u64, Vec<u8>)> {
-        let mut hasher = Sha256::new();
-        let size = io::copy(&mut File::open(path)?, &mut hasher)?;
-        Ok((size, hasher.finalize().to_vec()))
+    let source = match (&arguments.scene, &arguments.relight) {
+        (Some(scene), _) => Source::File(scene_file(scene)?),
+        (None, job) => Source::Relight(relight(arguments, job.clone().unwrap_or_default())),
     };
-    let (size, sha256) = digest().with_context(|| format!("{} cannot be read", path.display()))?;
-    let stem = || path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let stem = || {
+        let stem = arguments.scene.as_ref().and_then(|scene| scene.file_stem());
+        stem.unwrap_or_default().to_string_lossy().into_owned()
+    };
     let format = match arguments.format {
         FormatName::Glb => Format::Glb,
         FormatName::Ply => Format::Ply,
     };
     Ok(SubmitSceneHeader {
         name: arguments.name.clone().unwrap_or_else(stem),
-        source: Some(Source::File(SceneFile { sha256: sha256.into(), size })),
+        source: Some(source),
         scene: Some(arguments.options.options()),
         bake: Some(arguments.knobs.options()),
         output: Some(arguments.written.options(format)),
@@ -106,14 +118,32 @@ fn header(arguments: &SubmitArguments) -> anyhow::Result<SubmitSceneHeader> {
     })
 }
 
+fn scene_file(path: &Path) -> anyhow::Result<SceneFile> {
+    let digest = || -> io::Result<SceneFile> {
+        let mut hasher = Sha256::new();
+        let size = io::copy(&mut File::open(path)?, &mut hasher)?;
+        Ok(SceneFile { sha256: hasher.finalize().to_vec().into(), size })
+    };
+    digest().with_context(|| format!("{} cannot be read", path.display()))
+}
+
+fn relight(arguments: &SubmitArguments, job_id: String) -> Relight {
+    let change = |change: &LightChange| api::LightChange {
+        light: change.light.clone(),
+        factor: Some(api::Colour { r: change.factor.x, g: change.factor.y, b: change.factor.z }),
+    };
+    let lights = arguments.lights.iter().map(change).collect();
+    Relight { job_id, lights, sky: arguments.options.options().sky }
+}
+
 /// The header alone first: a scene that the service has is not sent again.
-async fn submit(client: &mut Client, header: SubmitSceneHeader, scene: &Path) -> anyhow::Result<Job> {
+async fn submit(client: &mut Client, header: SubmitSceneHeader, scene: Option<&Path>) -> anyhow::Result<Job> {
     let first = SubmitSceneRequest { body: Some(Body::Header(header)) };
-    match client.submit_scene(tokio_stream::once(first.clone())).await {
-        Ok(job) => return Ok(job.into_inner()),
-        Err(status) if !wants_scene(&status) => return Err(refused(status)),
-        Err(_) => {}
-    }
+    let scene = match (client.submit_scene(tokio_stream::once(first.clone())).await, scene) {
+        (Ok(job), _) => return Ok(job.into_inner()),
+        (Err(status), Some(scene)) if wants_scene(&status) => scene,
+        (Err(status), _) => return Err(refused(status)),
+    };
     let file =
         tokio::fs::File::open(scene).await.with_context(|| format!("{} cannot be read", scene.display()))?;
     // A file that cannot be read to its end is too short, and refused for it.

@@ -22,7 +22,9 @@ const JOB: &str = "radiosity.v1.Job";
 pub fn code(refusal: &Refusal) -> Code {
     match refusal {
         Refusal::Invalid(_) => Code::InvalidArgument,
-        Refusal::SceneMissing(_) | Refusal::NotDone(_) | Refusal::NotRunning(_) => Code::FailedPrecondition,
+        Refusal::SceneMissing(_) | Refusal::NotDone(_) | Refusal::NotRunning(_) | Refusal::NoLight(_) => {
+            Code::FailedPrecondition
+        }
         Refusal::UnknownJob(_) => Code::NotFound,
         Refusal::KeyTaken(_) => Code::AlreadyExists,
         Refusal::Exhausted { .. } => Code::ResourceExhausted,
@@ -46,6 +48,7 @@ fn details(refusal: &Refusal, words: &str) -> ErrorDetails {
         Refusal::SceneMissing(scene) => missing("SCENE", scene.to_string()),
         Refusal::NotDone(job) => missing("FINISHED", job.to_string()),
         Refusal::NotRunning(job) => missing("RUNNING", job.to_string()),
+        Refusal::NoLight(job) => missing("LIGHT", job.to_string()),
         Refusal::UnknownJob(job) => ErrorDetails::with_resource_info(JOB, job, "", words),
         Refusal::KeyTaken(job) => ErrorDetails::with_resource_info(JOB, job.to_string(), "", words),
         Refusal::Exhausted { subject, description } => {
@@ -83,6 +86,7 @@ mod tests {
             (Refusal::SceneMissing(SceneDigest([1; 32])), "SCENE"),
             (Refusal::NotDone(JobId(1)), "FINISHED"),
             (Refusal::NotRunning(JobId(1)), "RUNNING"),
+            (Refusal::NoLight(JobId(1)), "LIGHT"),
         ] {
             let (code, found) = details(refusal);
             assert_eq!(code, Code::FailedPrecondition);

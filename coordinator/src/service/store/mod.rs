@@ -12,6 +12,7 @@
 //! DATA/jobs/ID           a record for each job
 //! DATA/scenes/SHA256     the files that were submitted, each once
 //! DATA/results/ID.glb    lit files (or .ply)
+//! DATA/light/ID          the light of each source, for jobs that light the same scene otherwise
 //! DATA/checkpoints/ID    finished rows of jobs under way
 //! DATA/passing/          what nobody misses after a restart: uploads on their way, present states
 //! ```
@@ -43,7 +44,7 @@ use super::job::{JobId, Record, SceneDigest};
 const LAYOUT: &str = "halflight service data, layout 1\n";
 
 /// Folders of the data folder.
-const FOLDERS: [&str; 5] = ["jobs", "scenes", "results", "checkpoints", "passing"];
+const FOLDERS: [&str; 6] = ["jobs", "scenes", "results", "light", "checkpoints", "passing"];
 
 /// Why a data folder cannot be used. Nothing of it is lost.
 #[derive(Debug, thiserror::Error)]
@@ -199,8 +200,9 @@ impl Store {
             named.insert(self.scene(record.scene));
             named.insert(self.checkpoint(record.id));
             named.insert(self.result(record));
+            named.insert(self.light(record.light()));
         }
-        for folder in ["scenes", "results", "checkpoints"] {
+        for folder in ["scenes", "results", "light", "checkpoints"] {
             let files = files(&self.root.join(folder))?;
             files.iter().filter(|path| !named.contains(*path)).try_for_each(fs::remove_file)?;
         }
@@ -215,15 +217,18 @@ impl Store {
         write_whole(&self.record(record.id), &record::encode(record))
     }
 
-    /// Forgets a job and its files; its scene too, unless another job is of it.
+    /// Forgets a job and its files; its scene and its light too, unless another job needs them.
     ///
     /// # Errors
     /// What the system says. The job may be forgotten and files of it still be there, until the next start.
-    pub fn remove(&self, record: &Record, scene_is_used: bool) -> io::Result<()> {
+    pub fn remove(&self, record: &Record, scene_is_used: bool, light_is_used: bool) -> io::Result<()> {
         remove_file(&self.record(record.id))?;
         sync_folder(&self.root.join("jobs"))?;
         remove_file(&self.result(record))?;
         remove_file(&self.checkpoint(record.id))?;
+        if !light_is_used {
+            remove_file(&self.light(record.light()))?;
+        }
         if scene_is_used { Ok(()) } else { remove_file(&self.scene(record.scene)) }
     }
 
@@ -246,6 +251,12 @@ impl Store {
             _ => "glb",
         };
         self.root.join("results").join(format!("{}.{extension}", record.id))
+    }
+
+    /// Where the light is that the bake of a job left behind, if it did.
+    #[must_use]
+    pub fn light(&self, baked: JobId) -> PathBuf {
+        self.root.join("light").join(baked.to_string())
     }
 
     /// Where a job's finished rows are.

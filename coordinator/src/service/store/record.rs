@@ -4,9 +4,9 @@ use std::time::SystemTime;
 
 use prost::Message;
 use prost_types::Timestamp;
-use shared::api::{Outcome, State, SubmitSceneHeader};
+use shared::api::{Outcome, SceneOptions, State, SubmitSceneHeader};
 
-use crate::service::job::{ClientName, JobId, Record, SceneDigest, Sequence};
+use crate::service::job::{ClientName, JobId, Record, Relit, SceneDigest, Sequence};
 
 /// Version of the records that this release writes; it reads those before as well.
 pub const VERSION: u32 = 1;
@@ -44,6 +44,12 @@ struct Stored {
     outcome: Option<Outcome>,
     #[prost(uint64, tag = "12")]
     revision: u64,
+    /// Of a relight.
+    #[prost(string, tag = "13")]
+    baked: String,
+    /// Of a relight.
+    #[prost(message, optional, tag = "14")]
+    options: Option<SceneOptions>,
 }
 
 /// Why a record cannot be read.
@@ -78,6 +84,8 @@ pub(super) fn encode_as(record: &Record, version: u32) -> Vec<u8> {
         ended: record.ended.map(Timestamp::from),
         outcome: record.outcome.clone(),
         revision: record.revision,
+        baked: record.relit.as_ref().map(|relit| relit.baked.to_string()).unwrap_or_default(),
+        options: record.relit.as_ref().map(|relit| relit.options.clone()),
     }
     .encode_to_vec();
     [MAGIC, &checksum(&body), &body].concat()
@@ -95,12 +103,20 @@ pub fn decode(id: JobId, bytes: &[u8]) -> Result<Record, RecordError> {
     }
     let time = |time: Option<Timestamp>| time.and_then(|time| SystemTime::try_from(time).ok());
     let state = stored.state();
+    let relit = match stored.baked.as_str() {
+        "" => None,
+        baked => {
+            let baked = baked.parse().map_err(|_| RecordError::Damaged)?;
+            Some(Relit { baked, options: stored.options.unwrap_or_default() })
+        }
+    };
     Ok(Record {
         id,
         client: ClientName(stored.client),
         sequence: Sequence(stored.sequence),
         header: stored.header.ok_or(RecordError::Damaged)?,
         scene: SceneDigest(stored.scene.try_into().map_err(|_| RecordError::Damaged)?),
+        relit,
         state,
         failure: stored.failure,
         submitted: time(stored.submitted).ok_or(RecordError::Damaged)?,

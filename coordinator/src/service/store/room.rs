@@ -37,13 +37,12 @@ impl Store {
         Ok(disk.f_bavail.saturating_mul(disk.f_frsize))
     }
 
-    /// Bytes that go when this job does, its scene aside.
+    /// Bytes that go when this job does, its scene aside, if no other needs its light.
     #[must_use]
     pub fn size_of(&self, record: &Record) -> u64 {
-        [self.record(record.id), self.result(record), self.checkpoint(record.id)]
-            .iter()
-            .map(|path| size(path))
-            .sum()
+        let own =
+            [self.record(record.id), self.result(record), self.checkpoint(record.id), self.light(record.id)];
+        own.iter().map(|path| size(path)).sum()
     }
 }
 

@@ -2,11 +2,11 @@ use std::fs;
 use std::path::Path;
 use std::time::SystemTime;
 
-use shared::api::{OutputOptions, State, SubmitSceneHeader};
+use shared::api::{OutputOptions, SceneOptions, State, SubmitSceneHeader};
 use tempfile::TempDir;
 
 use super::*;
-use crate::service::job::{ClientName, Sequence};
+use crate::service::job::{ClientName, Relit, Sequence};
 
 fn record(id: u128, scene: u8) -> Record {
     Record {
@@ -15,6 +15,7 @@ fn record(id: u128, scene: u8) -> Record {
         sequence: Sequence(id as u64),
         header: SubmitSceneHeader { name: "a room".into(), ..SubmitSceneHeader::default() },
         scene: SceneDigest([scene; 32]),
+        relit: None,
         state: State::Queued,
         failure: String::new(),
         submitted: SystemTime::UNIX_EPOCH,
@@ -36,7 +37,13 @@ fn exists(path: impl AsRef<Path>) -> bool {
 #[test]
 fn records_are_read_as_they_were_written() {
     let folder = tempfile::tempdir().unwrap();
-    let written = [record(1, 1), record(2, 1).ended(State::Failed, "no light".into(), None)];
+    let relit =
+        Relit { baked: JobId(1), options: SceneOptions { weld: Some(0.5), ..SceneOptions::default() } };
+    let written = [
+        record(1, 1),
+        record(2, 1).ended(State::Failed, "no light".into(), None),
+        Record { relit: Some(relit), ..record(3, 1) },
+    ];
     let Opened { store, records, .. } = open(&folder);
     assert!(records.is_empty());
     written.iter().rev().for_each(|record| store.write(record).unwrap());
@@ -138,14 +145,16 @@ fn a_job_goes_with_its_files_and_its_scene_when_no_other_has_it() {
     let mut ply = record(1, 1);
     ply.header.output = Some(OutputOptions { format: Format::Ply.into(), ..OutputOptions::default() });
     store.write(&ply).unwrap();
-    for path in [store.scene(ply.scene), store.result(&ply), store.checkpoint(ply.id)] {
+    for path in
+        [store.scene(ply.scene), store.result(&ply), store.checkpoint(ply.id), store.light(ply.light())]
+    {
         fs::write(path, "bytes").unwrap();
     }
     assert!(store.result(&ply).to_string_lossy().ends_with(".ply"));
-    assert_eq!(store.size_of(&ply), 10 + fs::metadata(store.record(ply.id)).unwrap().len());
-    store.remove(&ply, true).unwrap();
-    assert!(exists(store.scene(ply.scene)) && !exists(store.result(&ply)));
-    store.remove(&ply, false).unwrap();
+    assert_eq!(store.size_of(&ply), 15 + fs::metadata(store.record(ply.id)).unwrap().len());
+    store.remove(&ply, true, true).unwrap();
+    assert!(exists(store.scene(ply.scene)) && exists(store.light(ply.id)) && !exists(store.result(&ply)));
+    store.remove(&ply, false, false).unwrap();
     assert_eq!(store.room().unwrap().taken, 0);
 }
 

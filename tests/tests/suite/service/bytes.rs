@@ -6,21 +6,19 @@ use tests::programs::{Signal, WorkerProcess, binary};
 use super::{QUICK, Room, cornell, text, wait_for};
 
 /// A bake of some seconds, so that it can be ended in its middle.
-const SLOW: [&str; 2] = ["--mesh-error", "0.003"];
+pub const SLOW: [&str; 2] = ["--mesh-error", "0.003"];
 
 /// What `solve` makes of cornell.
 fn solved(room: &Room, name: &str, arguments: &[&str]) -> Vec<u8> {
+    ran(room, name, "solve", &[&["--threads", "2"], arguments].concat())
+}
+
+/// What a command makes of cornell.
+pub fn ran(room: &Room, name: &str, command: &str, arguments: &[&str]) -> Vec<u8> {
     let output = room.folder.path().join(name);
-    let solved = Command::new(binary("coordinator"))
-        .arg("solve")
-        .arg(cornell())
-        .arg("-o")
-        .arg(&output)
-        .args(["--threads", "2"])
-        .args(arguments)
-        .output()
-        .unwrap();
-    assert!(solved.status.success(), "{}", String::from_utf8_lossy(&solved.stderr));
+    let mut run = Command::new(binary("coordinator"));
+    let ran = run.arg(command).arg(cornell()).arg("-o").arg(&output).args(arguments).output().unwrap();
+    assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stderr));
     fs::read(output).unwrap()
 }
 

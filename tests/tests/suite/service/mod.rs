@@ -7,6 +7,7 @@
 //! | `refusals` | wrong submissions against the codes and details that the protocol promises |
 //! | `clients` | clients against each other, tokens, plain text |
 //! | `disk` | a disk that is full |
+//! | `relight` | jobs that are done lit otherwise, against `coordinator relight` |
 //! | `reflection` | a client that knows nothing but what the service says of itself |
 
 mod asking;
@@ -15,6 +16,7 @@ mod clients;
 mod disk;
 mod reflection;
 mod refusals;
+mod relight;
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
