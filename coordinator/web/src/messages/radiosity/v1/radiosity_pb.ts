@@ -9,7 +9,8 @@
 //
 //   INVALID_ARGUMENT     BadRequest          which field is wrong, and what it should be
 //   FAILED_PRECONDITION  PreconditionFailure what is missing: SCENE, the bytes of a scene that the service does not have;
-//                                            FINISHED, a job that is not done yet; RUNNING, one that has no present state
+//                                            FINISHED, a job that is not done yet; RUNNING, one that has no present state;
+//                                            LIGHT, the light of a job that is to be relit, which was not kept
 //   NOT_FOUND            ResourceInfo        the job that does not exist, or is not the client's
 //   ALREADY_EXISTS       ResourceInfo        the job that was submitted with the same idempotency key and something else in it
 //   RESOURCE_EXHAUSTED   QuotaFailure        the limit that is reached: jobs of this client, bytes of an upload, room on the disk
