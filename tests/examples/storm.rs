@@ -1,5 +1,5 @@
-//! A service under load: 50 clients that submit, watch and ask for a minute while it bakes, then a long queue. Prints how long calls
-//! took and what memory the service had.
+//! A service under load: 50 clients that submit, watch, ask and fetch for a minute while it bakes, then a long queue. Prints how long
+//! calls took, how busy the cores were that bake, and what memory the service had. Fails when any call does.
 //!
 //!     cargo build --release -p coordinator && cargo run --release -p tests --example storm [-- SECONDS]
 
@@ -8,15 +8,16 @@ use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use sha2::{Digest, Sha256};
+use shared::api::fetch_result_response::Body as Part;
 use shared::api::radiosity_client::RadiosityClient;
 use shared::api::submit_scene_header::Source;
 use shared::api::submit_scene_request::Body;
 use shared::api::{
-    BakeOptions, DeleteJobRequest, GetJobRequest, ListJobsRequest, SceneFile, State, SubmitSceneHeader,
-    SubmitSceneRequest, WatchJobRequest,
+    BakeOptions, DeleteJobRequest, FetchResultRequest, GetJobRequest, Job, ListJobsRequest, SceneFile, State,
+    SubmitSceneHeader, SubmitSceneRequest, WatchJobRequest,
 };
 use tests::service::ServiceProcess;
-use tokio::time::sleep;
+use tokio::time::{sleep, timeout_at};
 use tonic::Status;
 use tonic::transport::Channel;
 
@@ -29,7 +30,12 @@ const QUEUED: usize = 1000;
 /// From one submission of a client to its next.
 const PAUSE: Duration = Duration::from_secs(2);
 
+/// From the end of all jobs to the last look at the memory.
+const REST: Duration = Duration::from_secs(10);
+
 type Client = RadiosityClient<Channel>;
+
+type Fallible<T> = Result<T, Box<dyn Error + Send + Sync>>;
 
 /// How long calls took, by name.
 #[derive(Clone, Default)]
@@ -45,7 +51,7 @@ impl Times {
 
     fn print(&self) {
         let times = self.0.lock().expect("nobody panics");
-        for name in ["submit", "get", "list"] {
+        for name in ["submit", "get", "list", "delete"] {
             let mut of: Vec<Duration> =
                 times.iter().filter(|(call, _)| *call == name).map(|(_, time)| *time).collect();
             of.sort_unstable();
@@ -63,11 +69,28 @@ impl Times {
     }
 }
 
-/// Resident memory of a process, in MiB.
-fn memory(process: u32) -> f64 {
+/// A line of what the system says of a process, in MiB: `VmRSS`, its memory, or `VmHWM`, the most that it had.
+fn memory(process: u32, line: &str) -> f64 {
     let status = std::fs::read_to_string(format!("/proc/{process}/status")).unwrap_or_default();
-    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:")).unwrap_or("0 kB");
-    line.trim().trim_end_matches("kB").trim().parse::<f64>().unwrap_or_default() / 1024.0
+    let mut words = status.lines().filter_map(|text| text.split_once(':'));
+    let kibibytes =
+        words.find(|(name, _)| *name == line).and_then(|(_, value)| value.split_whitespace().next());
+    kibibytes.and_then(|number| number.parse::<f64>().ok()).unwrap_or_default() / 1024.0
+}
+
+/// For how long the threads that compute rows have had a core, in seconds.
+fn computed(process: u32) -> Fallible<f64> {
+    let mut nanoseconds = 0.0;
+    for thread in std::fs::read_dir(format!("/proc/{process}/task"))? {
+        let path = thread?.path();
+        // Other threads come and go.
+        let Ok(name) = std::fs::read_to_string(path.join("comm")) else { continue };
+        if name.starts_with("compute-") {
+            let times = std::fs::read_to_string(path.join("schedstat"))?;
+            nanoseconds += times.split(' ').next().unwrap_or_default().parse::<f64>()?;
+        }
+    }
+    Ok(nanoseconds * 1e-9)
 }
 
 fn header(scene: &[u8], mesh_error: f64) -> SubmitSceneHeader {
@@ -87,24 +110,35 @@ async fn submit(client: &mut Client, header: SubmitSceneHeader, scene: &[u8]) ->
     Ok(job.into_inner().id)
 }
 
-/// One client: submits, watches what it submitted, and asks now and then.
-async fn storm(
-    address: String,
-    scene: Arc<Vec<u8>>,
-    end: Instant,
-    times: Times,
-) -> Result<usize, Box<dyn Error + Send + Sync>> {
+/// Watches a job until the storm ends; fetches its lit file when it is done before. Whether it was.
+async fn follow(mut client: Client, id: String, end: Instant) -> Result<bool, Status> {
+    let mut jobs = client.watch_job(WatchJobRequest { id: id.clone() }).await?.into_inner();
+    let mut last = None::<Job>;
+    while let Ok(job) = timeout_at(end.into(), jobs.message()).await {
+        let Some(job) = job? else { break };
+        last = Some(job);
+    }
+    let Some(outcome) = last.filter(|job| job.state() == State::Done).and_then(|job| job.outcome) else {
+        return Ok(false);
+    };
+    let fetch = FetchResultRequest { id, ..FetchResultRequest::default() };
+    let mut parts = client.fetch_result(fetch).await?.into_inner();
+    let mut bytes = 0;
+    while let Some(part) = parts.message().await? {
+        if let Some(Part::Chunk(chunk)) = part.body {
+            bytes += chunk.len() as u64;
+        }
+    }
+    if bytes == outcome.size { Ok(true) } else { Err(Status::data_loss("the lit file is not whole")) }
+}
+
+/// One client: submits, watches what it submitted, and asks now and then. How many jobs it submitted, and how many were done.
+async fn storm(address: String, scene: Arc<Vec<u8>>, end: Instant, times: Times) -> Fallible<(usize, usize)> {
     let mut client = RadiosityClient::connect(address).await?;
-    let mut watching = vec![];
+    let mut followers = vec![];
     while Instant::now() < end {
         let id = times.of("submit", submit(&mut client, header(&scene, 0.03), &scene)).await?;
-        let mut watcher = client.clone();
-        let request = WatchJobRequest { id: id.clone() };
-        watching.push(tokio::spawn(async move {
-            let mut jobs = watcher.watch_job(request).await?.into_inner();
-            while Instant::now() < end && jobs.message().await?.is_some() {}
-            Ok::<_, Status>(())
-        }));
+        followers.push(tokio::spawn(follow(client.clone(), id.clone(), end)));
         for _ in 0..4 {
             times.of("get", client.get_job(GetJobRequest { id: id.clone() })).await?;
             let list = ListJobsRequest { page_size: 20, ..ListJobsRequest::default() };
@@ -112,15 +146,15 @@ async fn storm(
             sleep(PAUSE / 4).await;
         }
     }
-    let count = watching.len();
-    for watcher in watching {
-        watcher.abort();
+    let (submitted, mut done) = (followers.len(), 0);
+    for follower in followers {
+        done += usize::from(follower.await??);
     }
-    Ok(count)
+    Ok((submitted, done))
 }
 
 /// Deletes all jobs.
-async fn clear(client: &mut Client) -> Result<(), Status> {
+async fn clear(client: &mut Client, times: &Times) -> Result<(), Status> {
     loop {
         let list = ListJobsRequest { page_size: 1000, ..ListJobsRequest::default() };
         let jobs = client.list_jobs(list).await?.into_inner().jobs;
@@ -128,39 +162,15 @@ async fn clear(client: &mut Client) -> Result<(), Status> {
             return Ok(());
         }
         for job in jobs {
-            client.delete_job(DeleteJobRequest { id: job.id }).await?;
+            times.of("delete", client.delete_job(DeleteJobRequest { id: job.id })).await?;
         }
     }
 }
 
-async fn run(seconds: u64) -> Result<(), Box<dyn Error + Send + Sync>> {
-    let folder = tempfile::tempdir()?;
-    let service = ServiceProcess::start(folder.path(), &["--queue-per-client", "100000"]);
-    let scene = Arc::new(std::fs::read(tests::data("scenes/cornell.glb"))?);
-    let address = format!("http://{}", service.address);
-    let mut client = RadiosityClient::connect(address.clone()).await?;
-
-    // What one bake leaves behind is no growth.
-    let first = submit(&mut client, header(&scene, 0.03), &scene).await?;
-    let mut jobs = client.watch_job(WatchJobRequest { id: first }).await?.into_inner();
-    while jobs.message().await?.is_some() {}
-    let before = memory(service.id());
-
-    let (times, end) = (Times::default(), Instant::now() + Duration::from_secs(seconds));
-    let clients: Vec<_> = (0..CLIENTS)
-        .map(|_| tokio::spawn(storm(address.clone(), Arc::clone(&scene), end, times.clone())))
-        .collect();
-    let mut submitted = 0;
-    for client in clients {
-        submitted += client.await??;
-    }
-    println!("{CLIENTS} clients, {seconds} s, {submitted} jobs submitted");
-    times.print();
-    let during = memory(service.id());
-    clear(&mut client).await?;
-
+/// Submits the long queue and lists it: the longest of 20 times.
+async fn list_queue(client: &mut Client, scene: &[u8]) -> Fallible<Duration> {
     for _ in 0..QUEUED {
-        submit(&mut client, header(&scene, 0.0005), &scene).await?;
+        submit(client, header(scene, 0.0005), scene).await?;
     }
     let mut longest = Duration::ZERO;
     for _ in 0..20 {
@@ -174,17 +184,58 @@ async fn run(seconds: u64) -> Result<(), Box<dyn Error + Send + Sync>> {
         longest = longest.max(clock.elapsed());
         assert_eq!(jobs.len(), QUEUED);
     }
-    println!("{QUEUED} unfinished jobs listed: {:.1} ms, the longest of 20", longest.as_secs_f64() * 1e3);
-    clear(&mut client).await?;
-    sleep(Duration::from_secs(5)).await;
+    Ok(longest)
+}
+
+async fn run(seconds: u64) -> Fallible<()> {
+    let folder = tempfile::tempdir()?;
+    let service = ServiceProcess::start(folder.path(), &["--queue-per-client", "100000"]);
+    let scene = Arc::new(std::fs::read(tests::data("scenes/cornell.glb"))?);
+    let address = format!("http://{}", service.address);
+    let mut client = RadiosityClient::connect(address.clone()).await?;
+    let times = Times::default();
+
+    // What one bake leaves behind is no growth.
+    let first = submit(&mut client, header(&scene, 0.03), &scene).await?;
+    let mut jobs = client.watch_job(WatchJobRequest { id: first }).await?.into_inner();
+    while jobs.message().await?.is_some() {}
+    println!("memory: {:.0} MiB before", memory(service.id(), "VmRSS"));
+
+    let (clock, computed_before) = (Instant::now(), computed(service.id())?);
+    let end = clock + Duration::from_secs(seconds);
+    let clients: Vec<_> = (0..CLIENTS)
+        .map(|_| tokio::spawn(storm(address.clone(), Arc::clone(&scene), end, times.clone())))
+        .collect();
+    let (mut submitted, mut done) = (0, 0);
+    for client in clients {
+        let (of, of_these) = client.await??;
+        submitted += of;
+        done += of_these;
+    }
+    let cores = (computed(service.id())? - computed_before) / clock.elapsed().as_secs_f64();
     println!(
-        "memory: {before:.0} MiB before, {during:.0} MiB at the end of the storm, {:.0} MiB after all jobs were deleted",
-        memory(service.id())
+        "{CLIENTS} clients, {seconds} s: {submitted} jobs submitted, {done} of them done, watched and fetched"
+    );
+    println!("{cores:.2} cores computed rows meanwhile");
+    println!("memory: {:.0} MiB at the most", memory(service.id(), "VmHWM"));
+    clear(&mut client, &times).await?;
+    times.print();
+    sleep(REST).await;
+    println!("memory: {:.0} MiB when all jobs are deleted", memory(service.id(), "VmRSS"));
+
+    let longest = list_queue(&mut client, &scene).await?;
+    println!("{QUEUED} unfinished jobs listed: {:.1} ms, the longest of 20", longest.as_secs_f64() * 1e3);
+    clear(&mut client, &times).await?;
+    sleep(REST).await;
+    println!(
+        "memory: {:.0} MiB at the most, {:.0} MiB when all jobs are deleted",
+        memory(service.id(), "VmHWM"),
+        memory(service.id(), "VmRSS")
     );
     Ok(())
 }
 
-fn main() -> Result<(), Box<dyn Error + Send + Sync>> {
+fn main() -> Fallible<()> {
     let seconds = std::env::args().nth(1).map_or(Ok(60), |seconds| seconds.parse())?;
     tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?.block_on(run(seconds))
 }

@@ -14,7 +14,7 @@ use super::progress::{Live, lock};
 use super::queue::{Action, Event};
 use super::refusal::Refusal;
 use super::run::{Ending, Means, run};
-use super::store::{Upload, no_longer_kept, remove_file};
+use super::store::{no_longer_kept, remove_file};
 
 /// How long a job waits in its place before it is tried again.
 const AGAIN: Duration = Duration::from_secs(10);
@@ -54,68 +54,6 @@ impl Office {
             tracing::error!(%error, "cannot start a thread for a job");
             let actions = lock(&self.ledger).tell_queue(Event::Left(job));
             self.perform(actions);
-        }
-    }
-
-    /// Takes in a job, and its scene where that came with it. The same submission again gives the job that it gave before.
-    pub(super) fn accept(self: &Arc<Self>, draft: Record, upload: Option<&Upload>) -> Result<JobId, Refusal> {
-        let changing = lock(&self.changing);
-        let sequence = {
-            let ledger = lock(&self.ledger);
-            if let Some(known) = self.known(&ledger, &draft)? {
-                return Ok(known);
-            }
-            if self.ending.is_cancelled() {
-                return Err(Refusal::Ending);
-            }
-            let unfinished = ledger.unfinished(&draft.client);
-            if unfinished >= self.limits.jobs_of_a_client {
-                let description = format!(
-                    "{unfinished} jobs of this client have not ended, and it may have no more: wait for some, or cancel them"
-                );
-                return Err(Refusal::exhausted(format!("client:{}", draft.client), description));
-            }
-            if let Some(relit) = &draft.relit
-                && !ledger.uses_light(relit.baked, draft.id)
-            {
-                // Deleted since it was looked for.
-                return Err(Refusal::NoLight(relit.baked));
-            }
-            if upload.is_none() && !ledger.has_scene(&draft.client, draft.scene) {
-                return Err(Refusal::SceneMissing(draft.scene));
-            }
-            ledger.next_sequence()
-        };
-        let draft = Record { sequence, ..draft };
-        if let Some(upload) = upload {
-            self.store.finish_upload(upload)?;
-        }
-        if let Err(error) = self.store.write(&draft) {
-            if !lock(&self.ledger).uses(draft.scene, draft.id) {
-                // A start would remove it as well.
-                let _ = remove_file(&self.store.scene(draft.scene));
-            }
-            return Err(error.into());
-        }
-        let id = draft.id;
-        tracing::info!(job = %id, client = %draft.client, "taken in");
-        let actions = lock(&self.ledger).insert(draft);
-        drop(changing);
-        self.metrics.submitted();
-        self.perform(actions);
-        Ok(id)
-    }
-
-    /// The job that was submitted with the same key.
-    pub(super) fn known(
-        &self,
-        ledger: &super::ledger::Ledger,
-        draft: &Record,
-    ) -> Result<Option<JobId>, Refusal> {
-        match ledger.by_key(&draft.client, &draft.header.idempotency_key) {
-            None => Ok(None),
-            Some(entry) if entry.record.header == draft.header => Ok(Some(entry.record.id)),
-            Some(entry) => Err(Refusal::KeyTaken(entry.record.id)),
         }
     }
 
@@ -186,7 +124,12 @@ impl Office {
                 tracing::warn!(%error, "a file of a job that is gone cannot be removed");
             }
         }
-        if !lock(&self.ledger).all().any(|entry| entry.record.scene == record.scene) {
+        self.drop_scene(record);
+    }
+
+    /// Removes the scene of a job that is gone, unless others are of it.
+    pub(super) fn drop_scene(&self, record: &Record) {
+        if !lock(&self.ledger).has_any_of(record.scene) {
             // A start would remove it as well.
             let _ = remove_file(&self.store.scene(record.scene));
         }

@@ -8,6 +8,7 @@ use prost::Message;
 use shared::api::{Job, ListJobsRequest, ListJobsResponse, MAX_MESSAGE_BYTES, State};
 use tokio::sync::watch;
 
+use super::arriving::Arriving;
 use super::job::{ClientName, JobId, Record, SceneDigest, Sequence, next_revision};
 use super::progress::Live;
 use super::queue::{Action, Event, Places, Priority, Queue, Waiting};
@@ -35,6 +36,7 @@ pub struct Ledger {
     entries: BTreeMap<JobId, Entry>,
     by_sequence: BTreeMap<Sequence, JobId>,
     by_key: HashMap<(ClientName, String), JobId>,
+    arriving: Arriving,
     queue: Queue,
     /// Jobs before each that waits; made when it is asked for.
     ahead: Option<HashMap<JobId, u32>>,
@@ -51,6 +53,7 @@ impl Ledger {
             entries: BTreeMap::new(),
             by_sequence: BTreeMap::new(),
             by_key: HashMap::new(),
+            arriving: Arriving::default(),
             queue: Queue::new(places),
             ahead: None,
             queue_changed: watch::channel(()).0,
@@ -63,9 +66,27 @@ impl Ledger {
         self.tell_queue(Event::Closed);
     }
 
+    /// Gives a job its place among all jobs. It counts from now on, until it is taken in or dismissed.
+    pub fn announce(&mut self, record: Record) -> Record {
+        let last = self.by_sequence.last_key_value().map_or(Sequence::default(), |(last, _)| *last);
+        self.arriving.announce(record, last)
+    }
+
+    /// Forgets a job that was announced.
+    pub fn dismiss(&mut self, job: JobId) {
+        self.arriving.dismiss(job);
+    }
+
+    /// Whether a job of the same client and key is on its way to the disk.
+    #[must_use]
+    pub fn is_arriving(&self, draft: &Record) -> bool {
+        self.arriving.has_key_of(draft)
+    }
+
     /// Takes a job in. Which jobs begin now.
     pub fn insert(&mut self, record: Record) -> Vec<Action> {
         let id = record.id;
+        self.arriving.dismiss(id);
         self.by_sequence.insert(record.sequence, id);
         if !record.header.idempotency_key.is_empty() {
             self.by_key.insert((record.client.clone(), record.header.idempotency_key.clone()), id);
@@ -151,13 +172,24 @@ impl Ledger {
     /// Whether a job other than this one is of a scene.
     #[must_use]
     pub fn uses(&self, scene: SceneDigest, but: JobId) -> bool {
-        self.entries.values().any(|entry| entry.record.scene == scene && entry.record.id != but)
+        self.records().any(|record| record.scene == scene && record.id != but)
+    }
+
+    /// Whether any job is of a scene.
+    #[must_use]
+    pub fn has_any_of(&self, scene: SceneDigest) -> bool {
+        self.records().any(|record| record.scene == scene)
+    }
+
+    /// Those on their way to the disk as well.
+    fn records(&self) -> impl Iterator<Item = &Record> {
+        self.entries.values().map(|entry| &entry.record).chain(self.arriving.all())
     }
 
     /// Whether a job other than this one needs the light that the bake of a job left behind.
     #[must_use]
     pub fn uses_light(&self, baked: JobId, but: JobId) -> bool {
-        self.entries.values().any(|entry| entry.record.light() == baked && entry.record.id != but)
+        self.records().any(|record| record.light() == baked && record.id != but)
     }
 
     /// Whether this client has a job of a scene: then it need not send it again. What others have sent does not count: a digest does
@@ -170,14 +202,8 @@ impl Ledger {
     /// Jobs of a client that have not ended.
     #[must_use]
     pub fn unfinished(&self, client: &ClientName) -> usize {
-        let is_counted = |entry: &&Entry| entry.record.client == *client && !entry.record.has_ended();
-        self.entries.values().filter(is_counted).count()
-    }
-
-    /// The next place among all jobs.
-    #[must_use]
-    pub fn next_sequence(&self) -> Sequence {
-        Sequence(self.by_sequence.last_key_value().map_or(0, |(last, _)| last.0) + 1)
+        let is_counted = |record: &&Record| record.client == *client && !record.has_ended();
+        self.records().filter(is_counted).count()
     }
 
     /// How many jobs wait and run.

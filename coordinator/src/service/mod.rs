@@ -5,7 +5,9 @@
 //! | `job` | a job: its names, its record |
 //! | `queue` | which job runs next: pure |
 //! | `ledger` | all jobs in memory, for what is asked often |
+//! | `arriving` | jobs on their way to the disk: pure |
 //! | `store` | the data folder |
+//! | `accept` | how a job is taken in |
 //! | `changes` | what happens to a job, on the disk first and in memory then |
 //! | `run`, `relight` | one job: import, bake or light otherwise, export |
 //! | `progress`, `present` | what is seen of a job that runs |
@@ -18,9 +20,11 @@
 //!
 //! Threads: those of the network's runtime never touch the disk and never compute. Files are written where blocking is allowed, each
 //! job runs in a thread of its own, and rows are computed by workers. A change of a job is made by one at a time, on the disk before
-//! it is seen; what clients ask is answered from memory meanwhile.
+//! it is seen, but new jobs are written side by side; what clients ask is answered from memory meanwhile.
 
+mod accept;
 pub mod api;
+mod arriving;
 mod changes;
 pub mod clients;
 mod fetch;
@@ -40,10 +44,12 @@ pub mod server;
 mod settings;
 pub mod store;
 mod submit;
+#[cfg(test)]
+mod tests;
 mod watch;
 
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Condvar, Mutex};
 use std::time::Duration;
 
 use ::shared::api::{Job, ListJobsRequest, ListJobsResponse};
@@ -83,6 +89,8 @@ struct Office {
     limits: Limits,
     /// Held by whoever changes a job: on the disk first, then in memory.
     changing: Mutex<()>,
+    /// Told when a job that was on its way to the disk is there, or will not be.
+    arrived: Condvar,
     /// Held for a moment only.
     ledger: Mutex<Ledger>,
     /// Uploads under way.
@@ -121,6 +129,7 @@ impl Service {
             workers,
             limits: settings.limits.clone(),
             changing: Mutex::new(()),
+            arrived: Condvar::new(),
             ledger: Mutex::new(ledger),
             uploads: Mutex::default(),
             presenting: Semaphore::new(1),

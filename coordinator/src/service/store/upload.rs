@@ -64,12 +64,11 @@ impl Store {
     /// What the system says.
     pub fn finish_upload(&self, upload: &Upload) -> io::Result<()> {
         let place = self.scene(upload.digest());
-        if place.exists() {
-            // The same bytes: a client had sent them before.
-            return Ok(());
+        // The same bytes may be there: a client has sent them before, or does so now.
+        if !place.exists() {
+            upload.file.sync_all()?;
+            fs::rename(&upload.path, &place)?;
         }
-        upload.file.sync_all()?;
-        fs::rename(&upload.path, &place)?;
         sync_folder(&self.root.join("scenes"))
     }
 }

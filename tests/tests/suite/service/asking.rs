@@ -1,11 +1,13 @@
 use std::fs;
 
 use sha2::{Digest, Sha256};
-use shared::api::fetch_result_response::Body;
+use shared::api::fetch_result_response::Body as Part;
+use shared::api::submit_scene_request::Body;
 use shared::api::{
     CancelJobRequest, DeleteJobRequest, FetchResultRequest, GetJobRequest, ListJobsRequest, State,
-    WatchJobRequest,
+    SubmitSceneRequest, WatchJobRequest,
 };
+use tokio::task::JoinSet;
 use tonic::Code;
 use tonic_types::StatusExt;
 
@@ -33,6 +35,33 @@ fn the_same_key_gives_the_same_job() {
     assert_eq!(refused.get_error_details().resource_info().unwrap().resource_name, first.id);
     header.idempotency_key = "tuesday".into();
     assert_ne!(asker.submit(header, &[]).unwrap().id, first.id);
+}
+
+/// However close to each other the submissions are: while one is on its way to the disk, the others wait for it.
+#[test]
+fn the_same_key_at_the_same_time_gives_one_job() {
+    let room = Room::new();
+    let service = room.start(&["--uploads-per-client", "100"]);
+    let asker = Asker::new(&service, None);
+    let scene = fs::read(cornell()).unwrap();
+    for round in 0..5 {
+        let mut header = header(&scene);
+        header.idempotency_key = format!("round {round}");
+        let header = SubmitSceneRequest { body: Some(Body::Header(header)) };
+        let chunk = SubmitSceneRequest { body: Some(Body::Chunk(scene.clone().into())) };
+        let ids = asker.runtime.block_on(async {
+            let mut submissions = JoinSet::new();
+            for _ in 0..20 {
+                let (mut client, messages) = (asker.client.clone(), [header.clone(), chunk.clone()]);
+                submissions.spawn(async move {
+                    client.submit_scene(tokio_stream::iter(messages)).await.unwrap().into_inner().id
+                });
+            }
+            submissions.join_all().await
+        });
+        assert!(ids.iter().all(|id| *id == ids[0]), "{ids:?}");
+        assert_eq!(room.names("jobs").len(), round + 1);
+    }
 }
 
 #[test]
@@ -192,12 +221,12 @@ fn the_present_state_of_a_job_can_be_fetched() {
         let fetch = FetchResultRequest { id: id.clone(), present: true, offset: 0 };
         let mut parts = asker.ask(fetch, async |c, r| c.fetch_result(r).await).unwrap();
         asker.runtime.block_on(async {
-            let Some(Body::Header(header)) = parts.message().await.unwrap().unwrap().body else {
+            let Some(Part::Header(header)) = parts.message().await.unwrap().unwrap().body else {
                 panic!("no header")
             };
             let mut bytes = vec![];
             while let Some(part) = parts.message().await.unwrap() {
-                if let Some(Body::Chunk(chunk)) = part.body {
+                if let Some(Part::Chunk(chunk)) = part.body {
                     bytes.extend_from_slice(&chunk);
                 }
             }

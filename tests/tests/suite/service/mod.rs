@@ -6,17 +6,25 @@
 //! | `asking` | keys, scenes sent once, pages, cancelled and deleted jobs |
 //! | `refusals` | wrong submissions against the codes and details that the protocol promises |
 //! | `clients` | clients against each other, tokens, plain text |
+//! | `encryption` | certificates of clients against the authority of the service |
+//! | `slow` | clients that do not take what they asked for, against those who do |
 //! | `disk` | a disk that is full |
 //! | `relight` | jobs that are done lit otherwise, against `coordinator relight` |
+//! | `keeping` | what is kept no longer, against what must be |
+//! | `figures` | the metrics page against what was done |
 //! | `reflection` | a client that knows nothing but what the service says of itself |
 
 mod asking;
 mod bytes;
 mod clients;
 mod disk;
+mod encryption;
+mod figures;
+mod keeping;
 mod reflection;
 mod refusals;
 mod relight;
+mod slow;
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};

@@ -1,0 +1,46 @@
+use std::fs;
+use std::net::TcpListener;
+
+use super::{QUICK, Room, cornell, text, wait_for};
+use crate::telemetry::figures;
+
+#[test]
+fn the_metrics_page_shows_what_was_done() {
+    let room = Room::new();
+    let metrics = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string();
+    let service = room.start(&["--jobs", "1", "--metrics", &metrics]);
+    let shown = |name: &str| {
+        let figures = figures(&metrics).unwrap();
+        figures.get(&format!("halflight_service_{name}")).copied().unwrap_or_default()
+    };
+    for name in ["jobs_submitted_total", "uploads_received_bytes_total", "results_sent_bytes_total"] {
+        assert_eq!(shown(name), 0.0, "{name}");
+    }
+    let scene = fs::metadata(cornell()).unwrap().len() as f64;
+    let done = service.submit(&cornell(), &QUICK);
+    let lit = service.result(&done).len() as f64;
+    assert_eq!(shown("results_sent_bytes_total"), lit);
+    assert_eq!(shown("uploads_received_bytes_total"), scene);
+    // The same scene is not sent again, and the same file is.
+    let again = service.submit(&cornell(), &QUICK);
+    assert_eq!(service.result(&again).len() as f64, lit);
+    assert_eq!(shown("uploads_received_bytes_total"), scene);
+    assert_eq!(shown("results_sent_bytes_total"), 2.0 * lit);
+
+    let noise = room.file("noise.glb", b"this is no glTF");
+    assert!(!service.ask(&["submit", text(&noise), "--watch"]).success);
+    let slow = ["--mesh-error", "0.0001", "--max-vertices", "2000000"];
+    let (running, queued) = (service.submit(&cornell(), &slow), service.submit(&cornell(), &slow));
+    assert_eq!((shown("jobs_running"), shown("jobs_queued")), (1.0, 1.0));
+    for job in [&queued, &running] {
+        assert!(service.ask(&["cancel", job]).success);
+    }
+    wait_for("nothing runs", || shown("jobs_running") == 0.0);
+    assert_eq!(shown("jobs_queued"), 0.0);
+    assert_eq!(shown("jobs_submitted_total"), 5.0);
+    for (state, count) in [("done", 2.0), ("failed", 1.0), ("cancelled", 2.0)] {
+        assert_eq!(shown(&format!("jobs_ended_total{{state=\"{state}\"}}")), count, "{state}");
+    }
+    assert_eq!((shown("watchers"), shown("uploads")), (0.0, 0.0));
+    assert!(shown("disk_free_bytes") > 0.0);
+}
