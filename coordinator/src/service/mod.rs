@@ -5,7 +5,6 @@
 //! | `job` | a job: its names, its record |
 //! | `queue` | which job runs next: pure |
 //! | `ledger` | all jobs in memory, for what is asked often |
-//! | `arriving` | jobs on their way to the disk: pure |
 //! | `store` | the data folder |
 //! | `accept` | how a job is taken in |
 //! | `changes` | what happens to a job, on the disk first and in memory then |
@@ -24,7 +23,6 @@
 
 mod accept;
 pub mod api;
-mod arriving;
 mod changes;
 pub mod clients;
 mod fetch;

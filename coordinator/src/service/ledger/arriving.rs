@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::job::{JobId, Record, Sequence};
+use crate::service::job::{JobId, Record, Sequence};
 
 /// Jobs whose record is being written.
 #[derive(Debug, Default)]
