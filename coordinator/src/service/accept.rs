@@ -17,7 +17,7 @@ enum Announced {
     /// It was made before, and gave this job.
     Before(JobId),
     /// It is new; the job with its place among all jobs.
-    New(Record),
+    New(Box<Record>),
 }
 
 impl Office {
@@ -25,7 +25,7 @@ impl Office {
     pub(super) fn accept(self: &Arc<Self>, draft: Record, upload: Option<&Upload>) -> Result<JobId, Refusal> {
         let record = match self.announce(draft, upload.is_some())? {
             Announced::Before(job) => return Ok(job),
-            Announced::New(record) => record,
+            Announced::New(record) => *record,
         };
         let written = self.write(&record, upload);
         let (id, client) = (record.id, record.client.clone());
@@ -72,7 +72,7 @@ impl Office {
         if !has_upload && !ledger.has_scene(&draft.client, draft.scene) {
             return Err(Refusal::SceneMissing(draft.scene));
         }
-        Ok(Announced::New(ledger.announce(draft)))
+        Ok(Announced::New(Box::new(ledger.announce(draft))))
     }
 
     /// Waits while the same key is on its way to the disk: what comes of it is this submission's answer too.

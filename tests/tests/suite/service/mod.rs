@@ -11,15 +11,15 @@
 //! | `disk` | a disk that is full |
 //! | `relight` | jobs that are done lit otherwise, against `coordinator relight` |
 //! | `keeping` | what is kept no longer, against what must be |
-//! | `figures` | the metrics page against what was done |
+//! | `counts` | the metrics page against what was done |
 //! | `reflection` | a client that knows nothing but what the service says of itself |
 
 mod asking;
 mod bytes;
 mod clients;
+mod counts;
 mod disk;
 mod encryption;
-mod figures;
 mod keeping;
 mod reflection;
 mod refusals;
