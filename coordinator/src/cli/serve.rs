@@ -12,9 +12,8 @@ use coordinator::service::guard::Names;
 use coordinator::service::queue::Places;
 use coordinator::service::{Limits, Metrics, Service, ServiceSettings, server};
 use shared::security::{Tls, Transport};
+use shared::server::stop_on_signal;
 use tokio::net::TcpListener;
-use tokio::signal::unix::{SignalKind, signal};
-use tokio_util::sync::CancellationToken;
 use worker::incoming::{ConnectionLimits, incoming};
 
 /// Threads that answer clients. They never compute, and never wait for the disk.
@@ -155,7 +154,8 @@ async fn serve(arguments: &ServeArguments, workers: ClusterSettings, metrics: Me
         .await
         .with_context(|| format!("cannot listen on {}: choose another --listen address", arguments.listen))?;
     let address = listener.local_addr().context("cannot tell the address")?;
-    let shutdown = stop_on_signal()?;
+    let shutdown =
+        stop_on_signal("jobs stop, and go on at the next start").context("cannot listen for signals")?;
     // For scripts: from this line on, clients may call. Where nobody reads it, nobody misses it.
     let _ =
         writeln!(std::io::stdout(), "coordinator serves on {address}, data in {}", arguments.data.display());
@@ -163,28 +163,6 @@ async fn serve(arguments: &ServeArguments, workers: ClusterSettings, metrics: Me
     let is_open = arguments.clients.is_none() && transport == Transport::default();
     let names = if is_open { Names::ThisMachine } else { Names::Any };
     Ok(server::serve(incoming, service, clients, names, shutdown).await?)
-}
-
-/// A token that the first SIGTERM or SIGINT cancels; the second one ends the process at once.
-fn stop_on_signal() -> anyhow::Result<CancellationToken> {
-    let mut terminate = signal(SignalKind::terminate()).context("cannot listen for SIGTERM")?;
-    let mut interrupt = signal(SignalKind::interrupt()).context("cannot listen for SIGINT")?;
-    let shutdown = CancellationToken::new();
-    let cancelled = shutdown.clone();
-    tokio::spawn(async move {
-        for last in [false, true] {
-            tokio::select! {
-                _ = terminate.recv() => {}
-                _ = interrupt.recv() => {}
-            }
-            if last {
-                std::process::exit(130);
-            }
-            tracing::info!("jobs stop, and go on at the next start");
-            cancelled.cancel();
-        }
-    });
-    Ok(shutdown)
 }
 
 fn at_least_one(text: &str) -> Result<usize, String> {
