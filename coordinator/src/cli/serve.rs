@@ -5,7 +5,9 @@ use std::time::Duration;
 
 use anyhow::Context;
 use clap::builder::FalseyValueParser;
-use clap::{ArgAction, Args};
+use clap::error::ErrorKind;
+use clap::parser::ValueSource;
+use clap::{Arg, ArgAction, ArgMatches, Args, FromArgMatches};
 use coordinator::cluster::{ClusterSettings, SharedCluster};
 use coordinator::service::clients::Clients;
 use coordinator::service::guard::Names;
@@ -15,6 +17,8 @@ use shared::security::{Tls, Transport};
 use shared::server::stop_on_signal;
 use tokio::net::TcpListener;
 use worker::incoming::{ConnectionLimits, incoming};
+
+use super::workers::path;
 
 /// Threads that answer clients. They never compute, and never wait for the disk.
 const NETWORK_THREADS: usize = 2;
@@ -43,16 +47,16 @@ pub struct ServeArguments {
     #[arg(long, env = "COORDINATOR_JOBS_PER_CLIENT", value_parser = at_least_one)]
     jobs_per_client: Option<usize>,
     /// Who may ask: a file with a line NAME TOKEN for each client [default: everybody who reaches the port, as one client].
-    #[arg(long, env = "COORDINATOR_CLIENTS", value_name = "FILE")]
+    #[arg(long, env = "COORDINATOR_CLIENTS", value_name = "FILE", value_parser = path())]
     clients: Option<PathBuf>,
     /// Certificate authority of the clients' certificates, PEM. With the next two: all traffic is encrypted.
-    #[arg(long, env = "COORDINATOR_LISTEN_TLS_CA", value_name = "FILE")]
+    #[arg(long, env = "COORDINATOR_LISTEN_TLS_CA", value_name = "FILE", value_parser = path())]
     listen_tls_ca: Option<PathBuf>,
     /// Certificate that the service shows to clients, PEM.
-    #[arg(long, env = "COORDINATOR_LISTEN_TLS_CERT", value_name = "FILE")]
+    #[arg(long, env = "COORDINATOR_LISTEN_TLS_CERT", value_name = "FILE", value_parser = path())]
     listen_tls_cert: Option<PathBuf>,
     /// Private key of that certificate, PEM.
-    #[arg(long, env = "COORDINATOR_LISTEN_TLS_KEY", value_name = "FILE")]
+    #[arg(long, env = "COORDINATOR_LISTEN_TLS_KEY", value_name = "FILE", value_parser = path())]
     listen_tls_key: Option<PathBuf>,
     /// Listen beyond this machine without encryption: for networks in which everybody may read everything.
     #[arg(long, env = "COORDINATOR_LISTEN_PLAINTEXT", value_parser = FalseyValueParser::new(), action = ArgAction::SetTrue)]
@@ -90,6 +94,49 @@ pub struct ServeArguments {
     /// Room that is left free on the disk, in MiB: nothing is taken in when there is less.
     #[arg(long, default_value_t = Limits::default().free_bytes / MIB, value_name = "MIB")]
     keep_free: u64,
+}
+
+/// The same where no command is given: before another command they would be without effect, and are refused.
+///
+/// `args_conflicts_with_subcommands` is not for this: it would refuse the options that belong to all commands too.
+pub struct WithoutCommand(pub ServeArguments);
+
+impl FromArgMatches for WithoutCommand {
+    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+        let arguments = ServeArguments::from_arg_matches(matches).map(Self)?;
+        let Some(command) = matches.subcommand_name() else { return Ok(arguments) };
+        let options = ServeArguments::augment_args(clap::Command::new("serve"));
+        // Variables of the environment are for whoever needs them.
+        let is_given =
+            |option: &&Arg| matches.value_source(option.get_id().as_str()) == Some(ValueSource::CommandLine);
+        let Some(given) = options.get_arguments().find(is_given) else { return Ok(arguments) };
+        let name = given.get_long().unwrap_or(given.get_id().as_str());
+        let message = match command {
+            "serve" => {
+                format!("the option '--{name}' is without effect before `serve`: give it after `serve`")
+            }
+            _ => format!(
+                "the option '--{name}' is for the service, and `{command}` is not: leave it out, or give it to \
+                 `serve`, or without any command"
+            ),
+        };
+        Err(clap::Error::raw(ErrorKind::ArgumentConflict, message))
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
+
+impl Args for WithoutCommand {
+    fn augment_args(command: clap::Command) -> clap::Command {
+        ServeArguments::augment_args(command)
+    }
+
+    fn augment_args_for_update(command: clap::Command) -> clap::Command {
+        ServeArguments::augment_args_for_update(command)
+    }
 }
 
 impl ServeArguments {

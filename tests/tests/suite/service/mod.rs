@@ -8,6 +8,7 @@
 //! | `clients` | clients against each other, tokens, plain text |
 //! | `disk` | a disk that is full |
 //! | `relight` | jobs that are done lit otherwise, against `coordinator relight` |
+//! | `restarts` | commands that wait, against services and connections that break in between |
 //! | `reflection` | a client that knows nothing but what the service says of itself |
 
 mod asking;
@@ -17,6 +18,7 @@ mod disk;
 mod reflection;
 mod refusals;
 mod relight;
+mod restarts;
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
