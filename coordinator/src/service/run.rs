@@ -119,6 +119,7 @@ fn bake_whole(means: &Means<'_>, record: &Record, wanted: Wanted, live: &Live) -
     if let Some(kept) = &baked.kept {
         kept.write(&means.store.light(record.id)).map_err(of_light)?;
     }
+    let workers = driver.workers();
     let summary = Summary {
         seconds: clock.elapsed().as_secs_f64(),
         unit: &export_settings.unit,
@@ -128,7 +129,7 @@ fn bake_whole(means: &Means<'_>, record: &Record, wanted: Wanted, live: &Live) -
         peak_memory_bytes: None,
         bake: &baked.report,
         exported: &exported,
-        workers: Computed::Shared(&driver.workers()),
+        workers: Computed::Shared(&workers),
         checkpoint: Some(&recorded),
     };
     let report_json = summary.to_json(&settings).map_err(|error| Ending::Failed(error.to_string()))?;

@@ -21,7 +21,7 @@ use tonic_reflection::pb::v1::{ServerReflectionRequest, ServerReflectionResponse
 const HANGS: Duration = Duration::from_secs(60);
 
 /// The figures at `/metrics`, by name and labels. Lines that are not OpenMetrics text fail the test.
-fn figures(address: &str) -> Option<HashMap<String, f64>> {
+pub(crate) fn figures(address: &str) -> Option<HashMap<String, f64>> {
     let mut socket = TcpStream::connect(address).ok()?;
     socket.set_read_timeout(Some(HANGS)).unwrap();
     write!(socket, "GET /metrics HTTP/1.1\r\nHost: test\r\n\r\n").ok()?;

@@ -9,12 +9,14 @@
 //! | `disk` | a disk that is full |
 //! | `relight` | jobs that are done lit otherwise, against `coordinator relight` |
 //! | `restarts` | commands that wait, against services and connections that break in between |
+//! | `figures` | dashboard and alerts against the page of metrics |
 //! | `reflection` | a client that knows nothing but what the service says of itself |
 
 mod asking;
 mod bytes;
 mod clients;
 mod disk;
+mod figures;
 mod reflection;
 mod refusals;
 mod relight;
