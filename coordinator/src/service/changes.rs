@@ -158,7 +158,7 @@ impl Office {
             return Ok(());
         };
         let ended = match ending {
-            Ending::Done(outcome) => now.ended(State::Done, String::new(), Some(outcome)),
+            Ending::Done(outcome) => now.ended(State::Done, String::new(), Some(*outcome)),
             Ending::Failed(why) => now.ended(State::Failed, why, None),
             // The service is ending, and the job goes on at the next start.
             Ending::Stopped => return Err(String::new()),

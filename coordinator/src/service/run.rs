@@ -31,7 +31,7 @@ use crate::summary::{Computed, Summary, extras};
 #[derive(Debug)]
 pub enum Ending {
     /// The lit file is in its place.
-    Done(Outcome),
+    Done(Box<Outcome>),
     /// It cannot be baked.
     Failed(String),
     /// It was told to.
@@ -55,7 +55,7 @@ pub fn run(means: &Means<'_>, record: &Record, live: &Live) -> Ending {
     // What a panic leaves half done is the job's alone.
     let outcome = catch_unwind(AssertUnwindSafe(|| attempt(means, record, live)));
     match outcome {
-        Ok(Ok(outcome)) => Ending::Done(outcome),
+        Ok(Ok(outcome)) => Ending::Done(Box::new(outcome)),
         Ok(Err(_)) if live.is_stopped() => Ending::Stopped,
         Ok(Err(ending)) => ending,
         Err(_) => {
