@@ -11,6 +11,7 @@
 //! | [`replica`] | the read-only data that a worker holds |
 //! | [`row`] | rows of form factors: how they are asked for and how they travel |
 //! | [`security`] | who may talk to whom: certificates, tokens, where plain text may go |
+//! | [`server`] | what servers have in common: bounds of connections, and being told to stop |
 //! | [`simd`] | wide vectors, chosen at run time |
 //! | [`telemetry`] | logs, metrics and spans |
 //! | [`api`] | the generated messages of `radiosity.v1`: what clients ask of a service |
@@ -26,6 +27,7 @@ pub mod protocol;
 pub mod replica;
 pub mod row;
 pub mod security;
+pub mod server;
 pub mod simd;
 pub mod telemetry;
 pub mod visibility;

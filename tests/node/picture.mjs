@@ -11,25 +11,13 @@ import { readFile, writeFile } from 'node:fs/promises';
 import path from 'node:path';
 import { parseArgs } from 'node:util';
 import { chromium } from 'playwright-core';
+import { LAUNCH } from '../chromium.mjs';
 
 const USAGE =
   'usage: node picture.mjs FILE.glb OUT.png [--camera x,y,z --target x,y,z --size 900x600 --fov 75 | --expect POINTS.json | --other OTHER.png]';
 
 // Largest difference of a channel from what is expected, of 255: rounding of the picture, of the texture and in between.
 const TOLERANCE = 2;
-
-const BROWSER_FLAGS = [
-  '--headless',
-  '--no-sandbox',
-  '--use-gl=angle',
-  '--use-angle=swiftshader',
-  '--enable-unsafe-swiftshader',
-  '--disable-background-networking',
-  '--disable-component-update',
-  '--disable-sync',
-  '--disable-quic',
-  '--no-first-run',
-];
 
 const { values: options, positionals } = parseArgs({
   allowPositionals: true,
@@ -142,10 +130,7 @@ try {
 }
 await new Promise((resolve) => server.listen(0, '127.0.0.1', resolve));
 
-const browser = await chromium.launch({
-  executablePath: process.env.CHROMIUM ?? '/usr/bin/chromium',
-  args: BROWSER_FLAGS,
-});
+const browser = await chromium.launch(LAUNCH);
 try {
   const page = await browser.newPage();
   page.on('console', (message) => console.error(`page: ${message.text()}`));

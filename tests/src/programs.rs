@@ -109,57 +109,36 @@ pub(crate) fn send(child: &Child, signal: Signal) {
     kill_process(Pid::from_child(child), signal).expect("the process is there until it is waited for");
 }
 
-/// How long a bake may say nothing before it counts as hung.
+/// How long a command may say nothing before it counts as hung.
 const HANGS: Duration = Duration::from_secs(180);
 
-/// A `coordinator solve` process on its way; ends when dropped.
-pub struct Solving {
+/// A command on its way, whose errors are read as they come; ends when dropped.
+pub struct Running {
     child: Child,
     lines: mpsc::Receiver<String>,
     said: Vec<String>,
-    folder: TempDir,
 }
 
-/// What came of it.
-pub struct Solved {
-    /// Whether it says that all is well.
-    pub success: bool,
-    /// The lit file, where there is one.
-    pub lit: Option<Vec<u8>>,
-    /// The report; null where there is none.
-    pub report: serde_json::Value,
-    /// All that it wrote to standard error.
-    pub said: String,
-}
-
-impl Solving {
-    /// Starts to bake a scene.
+impl Running {
+    /// Starts a command.
     ///
     /// # Panics
-    /// When the coordinator cannot be started.
+    /// When it cannot be started.
     #[must_use]
-    pub fn start(scene: &Path, arguments: &[&str]) -> Self {
-        let folder = tempfile::tempdir().expect("there is room for a folder");
-        let mut child = Command::new(binary("coordinator"))
-            .arg("solve")
-            .arg(scene)
-            .arg("-o")
-            .arg(folder.path().join("lit.glb"))
-            .arg("--report")
-            .arg(folder.path().join("report.json"))
-            .args(arguments)
+    pub fn start(command: &mut Command) -> Self {
+        let mut child = command
             .stdin(Stdio::null())
             .stdout(Stdio::null())
             .stderr(Stdio::piped())
             .spawn()
-            .expect("the coordinator can be started");
+            .expect("the command can be started");
         let output = BufReader::new(child.stderr.take().expect("standard error is a pipe"));
         let (sender, lines) = mpsc::channel();
         std::thread::spawn(move || {
             // The test may have ended.
             output.lines().map_while(Result::ok).try_for_each(|line| sender.send(line))
         });
-        Self { child, lines, said: vec![], folder }
+        Self { child, lines, said: vec![] }
     }
 
     /// Waits until it says something with this text in it, now or before.
@@ -183,12 +162,12 @@ impl Solving {
         send(&self.child, signal);
     }
 
-    /// Waits until the bake has ended.
+    /// Waits until it has ended: whether it says that all is well, and all that it wrote to standard error.
     ///
     /// # Panics
     /// When it says nothing for very long.
     #[must_use]
-    pub fn finish(mut self) -> Solved {
+    pub fn finish(mut self) -> (bool, String) {
         loop {
             match self.lines.recv_timeout(HANGS) {
                 Ok(line) => self.said.push(line),
@@ -197,21 +176,76 @@ impl Solving {
             }
         }
         let status = self.child.wait().expect("a child can be waited for");
-        let read = |name: &str| fs::read(self.folder.path().join(name)).ok();
-        let report = read("report.json").map(|json| serde_json::from_slice(&json).expect("reports are JSON"));
-        Solved {
-            success: status.success(),
-            lit: read("lit.glb"),
-            report: report.unwrap_or_default(),
-            said: self.said.join("\n"),
-        }
+        (status.success(), self.said.join("\n"))
     }
 }
 
-impl Drop for Solving {
+impl Drop for Running {
     fn drop(&mut self) {
         // It may have ended by itself.
         let _ = self.child.kill();
         let _ = self.child.wait();
+    }
+}
+
+/// A `coordinator solve` process on its way; ends when dropped.
+pub struct Solving {
+    running: Running,
+    folder: TempDir,
+}
+
+/// What came of it.
+pub struct Solved {
+    /// Whether it says that all is well.
+    pub success: bool,
+    /// The lit file, where there is one.
+    pub lit: Option<Vec<u8>>,
+    /// The report; null where there is none.
+    pub report: serde_json::Value,
+    /// All that it wrote to standard error.
+    pub said: String,
+}
+
+impl Solving {
+    /// Starts to bake a scene.
+    ///
+    /// # Panics
+    /// When the coordinator cannot be started.
+    #[must_use]
+    pub fn start(scene: &Path, arguments: &[&str]) -> Self {
+        let folder = tempfile::tempdir().expect("there is room for a folder");
+        let running = Running::start(
+            Command::new(binary("coordinator"))
+                .arg("solve")
+                .arg(scene)
+                .arg("-o")
+                .arg(folder.path().join("lit.glb"))
+                .arg("--report")
+                .arg(folder.path().join("report.json"))
+                .args(arguments),
+        );
+        Self { running, folder }
+    }
+
+    /// As [`Running::wait_for`].
+    pub fn wait_for(&mut self, text: &str) {
+        self.running.wait_for(text);
+    }
+
+    /// As [`Running::signal`].
+    pub fn signal(&self, signal: Signal) {
+        self.running.signal(signal);
+    }
+
+    /// Waits until the bake has ended.
+    ///
+    /// # Panics
+    /// As [`Running::finish`], and when its report is no JSON.
+    #[must_use]
+    pub fn finish(self) -> Solved {
+        let (success, said) = self.running.finish();
+        let read = |name: &str| fs::read(self.folder.path().join(name)).ok();
+        let report = read("report.json").map(|json| serde_json::from_slice(&json).expect("reports are JSON"));
+        Solved { success, lit: read("lit.glb"), report: report.unwrap_or_default(), said }
     }
 }

@@ -83,13 +83,8 @@ impl ServiceProcess {
     /// When it cannot be started.
     #[must_use]
     pub fn ask(&self, arguments: &[&str]) -> Said {
-        let output = Command::new(binary("coordinator"))
-            .args(arguments)
-            .args(["--server", &self.address])
-            .stdin(Stdio::null())
-            .output()
-            .expect("the coordinator can be started");
-        Said::from(output)
+        let output = asking(&self.address, arguments).stdin(Stdio::null()).output();
+        Said::from(output.expect("the coordinator can be started"))
     }
 
     /// Submits a scene: the name of its job.
@@ -153,6 +148,14 @@ impl Drop for ServiceProcess {
     fn drop(&mut self) {
         self.kill();
     }
+}
+
+/// A command of the coordinator's that asks the service at this address.
+#[must_use]
+pub fn asking(address: &str, arguments: &[&str]) -> Command {
+    let mut command = Command::new(binary("coordinator"));
+    command.args(arguments).args(["--server", address]);
+    command
 }
 
 /// What a command said.

@@ -62,7 +62,7 @@ pub(crate) fn reflection()
         .build_v1()
 }
 
-/// Why a worker does not count as healthy.
+/// Why a server does not count as healthy.
 #[derive(Debug, thiserror::Error)]
 pub enum HealthError {
     /// It must not be dialled so.
@@ -77,27 +77,33 @@ pub enum HealthError {
         reason: String,
     },
     /// Nobody answers, or somebody else does.
-    #[error("no worker answers at {address}: {reason}")]
+    #[error("no {service} answers at {address}: {reason}")]
     Unreachable {
+        /// What was asked for.
+        service: &'static str,
         /// As it was given.
         address: String,
         /// Why.
         reason: String,
     },
     /// It finishes what it has, and takes nothing new.
-    #[error("worker at {address} does not serve: it was told to stop")]
+    #[error("what is at {address} does not serve: it was told to stop")]
     Draining {
         /// As it was given.
         address: String,
     },
 }
 
-/// Asks the worker at `host:port` whether it serves.
+/// Asks a server at `host:port` whether it serves this gRPC service.
 ///
 /// # Errors
 /// When it does not, or does not answer within some seconds.
-pub async fn check(address: &str, security: &ClientSecurity) -> Result<(), HealthError> {
-    let unreachable = |reason: String| HealthError::Unreachable { address: address.into(), reason };
+pub async fn check(
+    address: &str,
+    service: &'static str,
+    security: &ClientSecurity,
+) -> Result<(), HealthError> {
+    let unreachable = |reason: String| HealthError::Unreachable { service, address: address.into(), reason };
     let asking = async {
         let unknown = |reason: String| HealthError::Name { address: address.into(), reason };
         let mut sockets = lookup_host(address).await.map_err(|error| unknown(error.to_string()))?;
@@ -105,7 +111,7 @@ pub async fn check(address: &str, security: &ClientSecurity) -> Result<(), Healt
         let endpoint = security.endpoint(address, socket)?;
         let channel = endpoint.connect().await.map_err(|error| unreachable(reason(&error)))?;
         let mut client = HealthClient::with_interceptor(channel, security.credentials());
-        let request = HealthCheckRequest { service: SERVICE_NAME.into() };
+        let request = HealthCheckRequest { service: service.into() };
         let answer = client.check(request).await.map_err(|status| unreachable(words(&status)))?;
         match answer.into_inner().status() {
             Answer::Serving => Ok(()),

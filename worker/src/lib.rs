@@ -39,11 +39,11 @@ use std::time::Duration;
 use shared::protocol::MAX_MESSAGE_BYTES;
 use shared::protocol::worker_server::WorkerServer;
 use shared::security::{Guard, Token};
+use shared::server::ConnectionBounds;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio_stream::Stream;
 use tokio_util::sync::CancellationToken;
 use tonic::service::InterceptorLayer;
-use tonic::transport::Server;
 use tonic::transport::server::Connected;
 
 use crate::health::Health;
@@ -51,22 +51,16 @@ use crate::metrics::Metrics;
 use crate::pool::{Compute, ComputePool};
 use crate::service::WorkerService;
 
-/// Bytes that may be on their way to the worker, on one connection: an upload then does not wait for each piece to be
-/// acknowledged.
-const CONNECTION_WINDOW: u32 = 16 << 20;
-
-/// The same for one call. Smaller, so that an upload cannot use up the window of its whole connection.
-const CALL_WINDOW: u32 = 4 << 20;
-
-/// Calls at the same time on one connection: a session, and the few replicas of a bake.
-const CALLS: u32 = 16;
-
-/// Bytes that the headers of a call may have. Those of a coordinator have some hundred.
-const HEADER_BYTES: u32 = 16 << 10;
-
-/// How often a quiet coordinator is asked for a sign of life, and how long it has to give one. It only frees the
-/// session's memory, so there is no hurry.
-const KEEP_ALIVE: Duration = Duration::from_secs(10);
+/// What a coordinator may have: a session, and the few replicas of a bake. A quiet one only has the session's memory, so there is no
+/// hurry to find that it is gone.
+const BOUNDS: ConnectionBounds = ConnectionBounds {
+    connection_window: 16 << 20,
+    call_window: 4 << 20,
+    calls: 16,
+    // Those of a coordinator have some hundred.
+    header_bytes: 16 << 10,
+    keep_alive: Duration::from_secs(10),
+};
 
 /// How long a worker that was told to stop waits for the jobs that it computes.
 const DRAIN: Duration = Duration::from_secs(20);
@@ -163,13 +157,8 @@ where
         // Connections end with their calls.
         pending::<Infallible>().await
     };
-    let serving = Server::builder()
-        .initial_connection_window_size(CONNECTION_WINDOW)
-        .initial_stream_window_size(CALL_WINDOW)
-        .http2_keepalive_interval(Some(KEEP_ALIVE))
-        .http2_keepalive_timeout(Some(KEEP_ALIVE))
-        .http2_max_header_list_size(HEADER_BYTES)
-        .max_concurrent_streams(CALLS)
+    let serving = BOUNDS
+        .server()
         .layer(InterceptorLayer::new(guard))
         .add_service(service)
         .add_service(health_service)

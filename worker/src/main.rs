@@ -11,11 +11,11 @@ use anyhow::Context;
 use clap::Parser;
 use options::Options;
 use prometheus_client::registry::Registry;
+use shared::protocol::worker_server::SERVICE_NAME;
 use shared::security::Tls;
+use shared::server::stop_on_signal;
 use shared::telemetry::{Logging, LoggingSettings, MetricsPage};
 use tokio::net::TcpListener;
-use tokio::signal::unix::{SignalKind, signal};
-use tokio_util::sync::CancellationToken;
 use worker::Settings;
 use worker::incoming::{ConnectionLimits, incoming};
 use worker::metrics::Metrics;
@@ -57,7 +57,7 @@ fn start(options: Options) -> anyhow::Result<()> {
 
 async fn run(options: Options) -> anyhow::Result<()> {
     if let Some(address) = &options.health {
-        return Ok(worker::health::check(address, &options.client()?).await?);
+        return Ok(worker::health::check(address, SERVICE_NAME, &options.client()?).await?);
     }
     let transport = options.transport()?;
     let token = options.token()?;
@@ -73,7 +73,8 @@ async fn run(options: Options) -> anyhow::Result<()> {
     let metrics = Metrics::default();
     let _page = show(&metrics, options.metrics())?;
     let name = options.name.unwrap_or_else(|| address.to_string());
-    let shutdown = stop_on_signal()?;
+    let shutdown = stop_on_signal("finishing what is being computed, then leaving")
+        .context("cannot listen for signals")?;
 
     // For scripts: from this line on, coordinators may call. Where nobody reads it, nobody misses it.
     let _ = writeln!(std::io::stdout(), "worker {name} listens on {address} with {threads} threads");
@@ -91,26 +92,4 @@ fn show(metrics: &Metrics, address: Option<SocketAddr>) -> anyhow::Result<Option
     let page = MetricsPage::start(address, registry)
         .with_context(|| format!("cannot show metrics at {address}: choose another --metrics address"))?;
     Ok(Some(page))
-}
-
-/// A token that the first SIGTERM or SIGINT cancels; the second one ends the process at once.
-fn stop_on_signal() -> anyhow::Result<CancellationToken> {
-    let mut terminate = signal(SignalKind::terminate()).context("cannot listen for SIGTERM")?;
-    let mut interrupt = signal(SignalKind::interrupt()).context("cannot listen for SIGINT")?;
-    let shutdown = CancellationToken::new();
-    let cancelled = shutdown.clone();
-    tokio::spawn(async move {
-        for last in [false, true] {
-            tokio::select! {
-                _ = terminate.recv() => {}
-                _ = interrupt.recv() => {}
-            }
-            if last {
-                std::process::exit(130);
-            }
-            tracing::info!("finishing what is being computed, then leaving");
-            cancelled.cancel();
-        }
-    });
-    Ok(shutdown)
 }

@@ -27,10 +27,11 @@ use coordinator::metrics::Metrics;
 #[derive(Parser)]
 #[command(version)]
 pub struct Arguments {
+    // First: the one after it takes the command out of what these look at.
+    #[command(flatten)]
+    serve: serve::WithoutCommand,
     #[command(subcommand)]
     command: Option<Command>,
-    #[command(flatten)]
-    serve: serve::ServeArguments,
     #[command(flatten)]
     workers: workers::WorkerArguments,
     #[command(flatten)]
@@ -41,18 +42,8 @@ pub struct Arguments {
 enum Command {
     /// Serve clients that submit scenes, until it is told to stop. Without any command: the same.
     Serve(serve::ServeArguments),
-    /// Submit a scene to a service: the name of its job is printed.
-    Submit(client::SubmitArguments),
-    /// Show how far a job of a service is, until it has ended.
-    Watch(client::WatchArguments),
-    /// Fetch the lit scene of a job, or the present state of one that runs.
-    Fetch(client::FetchArguments),
-    /// List the jobs of a service, newest first.
-    Jobs(client::JobsArguments),
-    /// End a job that is queued or runs.
-    Cancel(client::JobArguments),
-    /// Forget a job and all that is kept of it.
-    Delete(client::JobArguments),
+    #[command(flatten)]
+    Client(client::ClientCommand),
     /// Bake a glTF file: a lit glTF comes out.
     Solve(solve::SolveArguments),
     /// Light a baked scene otherwise: other brightness or colour of its lights, in a small part of the time.
@@ -72,20 +63,19 @@ enum Command {
 /// Carries out what the command line asks for.
 pub fn run(arguments: Arguments) -> anyhow::Result<()> {
     let _logging = arguments.telemetry.log()?;
+    let workers = &arguments.workers;
     let metrics = Metrics::default();
     let service_metrics = coordinator::service::Metrics::default();
-    let _page = arguments.telemetry.show(&metrics, &service_metrics)?;
-    let workers = &arguments.workers;
+    let _page = match &arguments.command {
+        // Who only asks has no figures; in a container of a service, the address of the figures is the service's.
+        Some(Command::Client(_)) => None,
+        _ => arguments.telemetry.show(&metrics, &service_metrics)?,
+    };
     let serve = |serve| serve::run(serve, workers.cluster(&metrics)?, service_metrics.clone());
     match &arguments.command {
-        None => serve(&arguments.serve),
+        None => serve(&arguments.serve.0),
         Some(Command::Serve(arguments)) => serve(arguments),
-        Some(Command::Submit(submit)) => client::submit(submit, &workers.security()?),
-        Some(Command::Watch(watch)) => client::watch(watch, &workers.security()?),
-        Some(Command::Fetch(fetch)) => client::fetch(fetch, &workers.security()?),
-        Some(Command::Jobs(jobs)) => client::list(jobs, &workers.security()?),
-        Some(Command::Cancel(job)) => client::cancel(job, &workers.security()?),
-        Some(Command::Delete(job)) => client::delete(job, &workers.security()?),
+        Some(Command::Client(command)) => client::run(command, &workers.security()?),
         Some(Command::Solve(solve)) => solve::run(solve, &workers.cluster(&metrics)?),
         Some(Command::Relight(relight)) => relight::run(relight),
         Some(Command::Render(render)) => render::run(render, &workers.cluster(&metrics)?),
@@ -107,4 +97,45 @@ fn ensure_place(output: &Path) -> anyhow::Result<()> {
     );
     anyhow::ensure!(!output.is_dir(), "output {} is a directory: name a file in it", output.display());
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(line: &str) -> Result<Arguments, String> {
+        Arguments::try_parse_from(line.split_whitespace()).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn options_of_the_service_go_with_serve_or_no_command() {
+        for line in ["coordinator", "coordinator --jobs 3", "coordinator --jobs 3 --workers first:7070"] {
+            assert!(matches!(parse(line), Ok(Arguments { command: None, .. })), "{line}");
+        }
+        for line in ["coordinator serve --jobs 3", "coordinator --workers first:7070 serve --jobs 3"] {
+            assert!(matches!(parse(line), Ok(Arguments { command: Some(Command::Serve(_)), .. })), "{line}");
+        }
+    }
+
+    #[test]
+    fn options_of_the_service_before_another_command_are_refused_by_name() {
+        for (line, option, command) in [
+            ("coordinator --jobs 3 solve scene.glb -o lit.glb", "--jobs", "solve"),
+            ("coordinator --data=here jobs", "--data", "jobs"),
+            ("coordinator --listen-plaintext watch 1", "--listen-plaintext", "watch"),
+        ] {
+            let told = parse(line).err().unwrap();
+            assert!(told.contains(option) && told.contains(command), "{line}: {told}");
+            assert!(told.contains("serve"), "{line}: {told}");
+        }
+        // After the command they count.
+        let told = parse("coordinator --jobs 3 serve").err().unwrap();
+        assert!(told.contains("after `serve`"), "{told}");
+    }
+
+    #[test]
+    fn options_for_all_go_before_any_command() {
+        let solve = parse("coordinator --workers first:7070 solve scene.glb -o lit.glb").unwrap();
+        assert!(matches!(solve.command, Some(Command::Solve(_))));
+    }
 }

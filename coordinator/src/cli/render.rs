@@ -160,8 +160,8 @@ pub fn run(arguments: &RenderArguments, workers: &ClusterSettings) -> anyhow::Re
     row("exposure", format!("{exposure:.4e} per unit of irradiance"));
     row("tone map", if format == PictureFormat::Png { caption.tone_map.name() } else { "none" }.to_owned());
     for worker in &per_worker {
-        let busy = worker.busy.as_secs_f64();
-        row(&format!("worker {}", worker.name), format!("{} tiles, {busy:.2} s busy", worker.jobs));
+        let busy = worker.part.busy.as_secs_f64();
+        row(&format!("worker {}", worker.part.name), format!("{} tiles, {busy:.2} s busy", worker.part.jobs));
     }
     println!("{table}");
     Ok(())

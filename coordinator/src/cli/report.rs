@@ -2,7 +2,7 @@ use std::time::Duration;
 
 use comfy_table::{Table, presets};
 use coordinator::cluster::WorkerSummary;
-use coordinator::summary::{Summary, busy_share};
+use coordinator::summary::{Computed, Summary, busy_share};
 
 use super::progress::short;
 
@@ -125,8 +125,8 @@ impl Tables for Summary<'_> {
             row("dropped", format!("{} triangles without area", self.degenerate_triangles));
         }
         println!("{table}");
-        if self.workers.len() > 1 {
-            println!("{}", worker_table(self.workers));
+        if let Computed::Alone(workers @ [_, _, ..], _) = self.workers {
+            println!("{}", worker_table(workers));
         }
     }
 }
@@ -135,7 +135,8 @@ fn worker_table(workers: &[WorkerSummary]) -> Table {
     let mut table = new_table();
     table.set_header(["worker", "threads", "jobs", "late", "rows", "rays", "busy", "received", "sent"]);
     for worker in workers {
-        let mut name = worker.name.clone();
+        let part = &worker.part;
+        let mut name = part.name.clone();
         if worker.connections > 1 {
             name += &format!(" (connected {} times)", worker.connections);
         }
@@ -144,16 +145,16 @@ fn worker_table(workers: &[WorkerSummary]) -> Table {
         }
         table.add_row([
             name,
-            worker.threads.to_string(),
-            worker.jobs.to_string(),
+            part.threads.to_string(),
+            part.jobs.to_string(),
             worker.late.to_string(),
-            worker.rows.to_string(),
-            short(worker.rays as f64),
+            part.rows.to_string(),
+            short(part.rays as f64),
             format!("{:.0} % of {:.2} s", 100.0 * busy_share(worker), seconds(worker.connected)),
             format!(
                 "{}B ({:.0} a row)",
-                short(worker.bytes_received as f64),
-                worker.bytes_received as f64 / worker.rows.max(1) as f64
+                short(part.bytes_received as f64),
+                part.bytes_received as f64 / part.rows.max(1) as f64
             ),
             format!("{}B", short(worker.bytes_sent as f64)),
         ]);

@@ -5,17 +5,20 @@ use std::time::Duration;
 
 use anyhow::Context;
 use clap::builder::FalseyValueParser;
-use clap::{ArgAction, Args};
+use clap::error::ErrorKind;
+use clap::parser::ValueSource;
+use clap::{Arg, ArgAction, ArgMatches, Args, FromArgMatches};
 use coordinator::cluster::{ClusterSettings, SharedCluster};
 use coordinator::service::clients::Clients;
 use coordinator::service::guard::Names;
 use coordinator::service::queue::Places;
 use coordinator::service::{Limits, Metrics, Service, ServiceSettings, server};
 use shared::security::{Tls, Transport};
+use shared::server::stop_on_signal;
 use tokio::net::TcpListener;
-use tokio::signal::unix::{SignalKind, signal};
-use tokio_util::sync::CancellationToken;
 use worker::incoming::{ConnectionLimits, incoming};
+
+use super::workers::path;
 
 /// Threads that answer clients. They never compute, and never wait for the disk.
 const NETWORK_THREADS: usize = 2;
@@ -44,16 +47,16 @@ pub struct ServeArguments {
     #[arg(long, env = "COORDINATOR_JOBS_PER_CLIENT", value_parser = at_least_one)]
     jobs_per_client: Option<usize>,
     /// Who may ask: a file with a line NAME TOKEN for each client [default: everybody who reaches the port, as one client].
-    #[arg(long, env = "COORDINATOR_CLIENTS", value_name = "FILE")]
+    #[arg(long, env = "COORDINATOR_CLIENTS", value_name = "FILE", value_parser = path())]
     clients: Option<PathBuf>,
     /// Certificate authority of the clients' certificates, PEM. With the next two: all traffic is encrypted.
-    #[arg(long, env = "COORDINATOR_LISTEN_TLS_CA", value_name = "FILE")]
+    #[arg(long, env = "COORDINATOR_LISTEN_TLS_CA", value_name = "FILE", value_parser = path())]
     listen_tls_ca: Option<PathBuf>,
     /// Certificate that the service shows to clients, PEM.
-    #[arg(long, env = "COORDINATOR_LISTEN_TLS_CERT", value_name = "FILE")]
+    #[arg(long, env = "COORDINATOR_LISTEN_TLS_CERT", value_name = "FILE", value_parser = path())]
     listen_tls_cert: Option<PathBuf>,
     /// Private key of that certificate, PEM.
-    #[arg(long, env = "COORDINATOR_LISTEN_TLS_KEY", value_name = "FILE")]
+    #[arg(long, env = "COORDINATOR_LISTEN_TLS_KEY", value_name = "FILE", value_parser = path())]
     listen_tls_key: Option<PathBuf>,
     /// Listen beyond this machine without encryption: for networks in which everybody may read everything.
     #[arg(long, env = "COORDINATOR_LISTEN_PLAINTEXT", value_parser = FalseyValueParser::new(), action = ArgAction::SetTrue)]
@@ -91,6 +94,49 @@ pub struct ServeArguments {
     /// Room that is left free on the disk, in MiB: nothing is taken in when there is less.
     #[arg(long, default_value_t = Limits::default().free_bytes / MIB, value_name = "MIB")]
     keep_free: u64,
+}
+
+/// The same where no command is given: before another command they would be without effect, and are refused.
+///
+/// `args_conflicts_with_subcommands` is not for this: it would refuse the options that belong to all commands too.
+pub struct WithoutCommand(pub ServeArguments);
+
+impl FromArgMatches for WithoutCommand {
+    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+        let arguments = ServeArguments::from_arg_matches(matches).map(Self)?;
+        let Some(command) = matches.subcommand_name() else { return Ok(arguments) };
+        let options = ServeArguments::augment_args(clap::Command::new("serve"));
+        // Variables of the environment are for whoever needs them.
+        let is_given =
+            |option: &&Arg| matches.value_source(option.get_id().as_str()) == Some(ValueSource::CommandLine);
+        let Some(given) = options.get_arguments().find(is_given) else { return Ok(arguments) };
+        let name = given.get_long().unwrap_or(given.get_id().as_str());
+        let message = match command {
+            "serve" => {
+                format!("the option '--{name}' is without effect before `serve`: give it after `serve`")
+            }
+            _ => format!(
+                "the option '--{name}' is for the service, and `{command}` is not: leave it out, or give it to \
+                 `serve`, or without any command"
+            ),
+        };
+        Err(clap::Error::raw(ErrorKind::ArgumentConflict, message))
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
+
+impl Args for WithoutCommand {
+    fn augment_args(command: clap::Command) -> clap::Command {
+        ServeArguments::augment_args(command)
+    }
+
+    fn augment_args_for_update(command: clap::Command) -> clap::Command {
+        ServeArguments::augment_args_for_update(command)
+    }
 }
 
 impl ServeArguments {
@@ -155,7 +201,8 @@ async fn serve(arguments: &ServeArguments, workers: ClusterSettings, metrics: Me
         .await
         .with_context(|| format!("cannot listen on {}: choose another --listen address", arguments.listen))?;
     let address = listener.local_addr().context("cannot tell the address")?;
-    let shutdown = stop_on_signal()?;
+    let shutdown =
+        stop_on_signal("jobs stop, and go on at the next start").context("cannot listen for signals")?;
     // For scripts: from this line on, clients may call. Where nobody reads it, nobody misses it.
     let _ =
         writeln!(std::io::stdout(), "coordinator serves on {address}, data in {}", arguments.data.display());
@@ -163,28 +210,6 @@ async fn serve(arguments: &ServeArguments, workers: ClusterSettings, metrics: Me
     let is_open = arguments.clients.is_none() && transport == Transport::default();
     let names = if is_open { Names::ThisMachine } else { Names::Any };
     Ok(server::serve(incoming, service, clients, names, shutdown).await?)
-}
-
-/// A token that the first SIGTERM or SIGINT cancels; the second one ends the process at once.
-fn stop_on_signal() -> anyhow::Result<CancellationToken> {
-    let mut terminate = signal(SignalKind::terminate()).context("cannot listen for SIGTERM")?;
-    let mut interrupt = signal(SignalKind::interrupt()).context("cannot listen for SIGINT")?;
-    let shutdown = CancellationToken::new();
-    let cancelled = shutdown.clone();
-    tokio::spawn(async move {
-        for last in [false, true] {
-            tokio::select! {
-                _ = terminate.recv() => {}
-                _ = interrupt.recv() => {}
-            }
-            if last {
-                std::process::exit(130);
-            }
-            tracing::info!("jobs stop, and go on at the next start");
-            cancelled.cancel();
-        }
-    });
-    Ok(shutdown)
 }
 
 fn at_least_one(text: &str) -> Result<usize, String> {

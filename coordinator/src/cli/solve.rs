@@ -10,7 +10,7 @@ use coordinator::cluster::{Cluster, ClusterSettings};
 use coordinator::export::{ExportSettings, check_writable, export};
 use coordinator::import::import;
 use coordinator::metrics::Metrics;
-use coordinator::summary::{Summary, extras};
+use coordinator::summary::{Computed, Summary, extras};
 
 use super::knobs::Knobs;
 use super::machine::peak_memory_bytes;
@@ -132,8 +132,7 @@ pub fn run(arguments: &SolveArguments, workers: &ClusterSettings) -> anyhow::Res
         peak_memory_bytes: peak_memory_bytes(),
         bake: &baked.report,
         exported: &exported,
-        workers: &per_worker,
-        cluster: counts,
+        workers: Computed::Alone(&per_worker, counts),
         checkpoint: recorded.as_ref(),
     };
     summary.print();

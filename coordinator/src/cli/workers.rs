@@ -59,7 +59,7 @@ struct SecurityArguments {
 }
 
 /// Reads a path; an empty one, as compose files have it, too.
-fn path() -> impl TypedValueParser<Value = PathBuf> {
+pub(super) fn path() -> impl TypedValueParser<Value = PathBuf> {
     OsStringValueParser::new().map(PathBuf::from)
 }
 

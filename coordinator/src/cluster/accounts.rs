@@ -53,14 +53,14 @@ impl Accounts {
         threads: usize,
         bytes_sent: Arc<AtomicU64>,
     ) -> bool {
-        let known = self.accounts.iter().position(|account| account.summary.address == address);
+        let known = self.accounts.iter().position(|account| account.summary.part.address == address);
         let index = known.unwrap_or_else(|| {
             let summary = WorkerSummary::new(name.clone(), address, threads);
             self.accounts.push(Account { summary, open: None });
             self.accounts.len() - 1
         });
         let account = &mut self.accounts[index];
-        (account.summary.name, account.summary.threads) = (name, threads);
+        (account.summary.part.name, account.summary.part.threads) = (name, threads);
         account.summary.lost = None;
         account.summary.connections += 1;
         account.open = Some((Instant::now(), bytes_sent));
@@ -74,14 +74,12 @@ impl Accounts {
         else {
             return;
         };
-        summary.busy += work.busy();
-        summary.bytes_received += bytes;
         if is_first {
-            summary.jobs += 1;
-            summary.rows += work.rows();
-            summary.rays += work.rays();
+            summary.part.add(work, bytes);
         } else {
             summary.late += 1;
+            summary.part.busy += work.busy();
+            summary.part.bytes_received += bytes;
         }
     }
 
@@ -93,7 +91,7 @@ impl Accounts {
             return Default::default();
         };
         account.summary.lost = Some(reason);
-        (account.summary.name.clone(), account.summary.address.clone())
+        (account.summary.part.name.clone(), account.summary.part.address.clone())
     }
 
     /// A worker left at the end.
@@ -105,17 +103,23 @@ impl Accounts {
 
     /// The name of a worker.
     pub(super) fn name(&self, worker: WorkerId) -> &str {
-        self.of_worker.get(&worker).map_or("unknown", |index| &self.accounts[*index].summary.name)
+        self.of_worker.get(&worker).map_or("unknown", |index| &self.accounts[*index].summary.part.name)
+    }
+
+    /// Name, address and threads of a worker.
+    pub(super) fn who(&self, worker: WorkerId) -> (String, String, usize) {
+        let known = self.of_worker.get(&worker).map(|index| &self.accounts[*index].summary.part);
+        known.map(|part| (part.name.clone(), part.address.clone(), part.threads)).unwrap_or_default()
     }
 
     /// How many jobs a worker computes at the same time.
     pub(super) fn threads(&self, worker: WorkerId) -> usize {
-        self.of_worker.get(&worker).map_or(0, |index| self.accounts[*index].summary.threads)
+        self.of_worker.get(&worker).map_or(0, |index| self.accounts[*index].summary.part.threads)
     }
 
     /// Whether a worker was ever reached by a name.
     pub(super) fn knows(&self, name: &str) -> bool {
-        self.accounts.iter().any(|account| is_at(&account.summary.address, name))
+        self.accounts.iter().any(|account| is_at(&account.summary.part.address, name))
     }
 
     /// Whether nobody was ever connected.
@@ -131,8 +135,8 @@ impl Accounts {
     /// How each worker was lost.
     pub(super) fn reasons(&self) -> impl Iterator<Item = String> + '_ {
         let lost = |account: &Account| {
-            let WorkerSummary { address, lost, .. } = &account.summary;
-            lost.as_ref().map(|reason| format!("worker at {address}: {reason}"))
+            let WorkerSummary { part, lost, .. } = &account.summary;
+            lost.as_ref().map(|reason| format!("worker at {}: {reason}", part.address))
         };
         self.accounts.iter().filter_map(lost)
     }

@@ -145,7 +145,7 @@ impl AsyncCluster {
         if let Err(error @ ClusterError::AllWorkersLost { .. }) = &result {
             self.all_lost = Some(error.clone());
         }
-        result
+        result.map(|delivery| delivery.work)
     }
 
     fn tell(&self, message: Message) {

@@ -26,7 +26,7 @@ use super::message::Message;
 use super::recent::RecentRate;
 use super::request::Request;
 use super::sharing::{DriverId, Sharing};
-use super::summary::FinishedWork;
+use super::summary::{Delivery, FinishedWork, WorkerPart};
 use super::{
     ClusterError, ClusterSettings, FinishedJob, GOODBYE_TIMEOUT, JobId, NETWORK_THREADS, network, reactor,
 };
@@ -100,6 +100,8 @@ struct Known {
     results: mpsc::Sender<Outcome>,
     /// What it has published, and how often.
     replicas: HashMap<Digest, usize>,
+    /// Who computed for it, in the order of their first answers.
+    workers: Vec<WorkerPart>,
 }
 
 /// A job without an answer.
@@ -150,7 +152,7 @@ impl SharedCluster {
         let priority = priority.clamp(-MOST_PRIORITY, MOST_PRIORITY);
         state.sharing.join(id, (f64::from(priority) / DOUBLING).exp2());
         let (sender, results) = mpsc::channel();
-        state.drivers.insert(id, Known { results: sender, replicas: HashMap::new() });
+        state.drivers.insert(id, Known { results: sender, replicas: HashMap::new(), workers: vec![] });
         Driver { id, hub: Arc::clone(&self.hub), results }
     }
 
@@ -233,6 +235,10 @@ impl Hub {
     /// Takes what came of a job.
     fn take(&self, result: reactor::Result) {
         let mut state = self.lock();
+        let result = result.map(|delivery| {
+            state.count(&delivery);
+            delivery.work
+        });
         match result {
             Ok(FinishedWork::Rows(finished)) => {
                 state.lost = None;
@@ -275,6 +281,14 @@ impl Hub {
 }
 
 impl State {
+    /// Puts work on the account of the driver that it was done for.
+    fn count(&mut self, delivery: &Delivery) {
+        let asked = self.jobs.get(&delivery.work.job());
+        if let Some(known) = asked.and_then(|asked| self.drivers.get_mut(&asked.driver)) {
+            delivery.add_to(&mut known.workers);
+        }
+    }
+
     fn send(&self, driver: DriverId, outcome: Outcome) {
         if let Some(known) = self.drivers.get(&driver) {
             // It may be about to leave.
@@ -301,6 +315,14 @@ impl State {
             drivers.remove();
         }
         is_last
+    }
+}
+
+impl Driver {
+    /// What each worker did for this driver, in the order of their first answers.
+    #[must_use]
+    pub fn workers(&self) -> Vec<WorkerPart> {
+        self.hub.lock().drivers.get(&self.id).map(|known| known.workers.clone()).unwrap_or_default()
     }
 }
 

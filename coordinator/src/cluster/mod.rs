@@ -55,7 +55,7 @@ pub use drivers::{ClusterStatus, Driver, SharedCluster};
 pub use error::ClusterError;
 pub use recent::RecentRate;
 pub use settings::{ClusterSettings, Schedule, Workers};
-pub use summary::{ClusterCounts, FinishedJob, FinishedTile, WorkerSummary};
+pub use summary::{ClusterCounts, FinishedJob, FinishedTile, WorkerPart, WorkerSummary};
 
 pub use crate::scheduler::JobId;
 

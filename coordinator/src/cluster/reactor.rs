@@ -17,12 +17,12 @@ use super::members::Members;
 use super::message::{Joined, Message};
 use super::request::Request;
 use super::session::{Command, LostWorkerReason, News};
-use super::summary::FinishedWork;
+use super::summary::Delivery;
 use super::waiting::{Ready, Waiting};
 use super::{ClusterCounts, ClusterError, ClusterSettings, Schedule};
 use crate::scheduler::{Action, Event, JobId, Policy, Scheduler, WorkerId};
 
-pub(super) type Result = std::result::Result<FinishedWork, ClusterError>;
+pub(super) type Result = std::result::Result<Delivery, ClusterError>;
 
 pub(super) struct Reactor {
     settings: ClusterSettings,
@@ -288,7 +288,8 @@ impl Reactor {
                 self.delivered.insert(job, Delivered { digest, by: worker, holder });
             }
             self.requests.remove(&job);
-            self.report(Ok(work));
+            let by = self.accounts.who(worker);
+            self.report(Ok(Delivery { work, by, bytes }));
         } else if let Some(first) = self.delivered.remove(&job)
             && first.digest != digest
         {

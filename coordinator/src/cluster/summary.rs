@@ -75,31 +75,49 @@ impl FinishedWork {
     }
 }
 
-/// What the worker at one address did.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct WorkerSummary {
+/// What the worker at one address did of what was asked.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct WorkerPart {
     /// The name that it gave itself.
     pub name: String,
     /// Where it is.
     pub address: String,
     /// How many jobs it computes at the same time.
     pub threads: usize,
-    /// How often it was connected: once, if it was never lost.
-    pub connections: u64,
-    /// Time that it was connected.
-    pub connected: Duration,
     /// Jobs of which its answer was the first.
     pub jobs: u64,
-    /// Jobs that another worker had answered before.
-    pub late: u64,
     /// Rows in its jobs.
     pub rows: u64,
     /// Rays cast for them.
     pub rays: u64,
-    /// Time computed, summed over its threads, late answers included.
+    /// Time computed, summed over its threads.
     pub busy: Duration,
     /// Length of the encoded rows, in bytes.
     pub bytes_received: u64,
+}
+
+impl WorkerPart {
+    /// Adds a job of which its answer was the first.
+    pub(super) fn add(&mut self, work: &FinishedWork, bytes: u64) {
+        self.jobs += 1;
+        self.rows += work.rows();
+        self.rays += work.rays();
+        self.busy += work.busy();
+        self.bytes_received += bytes;
+    }
+}
+
+/// All that the worker at one address did.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct WorkerSummary {
+    /// Its part in what was asked; time computed and bytes received include late answers.
+    pub part: WorkerPart,
+    /// How often it was connected: once, if it was never lost.
+    pub connections: u64,
+    /// Time that it was connected.
+    pub connected: Duration,
+    /// Jobs that another worker had answered before.
+    pub late: u64,
     /// Length of the replicas and jobs sent, in bytes.
     pub bytes_sent: u64,
     /// Why it is lost, where it is.
@@ -109,20 +127,39 @@ pub struct WorkerSummary {
 impl WorkerSummary {
     pub(super) fn new(name: String, address: String, threads: usize) -> Self {
         Self {
-            name,
-            address,
-            threads,
+            part: WorkerPart { name, address, threads, ..WorkerPart::default() },
             connections: 0,
             connected: Duration::ZERO,
-            jobs: 0,
             late: 0,
-            rows: 0,
-            rays: 0,
-            busy: Duration::ZERO,
-            bytes_received: 0,
             bytes_sent: 0,
             lost: None,
         }
+    }
+}
+
+/// Work that was asked for, from whoever answered first.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Delivery {
+    /// What was asked for.
+    pub(super) work: FinishedWork,
+    /// Name and address of the worker, and how many jobs it computes at the same time.
+    pub(super) by: (String, String, usize),
+    /// Length of what it sent, in bytes.
+    pub(super) bytes: u64,
+}
+
+impl Delivery {
+    /// Adds it to the account of its worker.
+    pub(super) fn add_to(&self, parts: &mut Vec<WorkerPart>) {
+        let (name, address, threads) = &self.by;
+        let known = parts.iter().position(|part| part.address == *address);
+        let index = known.unwrap_or_else(|| {
+            parts.push(WorkerPart { address: address.clone(), ..WorkerPart::default() });
+            parts.len() - 1
+        });
+        let part = &mut parts[index];
+        (part.name, part.threads) = (name.clone(), *threads);
+        part.add(&self.work, self.bytes);
     }
 }
 

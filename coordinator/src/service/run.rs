@@ -20,12 +20,12 @@ use super::settings::Limits;
 use super::store::Store;
 use crate::bake::{BakeError, BakeSettings, KeptLight, RelightError, bake, check_groups};
 use crate::checkpoint::Checkpointed;
-use crate::cluster::{ClusterCounts, ClusterError, SharedCluster};
+use crate::cluster::{ClusterError, SharedCluster};
 use crate::export::{ExportError, ExportSettings, Exported, export};
 use crate::import::{ImportOptions, import_slice};
 use crate::lit::LitMesh;
 use crate::scene::Scene;
-use crate::summary::{Summary, extras};
+use crate::summary::{Computed, Summary, extras};
 
 /// How a job ended.
 #[derive(Debug)]
@@ -109,7 +109,7 @@ fn bake_whole(means: &Means<'_>, record: &Record, wanted: Wanted, live: &Live) -
     })?;
     let mut watched = Watched { live, workers: means.workers };
     let baked = bake(&scene, &settings, &mut service, &mut watched);
-    let (_, recorded) = service.finish();
+    let (driver, recorded) = service.finish();
     let baked = baked.map_err(of_bake)?;
 
     live.enter(api::Phase::Export);
@@ -119,6 +119,7 @@ fn bake_whole(means: &Means<'_>, record: &Record, wanted: Wanted, live: &Live) -
     if let Some(kept) = &baked.kept {
         kept.write(&means.store.light(record.id)).map_err(of_light)?;
     }
+    let workers = driver.workers();
     let summary = Summary {
         seconds: clock.elapsed().as_secs_f64(),
         unit: &export_settings.unit,
@@ -128,9 +129,7 @@ fn bake_whole(means: &Means<'_>, record: &Record, wanted: Wanted, live: &Live) -
         peak_memory_bytes: None,
         bake: &baked.report,
         exported: &exported,
-        // They are everybody's: the service's metrics tell what they do.
-        workers: &[],
-        cluster: ClusterCounts::default(),
+        workers: Computed::Shared(&workers),
         checkpoint: Some(&recorded),
     };
     let report_json = summary.to_json(&settings).map_err(|error| Ending::Failed(error.to_string()))?;

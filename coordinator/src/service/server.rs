@@ -9,11 +9,11 @@ use axum::middleware::from_fn;
 use axum::response::IntoResponse;
 use shared::api::radiosity_server::{RadiosityServer, SERVICE_NAME};
 use shared::api::{DESCRIPTORS, MAX_MESSAGE_BYTES};
+use shared::server::ConnectionBounds;
 use tokio_stream::Stream;
 use tokio_util::sync::CancellationToken;
 use tonic::server::NamedService;
 use tonic::service::Routes;
-use tonic::transport::Server;
 use tonic_health::ServingStatus;
 use tonic_health::server::health_reporter;
 use tonic_web::GrpcWebLayer;
@@ -25,21 +25,14 @@ use super::clients::Clients;
 use super::guard::{Names, only_own_pages, only_this_machine};
 use super::{Service, http};
 
-/// Bytes of a connection that may be on their way to the service: uploads wait for the disk, not for each piece to be
-/// acknowledged.
-const CONNECTION_WINDOW: u32 = 8 << 20;
-
-/// The same for one call. Smaller, so that an upload cannot use up the window of its whole connection.
-const CALL_WINDOW: u32 = 2 << 20;
-
-/// Calls at the same time on one connection.
-const CALLS: u32 = 64;
-
-/// Bytes that the headers of a call may have.
-const HEADER_BYTES: u32 = 32 << 10;
-
-/// How often a quiet client is asked for a sign of life, and how long it has to give one.
-const KEEP_ALIVE: Duration = Duration::from_secs(20);
+/// What a client may have: uploads wait for the disk, and a page watches all jobs on one connection.
+const BOUNDS: ConnectionBounds = ConnectionBounds {
+    connection_window: 8 << 20,
+    call_window: 2 << 20,
+    calls: 64,
+    header_bytes: 32 << 10,
+    keep_alive: Duration::from_secs(20),
+};
 
 /// How long clients have to take what they are owed when the service ends, and jobs to stop.
 const PARTING: Duration = Duration::from_secs(10);
@@ -87,14 +80,9 @@ pub async fn serve(
     service.resume();
     let router = guarded(with(router, older_reflection), names);
     let drained = CancellationToken::new();
-    let serving = Server::builder()
+    let serving = BOUNDS
+        .server()
         .accept_http1(true)
-        .initial_connection_window_size(CONNECTION_WINDOW)
-        .initial_stream_window_size(CALL_WINDOW)
-        .http2_keepalive_interval(Some(KEEP_ALIVE))
-        .http2_keepalive_timeout(Some(KEEP_ALIVE))
-        .http2_max_header_list_size(HEADER_BYTES)
-        .max_concurrent_streams(CALLS)
         .add_routes(Routes::from(router))
         .serve_with_incoming_shutdown(incoming, drained.cancelled());
     let ending = async {

@@ -50,8 +50,8 @@ fn embedded_and_remote_workers_give_the_rows_of_the_engine() {
 
     for cluster in [embedded, remote] {
         let summaries = cluster.workers();
-        assert_eq!(summaries.iter().map(|worker| worker.jobs).sum::<u64>(), expected.len() as u64);
-        assert!(summaries.iter().all(|worker| (worker.jobs > 0) == (worker.bytes_received > 0)));
+        assert_eq!(summaries.iter().map(|worker| worker.part.jobs).sum::<u64>(), expected.len() as u64);
+        assert!(summaries.iter().all(|worker| (worker.part.jobs > 0) == (worker.part.bytes_received > 0)));
         assert!(summaries.iter().all(|worker| worker.lost.is_none()));
         cluster.shutdown();
     }

@@ -75,8 +75,11 @@ async fn follow(servers: &[Server; 3]) {
     connected(&cluster, 2).await;
     tokio::time::sleep(Duration::from_secs(1)).await;
     let (workers, _) = cluster.summarise().await;
-    let lost: Vec<&str> =
-        workers.iter().filter(|worker| worker.lost.is_some()).map(|worker| worker.address.as_str()).collect();
+    let lost: Vec<&str> = workers
+        .iter()
+        .filter(|worker| worker.lost.is_some())
+        .map(|worker| worker.part.address.as_str())
+        .collect();
     assert_eq!(lost, [format!("workers:7070 ({})", servers[0].address)]);
     cluster.leave().await;
 }

@@ -1,16 +1,16 @@
-use std::io::Write;
+use std::io::{self, Seek, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use atomic_write_file::AtomicWriteFile;
 use clap::Args;
 use sha2::{Digest, Sha256};
-use shared::api::FetchResultRequest;
 use shared::api::fetch_result_response::Body;
+use shared::api::{FetchResultRequest, FileHeader};
 use shared::security::ClientSecurity;
 
 use super::super::ensure_place;
-use super::{Client, ServerArgument, refused, wait};
+use super::{Connection, ServerArgument, Trouble, wait};
 
 #[derive(Args)]
 pub struct FetchArguments {
@@ -40,32 +40,76 @@ pub fn run(arguments: &FetchArguments, security: &ClientSecurity) -> anyhow::Res
     ensure_place(&arguments.output)?;
     let wish = if arguments.present { Wish::Present } else { Wish::Result };
     wait(async {
-        let mut client = arguments.server.connect(security).await?;
-        fetch(&mut client, wish, &arguments.job, &arguments.output).await
+        let mut connection = Connection::open(&arguments.server, security).await?;
+        fetch(&mut connection, wish, &arguments.job, &arguments.output).await
     })
 }
 
-/// Writes a file of a job, whole or not at all.
-pub(super) async fn fetch(client: &mut Client, wish: Wish, id: &str, output: &Path) -> anyhow::Result<()> {
-    let request = FetchResultRequest { id: id.to_owned(), present: wish == Wish::Present, offset: 0 };
-    let mut messages = client.fetch_result(request).await.map_err(refused)?.into_inner();
+/// Writes a file of a job, whole or not at all. Where the connection breaks, it goes on where it was.
+pub(super) async fn fetch(
+    connection: &mut Connection<'_>,
+    wish: Wish,
+    id: &str,
+    output: &Path,
+) -> anyhow::Result<()> {
     let cannot = || format!("{} cannot be written", output.display());
-    let mut file = AtomicWriteFile::open(output).with_context(cannot)?;
-    let (mut header, mut hasher) = (None, Sha256::new());
-    while let Some(message) = messages.message().await.map_err(refused)? {
+    let file = AtomicWriteFile::open(output).with_context(cannot)?;
+    let mut coming = Coming { file, received: 0, hasher: Sha256::new(), header: None };
+    while let Err(trouble) = receive(connection, wish, id, &mut coming).await {
+        connection.renew(trouble).await?;
+        if wish == Wish::Present {
+            // The next present state is another file.
+            coming.restart().with_context(cannot)?;
+        }
+    }
+    let expected = coming.header.context("the service sends no header: it is of another release")?.sha256;
+    anyhow::ensure!(
+        *expected == *coming.hasher.finalize(),
+        "what came is not what the service has, or not all of it: fetch it again"
+    );
+    coming.file.commit().with_context(cannot)
+}
+
+/// A file of which a part is there.
+struct Coming {
+    file: AtomicWriteFile,
+    received: u64,
+    hasher: Sha256,
+    /// The latest one.
+    header: Option<FileHeader>,
+}
+
+impl Coming {
+    fn add(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.hasher.update(bytes);
+        self.received += bytes.len() as u64;
+        self.file.write_all(bytes)
+    }
+
+    fn restart(&mut self) -> io::Result<()> {
+        (self.received, self.hasher, self.header) = (0, Sha256::new(), None);
+        self.file.set_len(0)?;
+        self.file.rewind()
+    }
+}
+
+/// Takes what is left of a file, for as long as the service is there.
+async fn receive(
+    connection: &mut Connection<'_>,
+    wish: Wish,
+    id: &str,
+    coming: &mut Coming,
+) -> Result<(), Trouble> {
+    let present = wish == Wish::Present;
+    let request = FetchResultRequest { id: id.to_owned(), present, offset: coming.received };
+    let mut messages = connection.client.fetch_result(request).await?.into_inner();
+    while let Some(message) = messages.message().await? {
+        connection.heard();
         match message.body {
-            Some(Body::Header(first)) => header = Some(first),
-            Some(Body::Chunk(bytes)) => {
-                hasher.update(&bytes);
-                file.write_all(&bytes).with_context(cannot)?;
-            }
+            Some(Body::Header(header)) => coming.header = Some(header),
+            Some(Body::Chunk(bytes)) => coming.add(&bytes).context("what came cannot be written")?,
             None => {}
         }
     }
-    let expected = header.context("the service sends no header: it is of another release")?.sha256;
-    anyhow::ensure!(
-        *expected == *hasher.finalize(),
-        "what came is not what the service has, or not all of it: fetch it again"
-    );
-    file.commit().with_context(cannot)
+    Ok(())
 }

@@ -6,8 +6,13 @@
 //! | `watch` | see how far a job is |
 //! | `fetch` | take what came out |
 //! | `jobs` | list, cancel and delete jobs |
+//! | `health` | whether it serves |
+//!
+//! `connection` is how all of them reach the service; those that wait for a job go on over a restart of it.
 
+mod connection;
 mod fetch;
+mod health;
 mod jobs;
 mod submit;
 mod watch;
@@ -15,54 +20,41 @@ mod watch;
 use std::future::Future;
 
 use anyhow::Context;
-use clap::Args;
-use shared::api::MAX_MESSAGE_BYTES;
-use shared::api::radiosity_client::RadiosityClient;
-use shared::security::{ClientSecurity, SecuredChannel, explain};
-use tokio::net::lookup_host;
+use clap::Subcommand;
+use shared::security::{ClientSecurity, explain};
 use tonic::Status;
 
-pub use fetch::FetchArguments;
-pub use jobs::{JobArguments, JobsArguments};
-pub use submit::SubmitArguments;
-pub use watch::WatchArguments;
+use connection::{Client, Connection, ServerArgument, Trouble};
 
-pub use fetch::run as fetch;
-pub use jobs::{cancel, delete, list};
-pub use submit::run as submit;
-pub use watch::run as watch;
-
-/// Where the service is. Certificates and token are those of the options for workers.
-#[derive(Args)]
-pub struct ServerArgument {
-    /// Service that is asked, as host:port.
-    #[arg(long, env = "COORDINATOR_SERVER", value_name = "HOST:PORT", default_value = "127.0.0.1:7000")]
-    server: String,
+/// What is asked of a service.
+#[derive(Subcommand)]
+pub enum ClientCommand {
+    /// Submit a scene to a service: the name of its job is printed.
+    Submit(Box<submit::SubmitArguments>),
+    /// Show how far a job of a service is, until it has ended.
+    Watch(watch::WatchArguments),
+    /// Fetch the lit scene of a job, or the present state of one that runs.
+    Fetch(fetch::FetchArguments),
+    /// List the jobs of a service, newest first.
+    Jobs(jobs::JobsArguments),
+    /// End a job that is queued or runs.
+    Cancel(jobs::JobArguments),
+    /// Forget a job and all that is kept of it.
+    Delete(jobs::JobArguments),
+    /// Ask a service whether it serves: the exit code is 0 if it does. For health checks of containers.
+    Health(ServerArgument),
 }
 
-/// The service as it is asked.
-type Client = RadiosityClient<SecuredChannel>;
-
-impl ServerArgument {
-    async fn connect(&self, security: &ClientSecurity) -> anyhow::Result<Client> {
-        let unreachable = || {
-            format!(
-                "no service at {}: start one with `coordinator serve`, or choose another --server",
-                self.server
-            )
-        };
-        let mut found = lookup_host(&self.server).await.with_context(unreachable)?;
-        let socket = found.next().with_context(unreachable)?;
-        let channel = match security.endpoint(&self.server, socket)?.connect().await {
-            Ok(channel) => channel,
-            Err(error) => match explain(&error) {
-                Some(reason) => anyhow::bail!("{reason}"),
-                None => return Err(error).with_context(unreachable),
-            },
-        };
-        Ok(RadiosityClient::with_interceptor(channel, security.credentials())
-            .max_decoding_message_size(MAX_MESSAGE_BYTES)
-            .max_encoding_message_size(MAX_MESSAGE_BYTES))
+/// Asks a service.
+pub fn run(command: &ClientCommand, security: &ClientSecurity) -> anyhow::Result<()> {
+    match command {
+        ClientCommand::Submit(arguments) => submit::run(arguments, security),
+        ClientCommand::Watch(arguments) => watch::run(arguments, security),
+        ClientCommand::Fetch(arguments) => fetch::run(arguments, security),
+        ClientCommand::Jobs(arguments) => jobs::list(arguments, security),
+        ClientCommand::Cancel(arguments) => jobs::cancel(arguments, security),
+        ClientCommand::Delete(arguments) => jobs::delete(arguments, security),
+        ClientCommand::Health(server) => health::run(server, security),
     }
 }
 

@@ -24,7 +24,7 @@ use super::super::relight::change;
 use super::super::scene_options::SceneOptions;
 use super::fetch::{Wish, fetch};
 use super::watch::follow;
-use super::{Client, ServerArgument, refused, wait};
+use super::{Client, Connection, ServerArgument, refused, wait};
 
 #[derive(Args)]
 pub struct SubmitArguments {
@@ -81,14 +81,14 @@ pub fn run(arguments: &SubmitArguments, security: &ClientSecurity) -> anyhow::Re
     }
     let header = header(arguments)?;
     wait(async {
-        let mut client = arguments.server.connect(security).await?;
-        let job = submit(&mut client, header, arguments.scene.as_deref()).await?;
+        let mut connection = Connection::open(&arguments.server, security).await?;
+        let job = submit(&mut connection.client, header, arguments.scene.as_deref()).await?;
         println!("{}", job.id);
         if arguments.watch || arguments.output.is_some() {
-            follow(&mut client, &job.id).await?;
+            follow(&mut connection, &job.id).await?;
         }
         match &arguments.output {
-            Some(output) => fetch(&mut client, Wish::Result, &job.id, output).await,
+            Some(output) => fetch(&mut connection, Wish::Result, &job.id, output).await,
             None => Ok(()),
         }
     })

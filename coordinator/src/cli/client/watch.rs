@@ -1,9 +1,10 @@
+use anyhow::anyhow;
 use clap::Args;
 use shared::api::{Job, Phase, State, WatchJobRequest};
 use shared::security::ClientSecurity;
 
 use super::super::progress::{ProgressLine, short};
-use super::{Client, ServerArgument, refused, wait};
+use super::{Connection, ServerArgument, Trouble, wait};
 
 #[derive(Args)]
 pub struct WatchArguments {
@@ -16,17 +17,26 @@ pub struct WatchArguments {
 /// Shows how far a job is, until it has ended.
 pub fn run(arguments: &WatchArguments, security: &ClientSecurity) -> anyhow::Result<()> {
     wait(async {
-        let mut client = arguments.server.connect(security).await?;
-        follow(&mut client, &arguments.job).await
+        let mut connection = Connection::open(&arguments.server, security).await?;
+        follow(&mut connection, &arguments.job).await
     })
 }
 
-/// Waits until a job is done.
-pub(super) async fn follow(client: &mut Client, id: &str) -> anyhow::Result<()> {
+/// Waits until a job is done, also over restarts of the service.
+pub(super) async fn follow(connection: &mut Connection<'_>, id: &str) -> anyhow::Result<()> {
+    while let Err(trouble) = watch(connection, id).await {
+        connection.renew(trouble).await?;
+    }
+    Ok(())
+}
+
+/// Waits until a job is done, for as long as the service is there.
+async fn watch(connection: &mut Connection<'_>, id: &str) -> Result<(), Trouble> {
     let mut line = ProgressLine::new();
     let request = WatchJobRequest { id: id.to_owned() };
-    let mut jobs = client.watch_job(request).await.map_err(refused)?.into_inner();
-    while let Some(job) = jobs.message().await.map_err(refused)? {
+    let mut jobs = connection.client.watch_job(request).await?.into_inner();
+    while let Some(job) = jobs.message().await? {
+        connection.heard();
         match job.state() {
             State::Done => {
                 line.finish();
@@ -35,12 +45,12 @@ pub(super) async fn follow(client: &mut Client, id: &str) -> anyhow::Result<()> 
                 }
                 return Ok(());
             }
-            State::Failed => anyhow::bail!("job {id} failed: {}", job.failure),
-            State::Cancelled => anyhow::bail!("job {id} was cancelled"),
+            State::Failed => return Err(anyhow!("job {id} failed: {}", job.failure).into()),
+            State::Cancelled => return Err(anyhow!("job {id} was cancelled").into()),
             State::Queued | State::Running | State::Unspecified => show(&mut line, &job),
         }
     }
-    anyhow::bail!("the service ended the conversation before job {id}: watch it again")
+    Err(Trouble::Passing("it ended the conversation before the job".into()))
 }
 
 fn show(line: &mut ProgressLine, job: &Job) {

@@ -179,7 +179,11 @@ fn a_job_is_watched_to_its_end() {
     assert_eq!(last.state(), State::Done);
     let outcome = last.outcome.as_ref().unwrap();
     let report: serde_json::Value = serde_json::from_str(&outcome.report_json).unwrap();
-    assert!(report["bake"]["rows"].as_u64().unwrap() > 0);
+    let rows = report["bake"]["rows"].as_u64().unwrap();
+    // All of them from the one worker that there is.
+    let [worker] = &report["workers"].as_array().unwrap()[..] else { panic!("{}", report["workers"]) };
+    assert!(rows > 0 && worker["rows"].as_u64() == Some(rows), "{rows} rows, {worker}");
+    assert_eq!(worker["threads"], 2);
     assert_eq!(fs::metadata(room.data().join(format!("results/{id}.glb"))).unwrap().len(), outcome.size);
 }
 

@@ -9,7 +9,7 @@ use super::{QUICK, Room, cornell, text, wait_for};
 pub const SLOW: [&str; 2] = ["--mesh-error", "0.003"];
 
 /// What `solve` makes of cornell.
-fn solved(room: &Room, name: &str, arguments: &[&str]) -> Vec<u8> {
+pub fn solved(room: &Room, name: &str, arguments: &[&str]) -> Vec<u8> {
     ran(room, name, "solve", &[&["--threads", "2"], arguments].concat())
 }
 

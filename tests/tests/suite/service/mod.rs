@@ -12,6 +12,8 @@
 //! | `relight` | jobs that are done lit otherwise, against `coordinator relight` |
 //! | `keeping` | what is kept no longer, against what must be |
 //! | `counts` | the metrics page against what was done |
+//! | `restarts` | commands that wait, against services and connections that break in between |
+//! | `figures` | dashboard and alerts against the page of metrics |
 //! | `reflection` | a client that knows nothing but what the service says of itself |
 
 mod asking;
@@ -20,10 +22,12 @@ mod clients;
 mod counts;
 mod disk;
 mod encryption;
+mod figures;
 mod keeping;
 mod reflection;
 mod refusals;
 mod relight;
+mod restarts;
 mod slow;
 
 use std::path::{Path, PathBuf};
