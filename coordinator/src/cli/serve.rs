@@ -61,6 +61,10 @@ pub struct ServeArguments {
     /// Listen beyond this machine without encryption: for networks in which everybody may read everything.
     #[arg(long, env = "COORDINATOR_LISTEN_PLAINTEXT", value_parser = FalseyValueParser::new(), action = ArgAction::SetTrue)]
     listen_plaintext: bool,
+    /// Names that the service answers to, beside localhost and addresses: without tokens and certificates, a page of a site whose name
+    /// leads here could ask it otherwise [default: none on loopback without --clients, else any].
+    #[arg(long, env = "COORDINATOR_LISTEN_NAMES", value_name = "NAME,...", value_delimiter = ',')]
+    listen_names: Option<Vec<String>>,
     /// Jobs of one client that have not ended, at most.
     #[arg(long, default_value_t = Limits::default().jobs_of_a_client, value_name = "JOBS")]
     queue_per_client: usize,
@@ -208,7 +212,11 @@ async fn serve(arguments: &ServeArguments, workers: ClusterSettings, metrics: Me
         writeln!(std::io::stdout(), "coordinator serves on {address}, data in {}", arguments.data.display());
     let incoming = incoming(listener, transport.tls().map(Tls::server), CONNECTIONS);
     let is_open = arguments.clients.is_none() && transport == Transport::default();
-    let names = if is_open { Names::ThisMachine } else { Names::Any };
+    let names = match &arguments.listen_names {
+        Some(names) => Names::These(names.clone()),
+        None if is_open => Names::These(vec![]),
+        None => Names::Any,
+    };
     Ok(server::serve(incoming, service, clients, names, shutdown).await?)
 }
 

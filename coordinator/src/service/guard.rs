@@ -1,20 +1,21 @@
 //! What browsers may not be made to do: pages of other sites reach the service from the user's own machine.
 
 use std::net::IpAddr;
+use std::sync::Arc;
 
-use axum::extract::Request;
+use axum::extract::{Request, State};
 use axum::http::header::{HOST, ORIGIN};
 use axum::http::{HeaderMap, StatusCode, Uri};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 
 /// By which names a service may be called.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Names {
     /// By any: who calls has a token or a certificate, or the service is meant for a whole network.
     Any,
-    /// By those of this machine: it is all that a caller needs to be on.
-    ThisMachine,
+    /// By `localhost`, by addresses, and by these: for services that ask nothing of their callers.
+    These(Vec<String>),
 }
 
 /// Refuses what comes from a page of another site.
@@ -25,12 +26,11 @@ pub async fn only_own_pages(request: Request, next: Next) -> Response {
     next.run(request).await
 }
 
-/// Refuses names that are not this machine's: a page of another site whose name leads here would count as the service's own.
-/// For services on loopback that demand neither token nor certificate.
-pub async fn only_this_machine(request: Request, next: Next) -> Response {
+/// Refuses names that are not the service's: a page of another site whose name leads here would count as its own.
+pub async fn only_by_name(State(names): State<Arc<[String]>>, request: Request, next: Next) -> Response {
     let host = host(request.uri(), request.headers());
-    if host.is_some_and(|host| !is_this_machine(host)) {
-        let words = "without --clients this service is called localhost, or by its address";
+    if host.is_some_and(|host| !is_own(host, &names)) {
+        let words = "this service is called localhost, or by its address; --listen-names gives it others";
         return (StatusCode::MISDIRECTED_REQUEST, words).into_response();
     }
     next.run(request).await
@@ -49,12 +49,13 @@ fn is_foreign(uri: &Uri, headers: &HeaderMap) -> bool {
     site.is_none() || site != host(uri, headers)
 }
 
-fn is_this_machine(host: &str) -> bool {
+fn is_own(host: &str, names: &[String]) -> bool {
     let name = host.rsplit_once(':').map_or(host, |(name, port)| {
         if port.bytes().all(|byte| byte.is_ascii_digit()) { name } else { host }
     });
     let name = name.trim_start_matches('[').trim_end_matches(']');
-    name.eq_ignore_ascii_case("localhost") || name.parse::<IpAddr>().is_ok()
+    let is_called = |own: &str| name.eq_ignore_ascii_case(own);
+    is_called("localhost") || name.parse::<IpAddr>().is_ok() || names.iter().any(|own| is_called(own))
 }
 
 #[cfg(test)]
@@ -77,12 +78,14 @@ mod tests {
     }
 
     #[test]
-    fn addresses_and_localhost_are_this_machine() {
+    fn addresses_localhost_and_its_names_are_the_services_own() {
         for name in ["localhost", "LOCALHOST:7000", "127.0.0.1:7000", "[::1]:7000", "[::1]", "10.0.0.1"] {
-            assert!(is_this_machine(name), "{name}");
+            assert!(is_own(name, &[]), "{name}");
         }
-        for name in ["evil.example:7000", "localhost.evil.example", "1.2.3.4.evil.example", ""] {
-            assert!(!is_this_machine(name), "{name}");
+        for name in ["evil.example:7000", "localhost.evil.example", "1.2.3.4.evil.example", "bake", ""] {
+            assert!(!is_own(name, &[]), "{name}");
         }
+        let names = ["bake".to_owned()];
+        assert!(is_own("Bake:7000", &names) && is_own("localhost", &names) && !is_own("bake.evil", &names));
     }
 }

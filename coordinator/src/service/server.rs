@@ -1,11 +1,12 @@
 //! One port for all: gRPC, gRPC-web and HTTP, with reflection and health.
 
 use std::convert::Infallible;
+use std::sync::Arc;
 use std::time::Duration;
 
 use axum::Router;
 use axum::extract::Request;
-use axum::middleware::from_fn;
+use axum::middleware::{from_fn, from_fn_with_state};
 use axum::response::IntoResponse;
 use shared::api::radiosity_server::{RadiosityServer, SERVICE_NAME};
 use shared::api::{DESCRIPTORS, MAX_MESSAGE_BYTES};
@@ -22,7 +23,7 @@ use worker::incoming::Connection;
 
 use super::api::Api;
 use super::clients::Clients;
-use super::guard::{Names, only_own_pages, only_this_machine};
+use super::guard::{Names, only_by_name, only_own_pages};
 use super::{Service, http};
 
 /// What a client may have: uploads wait for the disk, and a page watches all jobs on one connection.
@@ -120,6 +121,6 @@ fn guarded(router: Router, names: Names) -> Router {
     let router = router.layer(from_fn(only_own_pages));
     match names {
         Names::Any => router,
-        Names::ThisMachine => router.layer(from_fn(only_this_machine)),
+        Names::These(names) => router.layer(from_fn_with_state(Arc::from(names), only_by_name)),
     }
 }

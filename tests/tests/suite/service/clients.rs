@@ -1,4 +1,6 @@
 use std::fs;
+use std::io::{BufRead, BufReader, Write};
+use std::net::TcpStream;
 
 use shared::api::{
     CancelJobRequest, DeleteJobRequest, FetchResultRequest, GetJobRequest, ListJobsRequest, WatchJobRequest,
@@ -76,4 +78,32 @@ fn plain_text_stays_on_this_machine_unless_asked_for() {
     let start = |more: &[&str]| ServiceProcess::try_start(&room.data(), &[&beyond, more].concat());
     assert!(start(&[]).is_err());
     assert!(start(&["--listen-plaintext"]).is_ok());
+}
+
+#[test]
+fn no_site_leads_a_browser_to_it_by_a_name_of_its_own() {
+    let answers_to = |service: &ServiceProcess, name: &str| {
+        let port = service.address.rsplit_once(':').unwrap().1;
+        let mut socket = TcpStream::connect(format!("127.0.0.1:{port}")).unwrap();
+        write!(socket, "GET / HTTP/1.1\r\nHost: {name}:{port}\r\nConnection: close\r\n\r\n").unwrap();
+        let mut answer = String::new();
+        BufReader::new(socket).read_line(&mut answer).unwrap();
+        assert!(answer.contains(" 200 ") || answer.contains(" 421 "), "{answer}");
+        answer.contains(" 200 ")
+    };
+    let room = Room::new();
+    let clients = room.file("clients", format!("ann {ANN}\n").as_bytes());
+    let beyond = ["--listen", "0.0.0.0:0", "--listen-plaintext"];
+    for (arguments, own, foreign) in [
+        (&[][..], false, false),
+        (&["--listen-names", "bake,oven"], true, false),
+        (&[&beyond[..], &["--listen-names", "bake"]].concat(), true, false),
+        (&beyond, true, true),
+        (&["--clients", text(&clients)], true, true),
+    ] {
+        let service = room.start(arguments);
+        assert!(answers_to(&service, "localhost") && answers_to(&service, "127.0.0.1"), "{arguments:?}");
+        let found = (answers_to(&service, "bake"), answers_to(&service, "evil.example"));
+        assert_eq!(found, (own, foreign), "{arguments:?}");
+    }
 }
