@@ -4,6 +4,8 @@
 //! the solution, and the best fit with what the whole light chose. So the parts are solved for on the mesh of the whole, with
 //! its rows, and sum to it.
 
+use std::collections::HashSet;
+
 use glam::DVec3;
 use serde::Serialize;
 
@@ -12,6 +14,9 @@ use super::{Bake, BakeError, Phase};
 use crate::lit::LitLayer;
 use crate::scene::Scene;
 use crate::solver::fit::best_fit_of_part;
+
+/// Most bytes of names that a message lists.
+const LISTED_BYTES: usize = 1000;
 
 /// What the sky is called among the lights.
 pub(super) const SKY: &str = "sky";
@@ -72,11 +77,10 @@ pub fn check_groups(scene: &Scene, groups: &[LightGroup]) -> Result<(), BakeErro
     for group in groups {
         for light in &group.lights {
             if !known.contains(light) {
-                let known = if known.is_empty() { "none that has a name".into() } else { known.join(", ") };
                 return Err(BakeError::UnknownLight {
                     group: group.name.clone(),
                     light: light.clone(),
-                    known,
+                    known: listed(&known),
                 });
             }
         }
@@ -90,13 +94,22 @@ fn light_names(scene: &Scene) -> Vec<String> {
     let surfaces = (0..scene.surfaces.len()).filter(shining).map(Origin::Surface);
     let lights = (0..scene.lights.len()).map(Origin::Light);
     let sky = (scene.sky != DVec3::ZERO).then_some(Origin::Sky);
-    let mut names: Vec<String> = Vec::new();
-    for name in surfaces.chain(lights).chain(sky).flat_map(|origin| names_of(scene, origin)) {
-        if !names.iter().any(|known| known == name) {
-            names.push(name.to_owned());
+    let names = surfaces.chain(lights).chain(sky).flat_map(|origin| names_of(scene, origin));
+    let mut seen = HashSet::new();
+    names.filter(|name| seen.insert(*name)).map(str::to_owned).collect()
+}
+
+/// Names of lights in words, as far as a message has room for them.
+pub(crate) fn listed<S: AsRef<str>>(names: &[S]) -> String {
+    let mut words = String::new();
+    for (index, name) in names.iter().map(AsRef::as_ref).enumerate() {
+        if words.len() + name.len() > LISTED_BYTES {
+            return format!("{words} and {} more", names.len() - index);
         }
+        words += if index == 0 { "" } else { ", " };
+        words += name;
     }
-    names
+    if words.is_empty() { "none that has a name".into() } else { words }
 }
 
 /// The names of a light source.

@@ -52,6 +52,7 @@ use shared::replica::{Receivers, encode_translucent_scene};
 use shared::row::{Row, Shape, Shooter};
 
 pub use budget::ErrorBudget;
+pub(crate) use layers::listed;
 pub use layers::{LightGroup, LightPart, check_groups};
 pub use observer::{Observer, Phase, Progress, Unobserved};
 pub use relight::{KeptLight, LightChange, NewLight, RelightError, RelightReport, Relit, relight};

@@ -62,7 +62,7 @@ pub fn run(arguments: &RelightArguments) -> anyhow::Result<()> {
     let relit = relight(&scene, &kept, &light)?;
     let export_settings = ExportSettings { extras: relit_extras(&relit), ..export_settings };
     let exported = export(&relit.scene, &relit.lit, &export_settings, &arguments.output)?;
-    for warning in relit.report.warnings.iter().chain(&exported.warnings) {
+    for warning in [&scene.warnings, &relit.report.warnings, &exported.warnings].into_iter().flatten() {
         eprintln!("warning: {warning}");
     }
     let seconds = clock.elapsed().as_secs_f64();

@@ -5,8 +5,10 @@
 use std::io;
 use std::sync::{Arc, MutexGuard, PoisonError};
 
+use shared::api::SubmitSceneHeader;
+
 use super::Office;
-use super::job::{JobId, Record};
+use super::job::{ClientName, JobId, Record};
 use super::ledger::Ledger;
 use super::progress::lock;
 use super::refusal::Refusal;
@@ -33,7 +35,10 @@ impl Office {
         if let Err(error) = written {
             lock(&self.ledger).dismiss(id);
             self.arrived.notify_all();
-            self.drop_scene(&record);
+            // Its record too: it may be there although nobody could be sure of it.
+            if let Err(error) = self.remove(&record, false) {
+                tracing::warn!(job = %id, %error, "what is left of a job that was refused cannot be removed");
+            }
             return Err(error.into());
         }
         tracing::info!(job = %id, %client, "taken in");
@@ -50,7 +55,7 @@ impl Office {
         let changing = lock(&self.changing);
         let _changing = self.wait_for_key(changing, &draft);
         let mut ledger = lock(&self.ledger);
-        if let Some(job) = self.known(&ledger, &draft)? {
+        if let Some(job) = self.known(&ledger, &draft.client, &draft.header)? {
             return Ok(Announced::Before(job));
         }
         if self.ending.is_cancelled() {
@@ -90,10 +95,15 @@ impl Office {
     }
 
     /// The job that was submitted with the same key.
-    pub(super) fn known(&self, ledger: &Ledger, draft: &Record) -> Result<Option<JobId>, Refusal> {
-        match ledger.by_key(&draft.client, &draft.header.idempotency_key) {
+    pub(super) fn known(
+        &self,
+        ledger: &Ledger,
+        client: &ClientName,
+        header: &SubmitSceneHeader,
+    ) -> Result<Option<JobId>, Refusal> {
+        match ledger.by_key(client, &header.idempotency_key) {
             None => Ok(None),
-            Some(entry) if entry.record.header == draft.header => Ok(Some(entry.record.id)),
+            Some(entry) if entry.record.header == *header => Ok(Some(entry.record.id)),
             Some(entry) => Err(Refusal::KeyTaken(entry.record.id)),
         }
     }

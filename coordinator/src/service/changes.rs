@@ -1,11 +1,12 @@
 //! What happens to a job. One change at a time: on the disk first, then in memory, so that nobody is told what a crash could take
 //! back.
 
+use std::io;
 use std::sync::Arc;
 use std::thread;
 use std::time::{Duration, Instant, SystemTime};
 
-use shared::api::State;
+use shared::api::{Outcome, State};
 
 use super::Office;
 use super::job::{ClientName, JobId, Record};
@@ -21,6 +22,10 @@ const AGAIN: Duration = Duration::from_secs(10);
 
 /// How often a job that waits looks whether it should end.
 const LOOK: Duration = Duration::from_millis(50);
+
+/// Most characters of a failure or a warning, and most warnings, that are kept of a job: it must fit into a message.
+const MOST_WORDS: usize = 2000;
+const MOST_WARNINGS: usize = 100;
 
 impl Office {
     /// Does what the queue says.
@@ -41,8 +46,12 @@ impl Office {
     fn start(self: &Arc<Self>, job: JobId) {
         let begun = lock(&self.ledger)
             .entry(job)
-            .and_then(|entry| Some((entry.record.clone(), Arc::clone(entry.live.as_ref()?))));
-        let Some((record, live)) = begun else { return };
+            .and_then(|entry| Some((entry.record.clone(), entry.live.as_ref()?.begin())));
+        let Some((record, live)) = begun else {
+            // Deleted since it got its place.
+            let actions = lock(&self.ledger).tell_queue(Event::Left(job));
+            return self.perform(actions);
+        };
         let office = Arc::clone(self);
         let work = move || {
             let means = Means { store: &office.store, workers: &office.workers, limits: &office.limits };
@@ -96,8 +105,12 @@ impl Office {
             return Ok(());
         };
         let ended = match ending {
-            Ending::Done(outcome) => now.ended(State::Done, String::new(), Some(*outcome)),
-            Ending::Failed(why) => now.ended(State::Failed, why, None),
+            Ending::Done(outcome) => {
+                let warnings =
+                    outcome.warnings.iter().take(MOST_WARNINGS).map(|warning| shortened(warning)).collect();
+                now.ended(State::Done, String::new(), Some(Outcome { warnings, ..*outcome }))
+            }
+            Ending::Failed(why) => now.ended(State::Failed, shortened(&why), None),
             // The service is ending, and the job goes on at the next start.
             Ending::Stopped => return Err(String::new()),
             Ending::Later(why) => return Err(why),
@@ -173,11 +186,10 @@ impl Office {
 
     /// Forgets a job, while [`Self::changing`] is held.
     fn forget(&self, record: &Record) -> Result<Vec<Action>, Refusal> {
-        let runs = lock(&self.ledger).entry(record.id).is_some_and(|entry| entry.live.is_some());
+        let live = lock(&self.ledger).entry(record.id).and_then(|entry| entry.live.clone());
+        let runs = live.is_some_and(|live| live.has_begun());
         // A job that runs needs its scene and light for a moment more; its thread removes what is left.
-        let keeps_scene = runs || lock(&self.ledger).uses(record.scene, record.id);
-        let keeps_light = runs || lock(&self.ledger).uses_light(record.light(), record.id);
-        self.store.remove(record, keeps_scene, keeps_light)?;
+        self.remove(record, runs)?;
         let mut ledger = lock(&self.ledger);
         // Told by its handle: from now on it is not found by name.
         if let Some(live) = ledger.entry(record.id).and_then(|entry| entry.live.as_ref()) {
@@ -186,6 +198,15 @@ impl Office {
         let actions = ledger.tell_queue(Event::Withdrawn(record.id));
         ledger.remove(record.id);
         Ok(actions)
+    }
+
+    /// Removes a job's files, while [`Self::changing`] is held; its scene and its light too, unless they are kept or others need them.
+    pub(super) fn remove(&self, record: &Record, keeps_both: bool) -> io::Result<()> {
+        let (keeps_scene, keeps_light) = {
+            let ledger = lock(&self.ledger);
+            (ledger.uses(record.scene, record.id), ledger.uses_light(record.light(), record.id))
+        };
+        self.store.remove(record, keeps_both || keeps_scene, keeps_both || keeps_light)
     }
 
     /// Forgets jobs that are kept no longer.
@@ -213,5 +234,13 @@ impl Office {
                 Err(error) => tracing::warn!(%error, "a job that is kept no longer cannot be removed"),
             }
         }
+    }
+}
+
+/// As much of a text as is kept.
+fn shortened(text: &str) -> String {
+    match text.char_indices().nth(MOST_WORDS) {
+        Some((end, _)) => format!("{} …", &text[..end]),
+        None => text.to_owned(),
     }
 }

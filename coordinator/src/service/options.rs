@@ -17,6 +17,9 @@ pub const LONGEST_TEXT: usize = 200;
 /// Most groups of lights, and most names in all of them.
 pub const MOST_NAMES: usize = 1000;
 
+/// Most violations that are told: an error must fit into the head of an answer.
+const MOST_VIOLATIONS: usize = 20;
+
 /// Most random points at which an answer is measured.
 const MOST_CHECK_POINTS: u64 = 1_000_000;
 
@@ -35,9 +38,8 @@ impl Violations {
 
     /// Notes that a field is not as it should be.
     pub fn demand(&mut self, holds: bool, field: &str, should: impl Into<String>) {
-        if !holds {
-            self.0.push(Violation::new(field, should));
-        }
+        let violation = (!holds).then(|| Violation::new(field, should));
+        self.0.extend(violation.filter(|new| self.0.len() < MOST_VIOLATIONS && !self.0.contains(new)));
     }
 
     fn in_range(&mut self, value: Option<f64>, range: RangeInclusive<f64>, field: &str) {
@@ -270,6 +272,18 @@ mod tests {
         assert_eq!(wanted.bake, BakeSettings::default());
         assert_eq!(wanted.export.unit, "W/m^2");
         assert!(wrong.check().is_ok());
+    }
+
+    #[test]
+    fn no_more_is_told_than_an_answer_has_room_for() {
+        let mut wrong = Violations::default();
+        for index in 0..100 {
+            wrong.demand(false, "same", "must be so");
+            wrong.demand(false, &format!("field{index}"), "must be so");
+        }
+        let Err(Refusal::Invalid(told)) = wrong.check() else { panic!("nothing is wrong") };
+        assert_eq!(told.len(), MOST_VIOLATIONS);
+        assert_eq!(told.iter().filter(|violation| violation.field == "same").count(), 1);
     }
 
     #[test]

@@ -30,6 +30,7 @@ pub struct Live {
     pub present: Present,
     state: Mutex<Seen>,
     stopped: AtomicBool,
+    begun: AtomicBool,
     changed: watch::Sender<()>,
 }
 
@@ -59,6 +60,7 @@ impl Live {
             present: Present::default(),
             state: Mutex::new(state),
             stopped: AtomicBool::new(false),
+            begun: AtomicBool::new(false),
             changed,
         }
     }
@@ -66,6 +68,19 @@ impl Live {
     /// Tells the job to end.
     pub fn stop(&self) {
         self.stopped.store(true, Ordering::Relaxed);
+    }
+
+    /// From now on a thread has it, and removes what is left of it where it was deleted meanwhile.
+    #[must_use]
+    pub fn begin(self: &Arc<Self>) -> Arc<Self> {
+        self.begun.store(true, Ordering::Relaxed);
+        Arc::clone(self)
+    }
+
+    /// Whether a thread has it.
+    #[must_use]
+    pub fn has_begun(&self) -> bool {
+        self.begun.load(Ordering::Relaxed)
     }
 
     /// Whether it was told to end.

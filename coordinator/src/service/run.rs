@@ -190,6 +190,9 @@ fn of_disk(what: &'static str) -> impl Fn(io::Error) -> Ending {
 /// What a job does whose light cannot be kept, or cannot be changed.
 pub(super) fn of_light(error: RelightError) -> Ending {
     match error {
+        RelightError::Io { error, .. } if error.kind() == io::ErrorKind::NotFound => {
+            Ending::Failed("the light of the job is gone: submit its scene with the other light".into())
+        }
         RelightError::Io { error, .. } => of_disk("the light of its scene cannot be used")(error),
         other => Ending::Failed(other.to_string()),
     }

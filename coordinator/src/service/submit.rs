@@ -1,15 +1,17 @@
-use std::collections::hash_map;
+use std::collections::{HashSet, hash_map};
 use std::sync::Arc;
 use std::time::SystemTime;
 
 use bytes::{Bytes, BytesMut};
 use shared::api::submit_scene_header::Source;
-use shared::api::{Job, Relight, State, SubmitSceneHeader};
+use shared::api::{Job, State, SubmitSceneHeader};
 use tokio::time::{Instant, timeout, timeout_at};
 use tokio_stream::{Stream, StreamExt};
 
+use crate::bake::{NewLight, listed};
+
 use super::job::{ClientName, JobId, Record, Relit, SceneDigest, Sequence, next_revision};
-use super::options::{LONGEST_TEXT, Violations, new_light, wanted};
+use super::options::{Violations, new_light, wanted};
 use super::progress::lock;
 use super::refusal::Refusal;
 use super::store::Upload;
@@ -20,9 +22,6 @@ const WRITE_BYTES: usize = 256 << 10;
 
 /// Most bytes of a header.
 const HEADER_BYTES: usize = 256 << 10;
-
-/// Most lights that an error lists: it must fit into the head of an answer.
-const LISTED: usize = 20;
 
 /// Priorities that a client may choose.
 const PRIORITIES: std::ops::RangeInclusive<i32> = -100..=100;
@@ -42,6 +41,11 @@ impl Service {
     where
         S: Stream<Item = Result<Bytes, Refusal>> + Send,
     {
+        // First of all: what it needed may be gone by now.
+        let known = self.office.known(&lock(&self.office.ledger), client, &header)?;
+        if let Some(known) = known {
+            return self.get(client, &known.to_string());
+        }
         let (draft, size) = self.office.draft(client, header)?;
         let id = self.office.submit(draft, size, chunks).await?;
         self.get(client, &id.to_string())
@@ -57,7 +61,7 @@ impl Office {
         wrong.short(&header.name, "name");
         wrong.short(&header.idempotency_key, "idempotency_key");
         wrong.demand(PRIORITIES.contains(&header.priority), "priority", "must be from -100 to 100");
-        wanted(&header, &mut wrong);
+        let groups = wanted(&header, &mut wrong).bake.groups;
         let asked = header.bake.and_then(|bake| bake.max_vertices);
         wrong.demand(
             asked.is_none_or(|vertices| vertices <= self.limits.vertices),
@@ -77,8 +81,11 @@ impl Office {
                 source = digest.map(|digest| (SceneDigest(digest), scene.size, None));
             }
             Some(Source::Relight(relight)) => {
-                new_light(relight, &mut wrong);
-                let (scene, relit) = self.relit(client, relight, &mut wrong)?;
+                let light = new_light(relight, &mut wrong);
+                // What is wrong by itself is not looked up.
+                wrong = wrong.check().map(|()| Violations::default())?;
+                let light = NewLight { groups, ..light };
+                let (scene, relit) = self.relit(client, &relight.job_id, &light, &mut wrong)?;
                 source = Some((scene, 0, Some(relit)));
             }
             None => wrong.demand(false, "source", "must be a file or a job to relight"),
@@ -117,22 +124,23 @@ impl Office {
     fn relit(
         &self,
         client: &ClientName,
-        relight: &Relight,
+        job: &str,
+        light: &NewLight,
         wrong: &mut Violations,
     ) -> Result<(SceneDigest, Relit), Refusal> {
-        let ledger = lock(&self.ledger);
-        let record = &ledger.of_client(client, &relight.job_id)?.record;
+        let record = lock(&self.ledger).of_client(client, job)?.record.clone();
         let outcome = record.outcome.as_ref().filter(|_| record.state == State::Done);
         let outcome = outcome.ok_or(Refusal::NotDone(record.id))?;
         if !outcome.can_be_relit {
             return Err(Refusal::NoLight(record.id));
         }
-        let named = relight.lights.iter().map(|change| &change.light);
-        if let Some(unknown) = named.into_iter().find(|light| !outcome.lights.contains(light)) {
-            let known: Vec<&str> = outcome.lights.iter().take(LISTED).map(String::as_str).collect();
-            let known = if known.is_empty() { "none that has a name".into() } else { known.join(", ") };
-            let unknown = unknown.escape_debug().take(LONGEST_TEXT).collect::<String>();
-            wrong.demand(false, "relight.lights", format!("must be of the job's, not {unknown}: {known}"));
+        let known: HashSet<&String> = outcome.lights.iter().collect();
+        let changed = light.changes.iter().map(|change| ("relight.lights", &change.light));
+        let grouped = light.groups.iter().flat_map(|group| &group.lights);
+        let mut named = changed.chain(grouped.map(|light| ("output.groups", light)));
+        if let Some((field, unknown)) = named.find(|(_, light)| !known.contains(light)) {
+            let should = format!("must name the job's lights, not {unknown:?}: {}", listed(&outcome.lights));
+            wrong.demand(false, field, should);
         }
         let options = match &record.relit {
             Some(relit) => relit.options.clone(),
@@ -147,7 +155,7 @@ impl Office {
     {
         let known = {
             let ledger = lock(&self.ledger);
-            if let Some(known) = self.known(&ledger, &draft)? {
+            if let Some(known) = self.known(&ledger, &draft.client, &draft.header)? {
                 return Ok(known);
             }
             ledger.has_scene(&draft.client, draft.scene)

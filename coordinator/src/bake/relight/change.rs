@@ -1,8 +1,10 @@
+use std::collections::HashSet;
+
 use glam::DVec3;
 
 use super::RelightError;
 use super::kept::KeptLight;
-use crate::bake::layers::{SKY, names_of};
+use crate::bake::layers::{SKY, listed, names_of};
 use crate::bake::light::Origin;
 use crate::bake::{LightGroup, LightPart};
 use crate::scene::Scene;
@@ -52,13 +54,11 @@ impl NewLight {
     /// # Errors
     /// When a light does not exist, or a factor makes no sense.
     pub(super) fn factors(&self, kept: &KeptLight) -> Result<Vec<DVec3>, RelightError> {
-        let known = kept.lights();
+        let known: HashSet<&str> = kept.lights().into_iter().collect();
         let named = self.changes.iter().map(|change| &change.light);
-        for light in named.chain(self.groups.iter().flat_map(|group| &group.lights)) {
-            if !known.contains(&light.as_str()) {
-                let known = if known.is_empty() { "none that has a name".into() } else { known.join(", ") };
-                return Err(RelightError::UnknownLight { light: light.clone(), known });
-            }
+        let mut named = named.chain(self.groups.iter().flat_map(|group| &group.lights));
+        if let Some(light) = named.find(|light| !known.contains(light.as_str())) {
+            return Err(RelightError::UnknownLight { light: light.clone(), known: listed(&kept.lights()) });
         }
         let is_light = |light: DVec3| light.is_finite() && light.min_element() >= 0.0;
         if let Some(change) = self.changes.iter().find(|change| !is_light(change.factor)) {

@@ -17,7 +17,8 @@ use crate::solver::cache::{ColumnCache, SetId};
 /// Bytes of irradiances that are gathered at the same time.
 const MOST_GATHERED: usize = 1 << 30;
 
-/// Bytes that are kept for each vertex and light: irradiance in all and direct, three channels each.
+/// Bytes that are kept for each light and each vertex or check point. Vertices: irradiance in all and direct, three channels each; check
+/// points: irradiance in all, twice as exactly.
 const BYTES: u64 = 24;
 
 /// The solution for a part, until the vertices and check points are lit by all of them.
@@ -63,7 +64,8 @@ impl Bake<'_, '_> {
     pub(in crate::bake) fn keep_light(&mut self) -> Result<Option<KeptLight>, BakeError> {
         let Some(most_bytes) = self.settings.keep_light else { return Ok(None) };
         let groups = self.sources_by_names();
-        if groups.len() as u64 * self.mesh.vertices.len() as u64 * BYTES > most_bytes {
+        let places = self.mesh.vertices.len() + self.checks.count();
+        if (groups.len() as u64).saturating_mul(places as u64 * BYTES) > most_bytes {
             return Ok(None);
         }
         self.office.enter(Phase::Groups, self.mesh.vertices.len());

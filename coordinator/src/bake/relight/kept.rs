@@ -1,5 +1,7 @@
 //! What a finished bake leaves behind.
 
+use std::collections::HashSet;
+
 use glam::{DVec3, Vec3};
 use shared::replica::Digest;
 
@@ -79,13 +81,9 @@ impl KeptLight {
     /// Names of the lights that can be changed.
     #[must_use]
     pub fn lights(&self) -> Vec<&str> {
-        let mut names: Vec<&str> = vec![];
-        for name in self.parts.iter().flat_map(|part| &part.names) {
-            if !names.contains(&name.as_str()) {
-                names.push(name);
-            }
-        }
-        names
+        let mut seen = HashSet::new();
+        let names = self.parts.iter().flat_map(|part| &part.names).map(String::as_str);
+        names.filter(|name| seen.insert(*name)).collect()
     }
 
     /// The mesh of the finished bake.

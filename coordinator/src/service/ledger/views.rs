@@ -82,6 +82,7 @@ impl Ledger {
             let mut job = self.show(entry);
             if let Some(outcome) = &mut job.outcome {
                 outcome.report_json.clear();
+                outcome.lights.clear();
             }
             bytes += job.encoded_len();
             last = entry.record.sequence;

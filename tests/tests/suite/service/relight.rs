@@ -2,7 +2,9 @@ use std::fs;
 
 use coordinator::bake::KeptLight;
 use shared::api::submit_scene_header::Source;
-use shared::api::{Colour, GetJobRequest, Job, LightChange, Relight, SubmitSceneHeader};
+use shared::api::{
+    Colour, GetJobRequest, Job, LightChange, LightGroup, OutputOptions, Relight, SubmitSceneHeader,
+};
 use tests::service::ServiceProcess;
 use tonic::{Code, Status};
 use tonic_types::StatusExt;
@@ -84,12 +86,16 @@ fn a_relight_survives_a_killed_service() {
     let baked = service.submit(&cornell(), &QUICK);
     let _ = service.result(&baked);
     let before_it = service.submit(&cornell(), &SLOW);
-    let said = service.ask(&[&["submit", "--relight", &baked], &EVENING[..]].concat());
+    let submit = [&["submit", "--relight", &baked, "--key", "evening"], &EVENING[..]].concat();
+    let said = service.ask(&submit);
     assert!(said.success, "{}", said.errors);
     let job = said.text.trim().to_owned();
     assert!(service.ask(&["delete", &baked]).success);
     service.kill();
     let service = room.start(&["--jobs", "1"]);
+    // The same key gives the same job, although nobody could relight that one any more.
+    assert_eq!(service.ask(&submit).text.trim(), job);
+    assert_eq!(service.ask(&["submit", "--relight", &baked, "--key", "morning"]).text, "");
     assert!(service.ask(&["cancel", &before_it]).success);
     assert!(service.result(&job) == expected, "the lit file differs");
 }
@@ -115,6 +121,18 @@ fn what_cannot_be_relit_is_refused() {
         relight.lights[0].factor = factor;
     }
     assert_eq!(asker.submit(negative, &[]).unwrap_err().code(), Code::InvalidArgument);
+
+    let mut grouped = relight(&baked, "lamp");
+    let group = LightGroup { name: "some".into(), lights: vec!["lantern".into()] };
+    grouped.output = Some(OutputOptions { groups: vec![group], ..OutputOptions::default() });
+    let wrong = asker.submit(grouped, &[]).unwrap_err();
+    assert_eq!(wrong.get_error_details().bad_request().unwrap().field_violations[0].field, "output.groups");
+    // However much is wrong, the answer has room for it.
+    let mut many = relight(&baked, "lamp");
+    if let Some(Source::Relight(relight)) = &mut many.source {
+        relight.lights = (0..900).map(|_| LightChange { light: "x".repeat(201), factor: None }).collect();
+    }
+    assert_eq!(asker.submit(many, &[]).unwrap_err().code(), Code::InvalidArgument);
 
     // A sky where there was none is known only when the light is looked at.
     let said = service.ask(&["submit", "--relight", &baked, "--sky", "1,1,1", "--watch"]);

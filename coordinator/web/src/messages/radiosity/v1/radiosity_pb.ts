@@ -835,7 +835,7 @@ export const ListJobsRequestSchema: GenMessage<ListJobsRequest> = /*@__PURE__*/
  */
 export type ListJobsResponse = Message<"radiosity.v1.ListJobsResponse"> & {
   /**
-   * Without `outcome.report_json`, which GetJob has.
+   * Without `outcome.report_json` and `outcome.lights`, which GetJob has.
    *
    * @generated from field: repeated radiosity.v1.Job jobs = 1;
    */
