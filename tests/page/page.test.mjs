@@ -14,7 +14,9 @@ const LONG = { file: 'table', error: '0.02' };
 let browser;
 let service;
 before(async () => {
-  [browser, service] = await Promise.all([startBrowser(), startService()]);
+  // Where there is no service, no browser is left behind.
+  service = await startService();
+  browser = await startBrowser();
 });
 after(async () => {
   await browser?.close();
