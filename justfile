@@ -55,6 +55,10 @@ bench-peers *arguments:
 bench-rays *arguments:
     tests/bench/rays {{ arguments }}
 
+# Errors and times of bakes, written to the table in docs/figures.md (wants a quiet machine).
+figures *arguments:
+    tests/bench/figures {{ arguments }}
+
 # How a bake scales with workers, simulated with the real scheduler, solver and rows: efficiency by workers, small, medium and large.
 scale *scenes:
     cargo run --release -p tests --example scale -- scale {{ scenes }}
