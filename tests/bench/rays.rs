@@ -12,11 +12,11 @@ use std::hint::black_box;
 use std::path::Path;
 use std::time::Instant;
 
-use coordinator::import::{ImportOptions, import};
 use glam::DVec3;
+use kernel::geometry::{ConvexPolygon, PlaneId, uniform_point};
+use kernel::occluder::Occluder;
+use scene::{ImportOptions, import};
 use serde_json::{Map, Value, json};
-use shared::geometry::{ConvexPolygon, PlaneId, uniform_point};
-use shared::occluder::Occluder;
 
 /// How far ends of rays lie off the surfaces, in scene extents: more than the rounding of f32, so that both programs see the
 /// same.
@@ -115,9 +115,7 @@ fn write(path: &Path, points: &[DVec3]) -> std::io::Result<()> {
 fn facets(path: &Path) -> Result<Vec<ConvexPolygon>, Box<dyn Error>> {
     let scene = import(path, &ImportOptions::default())?;
     let facets = scene.surfaces.iter().flat_map(|surface| &surface.facets);
-    let rounded = |facet: &coordinator::scene::Facet| {
-        facet.corners.iter().map(|corner| round(corner.position)).collect()
-    };
+    let rounded = |facet: &scene::Facet| facet.corners.iter().map(|corner| round(corner.position)).collect();
     Ok(facets.map(|facet| ConvexPolygon { plane: facet.plane, corners: rounded(facet) }).collect())
 }
 

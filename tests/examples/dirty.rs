@@ -8,9 +8,9 @@ use std::error::Error;
 use std::path::Path;
 use std::time::Instant;
 
-use coordinator::bake::BakeSettings;
-use coordinator::export::{ExportSettings, export};
+use bake::BakeSettings;
 use glam::DVec3;
+use output::export::{ExportSettings, export};
 use tests::baking::{area_and_flux, baked, imported};
 use tests::dirty::{ROOM, dirty_room};
 

@@ -3,8 +3,8 @@
 use std::error::Error;
 use std::time::Instant;
 
-use coordinator::bake::{BakeSettings, Baked, Unobserved, bake};
-use coordinator::export::{ExportSettings, export};
+use bake::{BakeSettings, Baked, Unobserved, bake};
+use output::export::{ExportSettings, export};
 use tests::baking::imported;
 use tests::building::building;
 use tests::rooms_only::RoomsOnly;

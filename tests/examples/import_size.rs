@@ -8,10 +8,10 @@
 use std::io::Cursor;
 use std::time::Instant;
 
-use coordinator::import::{ImportOptions, import_slice};
 use glam::DVec3;
 use image::codecs::jpeg::JpegEncoder;
 use image::{ImageFormat, Rgb, RgbImage};
+use scene::{ImportOptions, import_slice};
 use serde_json::json;
 use tests::builder::{Material, SceneBuilder, pack};
 use tests::painting::Painting;

@@ -4,10 +4,10 @@
 use std::error::Error;
 use std::time::Duration;
 
-use coordinator::bake::{BakeError, BakeSettings, RowService, Unobserved, bake};
-use coordinator::cluster::{Cluster, FinishedJob, JobId, Workers};
-use shared::replica::{Digest, EncodedReplica};
-use shared::row::{Precision, Rounding, Row, RowRequest, encode_row};
+use bake::{BakeError, BakeSettings, RowService, Unobserved, bake};
+use cluster::{Cluster, FinishedJob, JobId, Workers};
+use kernel::replica::{Digest, EncodedReplica};
+use kernel::row::{Precision, Rounding, Row, RowRequest, encode_row};
 use tests::baking::imported;
 use tests::building::building;
 use tests::data;

@@ -7,15 +7,15 @@ use std::error::Error;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use sha2::{Digest, Sha256};
-use shared::api::fetch_result_response::Body as Part;
-use shared::api::radiosity_client::RadiosityClient;
-use shared::api::submit_scene_header::Source;
-use shared::api::submit_scene_request::Body;
-use shared::api::{
+use protocol::api::fetch_result_response::Body as Part;
+use protocol::api::radiosity_client::RadiosityClient;
+use protocol::api::submit_scene_header::Source;
+use protocol::api::submit_scene_request::Body;
+use protocol::api::{
     BakeOptions, DeleteJobRequest, FetchResultRequest, GetJobRequest, Job, ListJobsRequest, SceneFile, State,
     SubmitSceneHeader, SubmitSceneRequest, WatchJobRequest,
 };
+use sha2::{Digest, Sha256};
 use tests::service::ServiceProcess;
 use tokio::time::{sleep, timeout_at};
 use tonic::Status;

@@ -6,11 +6,11 @@ use std::error::Error;
 use std::path::Path;
 use std::time::Instant;
 
-use coordinator::export::{ExportSettings, export};
-use coordinator::import::{ImportOptions, import};
-use coordinator::lit::{LitMesh, LitTriangle, LitVertex};
-use coordinator::scene::Scene;
+use bake::lit::{LitMesh, LitTriangle, LitVertex};
 use glam::DVec3;
+use output::export::{ExportSettings, export};
+use scene::Scene;
+use scene::{ImportOptions, import};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let [input, output] = std::env::args().skip(1).collect::<Vec<_>>().try_into().map_err(|_| "IN OUT")?;

@@ -1,11 +1,11 @@
 //! A scene baked in this process, and figures of the result.
 
-use coordinator::bake::{BakeSettings, Baked, Unobserved, bake};
-use coordinator::cluster::{Cluster, Workers};
-use coordinator::import::{ImportOptions, import_slice};
-use coordinator::lit::{LitMesh, LitVertex};
-use coordinator::scene::Scene;
+use bake::lit::{LitMesh, LitVertex};
+use bake::{BakeSettings, Baked, Unobserved, bake};
+use cluster::{Cluster, Workers};
 use glam::DVec3;
+use scene::Scene;
+use scene::{ImportOptions, import_slice};
 
 /// Imports a GLB.
 ///

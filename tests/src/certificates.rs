@@ -3,8 +3,8 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use protocol::security::TlsFiles;
 use rcgen::{BasicConstraints, CertificateParams, CertifiedIssuer, IsCa, KeyPair, date_time_ymd};
-use shared::security::TlsFiles;
 use tempfile::TempDir;
 
 /// An authority, and a folder for what it signs.

@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use coordinator::bake::{BakeReport, BakeSettings};
-use coordinator::export::{ExportSettings, export};
-use coordinator::import::{ImportOptions, import};
-use coordinator::score::{Score, score};
+use bake::{BakeReport, BakeSettings};
+use output::export::{ExportSettings, export};
+use scene::{ImportOptions, import};
+use verify::score::{Score, score};
 
 use crate::baking::baked;
 use crate::data;

@@ -7,14 +7,14 @@ use std::collections::{HashMap, VecDeque};
 use std::f64::consts::PI;
 use std::time::Duration;
 
-use coordinator::bake::{BakeError, RowService};
-use coordinator::cluster::{FinishedJob, JobId};
-use coordinator::scene::Frame;
+use bake::{BakeError, RowService};
+use cluster::{FinishedJob, JobId};
 use glam::DVec3;
-use shared::geometry::{ConvexPolygon, area_vector};
-use shared::protocol::{ReplicaKind, RowStatistics};
-use shared::replica::{Digest, EncodedReplica, Receiver, decode_receivers};
-use shared::row::{Row, RowRequest, Shape, Shooter, encode_row};
+use kernel::geometry::{ConvexPolygon, area_vector};
+use kernel::replica::{Digest, EncodedReplica, Receiver, decode_receivers};
+use kernel::row::{Row, RowRequest, Shape, Shooter, encode_row};
+use protocol::worker::{ReplicaKind, RowStatistics};
+use scene::Frame;
 
 use crate::building::Building;
 

@@ -5,10 +5,10 @@ use std::time::Duration;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::DVec3;
-use shared::geometry::{ConvexPolygon, PlaneId};
-use shared::replica::Receiver;
-use shared::row::{Precision, Shape, Shooter};
-use shared::visibility::ReceiverGroups;
+use kernel::geometry::{ConvexPolygon, PlaneId};
+use kernel::replica::Receiver;
+use kernel::row::{Precision, Shape, Shooter};
+use kernel::visibility::ReceiverGroups;
 use worker::engine::{Scene, compute_row};
 
 /// Receivers along an edge of a wall.

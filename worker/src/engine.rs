@@ -3,16 +3,16 @@
 use glam::DVec3;
 use std::sync::OnceLock;
 
-use shared::form_factor::PreparedPolygon;
-use shared::geometry::ConvexPolygon;
-use shared::hemisphere::{SeenPolygons, seen_from};
-use shared::occluder::Occluder;
-use shared::protocol::RowStatistics;
-use shared::replica::{Receiver, Receivers, ScenePolygons};
-use shared::row::{Hemisphere, Precision, Rounding, Row, Shape, Shooter};
-use shared::visibility::{
+use kernel::form_factor::PreparedPolygon;
+use kernel::geometry::ConvexPolygon;
+use kernel::hemisphere::{SeenPolygons, seen_from};
+use kernel::occluder::Occluder;
+use kernel::replica::{Receiver, Receivers, ScenePolygons};
+use kernel::row::{Hemisphere, Precision, Rounding, Row, Shape, Shooter};
+use kernel::visibility::{
     MANY_POLYGONS, ManyPolygons, Panes, ReceiverGroups, View, VisibilityKernel, pair_seed,
 };
+use protocol::worker::RowStatistics;
 
 /// A scene replica made ready. What a job needs of it is built by the first that does.
 pub struct Scene {

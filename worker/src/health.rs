@@ -2,9 +2,9 @@
 
 use std::time::Duration;
 
-use shared::protocol::DESCRIPTORS;
-use shared::protocol::worker_server::SERVICE_NAME;
-use shared::security::{ClientSecurity, SecurityError, explain};
+use protocol::security::{ClientSecurity, SecurityError, explain};
+use protocol::worker::DESCRIPTORS;
+use protocol::worker::worker_server::SERVICE_NAME;
 use tokio::net::lookup_host;
 use tokio::time::timeout;
 use tonic::Status;

@@ -2,16 +2,16 @@
 
 use std::sync::Arc;
 
-use shared::picture::TileError;
-use shared::protocol::worker_message::Body;
-use shared::protocol::{
-    FailureReason, Finished, JobFailed, MAX_MESSAGE_BYTES, RowJob, RowStatistics, digest_of_rows,
-};
-use shared::replica::Digest;
-use shared::row::{
+use kernel::picture::TileError;
+use kernel::replica::Digest;
+use kernel::row::{
     Hemisphere, RequestError, Row, RowRequest, Shape, Shooter, encode_row, longest_encoded_row,
 };
-use shared::visibility::ReceiverGroups;
+use kernel::visibility::ReceiverGroups;
+use protocol::worker::worker_message::Body;
+use protocol::worker::{
+    FailureReason, Finished, JobFailed, MAX_MESSAGE_BYTES, RowJob, RowStatistics, digest_of_rows,
+};
 use tokio::time::Instant;
 
 use crate::engine::{ReceiverSet, Scene, compute_hemisphere, compute_row};
@@ -270,9 +270,9 @@ pub fn answer(job_id: u64, result: Result<Body, JobError>) -> Body {
 #[cfg(test)]
 mod tests {
     use glam::DVec3;
-    use shared::geometry::PlaneId;
-    use shared::replica::{EncodedReplica, Receiver, Receivers, encode_receivers, encode_scene};
-    use shared::row::{Precision, Shape, Shooter, decode_row};
+    use kernel::geometry::PlaneId;
+    use kernel::replica::{EncodedReplica, Receiver, Receivers, encode_receivers, encode_scene};
+    use kernel::row::{Precision, Shape, Shooter, decode_row};
 
     use super::*;
 

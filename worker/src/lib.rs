@@ -6,7 +6,6 @@
 //! | [`store`] | the replicas that the worker holds |
 //! | [`upload`] | checks a replica on its way in |
 //! | [`job`] | checks and computes one job |
-//! | [`picture`] | computes tiles of pictures: pure |
 //! | [`tile`] | checks and computes one tile of a picture |
 //! | [`pool`] | the threads that compute |
 //! | [`metrics`] | figures for Prometheus |
@@ -22,7 +21,6 @@ pub mod health;
 pub mod incoming;
 pub mod job;
 pub mod metrics;
-pub mod picture;
 pub mod pool;
 mod service;
 mod session;
@@ -36,10 +34,10 @@ use std::hash::{BuildHasher, RandomState};
 use std::num::NonZeroUsize;
 use std::time::Duration;
 
-use shared::protocol::MAX_MESSAGE_BYTES;
-use shared::protocol::worker_server::WorkerServer;
-use shared::security::{Guard, Token};
-use shared::server::ConnectionBounds;
+use protocol::security::{Guard, Token};
+use protocol::server::ConnectionBounds;
+use protocol::worker::MAX_MESSAGE_BYTES;
+use protocol::worker::worker_server::WorkerServer;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio_stream::Stream;
 use tokio_util::sync::CancellationToken;

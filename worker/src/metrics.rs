@@ -7,8 +7,8 @@ use prometheus_client::metrics::counter::Counter;
 use prometheus_client::metrics::family::Family;
 use prometheus_client::metrics::gauge::Gauge;
 use prometheus_client::registry::{Registry, Unit};
-use shared::protocol::worker_message::Body;
-use shared::protocol::{FailureReason, Finished, FinishedTile, RowStatistics};
+use protocol::worker::worker_message::Body;
+use protocol::worker::{FailureReason, Finished, FinishedTile, RowStatistics};
 
 /// What a worker does and did. A clone is another handle to the same figures.
 #[derive(Debug, Clone, Default)]
@@ -119,7 +119,7 @@ impl Metrics {
 #[cfg(test)]
 mod tests {
     use prometheus_client::encoding::text::encode;
-    use shared::protocol::JobFailed;
+    use protocol::worker::JobFailed;
 
     use super::*;
 

@@ -6,8 +6,8 @@ use std::path::PathBuf;
 
 use clap::builder::{FalseyValueParser, OsStringValueParser, TypedValueParser};
 use clap::{ArgAction, Parser};
-use shared::security::{ClientSecurity, SecurityError, Token, Transport};
-use shared::telemetry::{LogFormat, MetricsAddress};
+use protocol::security::{ClientSecurity, SecurityError, Token, Transport};
+use protocol::telemetry::{LogFormat, MetricsAddress};
 use worker::Settings;
 
 /// Computes rows of form factors for a coordinator. Keeps nothing: stop it at any time.

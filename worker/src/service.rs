@@ -3,8 +3,8 @@
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use shared::protocol::worker_server::Worker;
-use shared::protocol::{
+use protocol::worker::worker_server::Worker;
+use protocol::worker::{
     CoordinatorMessage, LoadReplicaReply, ReplicaChunk, WorkerMessage, replica_chunk::Body,
 };
 use tokio::sync::{Semaphore, mpsc};

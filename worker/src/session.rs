@@ -3,14 +3,14 @@
 use std::collections::HashMap;
 use std::time::Duration;
 
-use shared::protocol::coordinator_message::Body as Incoming;
-use shared::protocol::worker_message::Body as Outgoing;
-use shared::protocol::{
+use kernel::replica::Digest;
+use protocol::telemetry::Held;
+use protocol::worker::coordinator_message::Body as Incoming;
+use protocol::worker::worker_message::Body as Outgoing;
+use protocol::worker::{
     CancelJob, CoordinatorHello, CoordinatorMessage, Goodbye, KeepAlive, PROTOCOL_VERSION, WorkerHello,
     WorkerMessage,
 };
-use shared::replica::Digest;
-use shared::telemetry::Held;
 use tokio::sync::mpsc;
 use tokio::task::JoinSet;
 use tokio::time::timeout;

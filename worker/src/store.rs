@@ -3,12 +3,12 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use shared::picture::decode_picture;
-use shared::protocol::ReplicaKind;
-use shared::replica::{Digest, ReplicaError, decode_receivers, decode_scene};
+use kernel::picture::decode_picture;
+use kernel::replica::{Digest, ReplicaError, decode_receivers, decode_scene};
+use protocol::worker::ReplicaKind;
 
 use crate::engine::{ReceiverSet, Scene};
-use crate::picture::Picture;
+use kernel::picture::tracer::Picture;
 
 /// A replica made ready for jobs. A clone is another handle to the same one.
 #[derive(Clone)]
@@ -120,7 +120,7 @@ impl ReplicaStore {
 
 #[cfg(test)]
 mod tests {
-    use shared::replica::{Receivers, encode_receivers};
+    use kernel::replica::{Receivers, encode_receivers};
 
     use super::*;
 
@@ -159,10 +159,10 @@ mod tests {
     fn bytes_of_the_other_kind_are_refused() {
         let encoded = encode_receivers(&Receivers {
             first_key: 1,
-            receivers: vec![shared::replica::Receiver {
+            receivers: vec![kernel::replica::Receiver {
                 position: glam::DVec3::ZERO,
                 normal: glam::DVec3::Y,
-                plane: shared::geometry::PlaneId(0),
+                plane: kernel::geometry::PlaneId(0),
             }],
         });
         assert!(Replica::decode(ReplicaKind::Scene, &encoded.bytes).is_err());

@@ -2,13 +2,13 @@
 
 use std::sync::Arc;
 
-use shared::picture::{TileRequest, encode_pixels};
-use shared::protocol::{FinishedTile, TileJob};
+use kernel::picture::{TileRequest, encode_pixels};
+use protocol::worker::{FinishedTile, TileJob};
 use tokio::time::Instant;
 
 use crate::job::JobError;
-use crate::picture::Picture;
 use crate::store::{Replica, ReplicaStore};
+use kernel::picture::tracer::Picture;
 
 /// A tile that can be computed: it holds all that it needs.
 pub struct Tile {
@@ -46,9 +46,9 @@ impl Tile {
 #[cfg(test)]
 mod tests {
     use glam::DVec3;
-    use shared::picture::{Camera, Part, PictureScene, Projection, decode_pixels, encode_picture};
-    use shared::protocol::FailureReason;
-    use shared::replica::{Digest, encode_scene};
+    use kernel::picture::{Camera, Part, PictureScene, Projection, decode_pixels, encode_picture};
+    use kernel::replica::{Digest, encode_scene};
+    use protocol::worker::FailureReason;
 
     use super::*;
 

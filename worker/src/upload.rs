@@ -1,7 +1,7 @@
 //! One replica on its way in: what a header may promise, and what the bytes must keep.
 
-use shared::protocol::{ReplicaHeader, ReplicaKind};
-use shared::replica::{Digest, ReplicaError};
+use kernel::replica::{Digest, ReplicaError};
+use protocol::worker::{ReplicaHeader, ReplicaKind};
 
 use crate::store::Replica;
 
@@ -113,7 +113,7 @@ impl Upload {
 
 #[cfg(test)]
 mod tests {
-    use shared::replica::{EncodedReplica, Receivers, encode_receivers};
+    use kernel::replica::{EncodedReplica, Receivers, encode_receivers};
 
     use super::*;
 

@@ -1,10 +1,10 @@
 //! Rows through polygons that let a part of the light through, and rows of hemispheres over them.
 
 use glam::DVec3;
-use shared::geometry::{ConvexPolygon, PlaneId};
-use shared::replica::{Receiver, ScenePolygons};
-use shared::row::{Hemisphere, Precision, Shape, Shooter};
-use shared::visibility::ReceiverGroups;
+use kernel::geometry::{ConvexPolygon, PlaneId};
+use kernel::replica::{Receiver, ScenePolygons};
+use kernel::row::{Hemisphere, Precision, Shape, Shooter};
+use kernel::visibility::ReceiverGroups;
 use worker::engine::{Scene, compute_hemisphere, compute_row};
 
 const PRECISION: Precision = Precision { factor_rounding: 0.0, ..Precision::DEFAULT };

@@ -4,16 +4,16 @@ use std::io;
 use std::num::NonZeroUsize;
 
 use glam::DVec3;
-use shared::geometry::PlaneId;
-use shared::protocol::coordinator_message::Body as Outgoing;
-use shared::protocol::worker_client::WorkerClient;
-use shared::protocol::worker_message::Body as Incoming;
-use shared::protocol::{
+use kernel::geometry::PlaneId;
+use kernel::replica::{Digest, EncodedReplica, Receiver, Receivers, encode_receivers, encode_scene};
+use kernel::row::{Precision, RowRequest, Shape, Shooter};
+use protocol::worker::coordinator_message::Body as Outgoing;
+use protocol::worker::worker_client::WorkerClient;
+use protocol::worker::worker_message::Body as Incoming;
+use protocol::worker::{
     CoordinatorHello, CoordinatorMessage, FailureReason, Goodbye, KeepAlive, MAX_MESSAGE_BYTES,
     PROTOCOL_VERSION, ReplicaChunk, ReplicaHeader, WorkerMessage, replica_chunk,
 };
-use shared::replica::{Digest, EncodedReplica, Receiver, Receivers, encode_receivers, encode_scene};
-use shared::row::{Precision, RowRequest, Shape, Shooter};
 use tokio::net::TcpListener;
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::{TcpListenerStream, UnboundedReceiverStream};

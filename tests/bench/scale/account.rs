@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use coordinator::bake::Phase;
+use bake::Phase;
 
 use crate::processor::Nanoseconds;
 

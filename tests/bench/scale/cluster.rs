@@ -6,12 +6,12 @@ use std::collections::{BTreeMap, BinaryHeap, HashMap, VecDeque};
 use std::sync::Arc;
 use std::time::Duration;
 
-use coordinator::bake::{BakeError, Phase, RowService};
-use coordinator::cluster::{FinishedJob, JobId};
-use coordinator::scheduler::{Action, Event, Policy, Scheduler, WorkerId};
+use bake::{BakeError, Phase, RowService};
+use cluster::scheduler::{Action, Event, Policy, Scheduler, WorkerId};
+use cluster::{FinishedJob, JobId};
+use kernel::replica::{Digest, EncodedReplica};
+use kernel::row::RowRequest;
 use prost::Message;
-use shared::replica::{Digest, EncodedReplica};
-use shared::row::RowRequest;
 
 use crate::account::{Account, Cause};
 use crate::model::{Model, NETWORK_THREADS, PER_MESSAGE, WAKING, Where};

@@ -1,6 +1,6 @@
 //! What is simulated: machines, network and policy.
 
-use coordinator::scheduler::Policy;
+use cluster::scheduler::Policy;
 
 use crate::processor::Nanoseconds;
 

@@ -2,7 +2,7 @@
 
 use std::error::Error;
 
-use coordinator::scheduler::Policy;
+use cluster::scheduler::Policy;
 
 use crate::model::{Model, Where};
 use crate::scenes::{Named, Run, in_seconds};

@@ -7,11 +7,11 @@ use std::io::{BufReader, BufWriter, Read, Write};
 use std::path::Path;
 use std::sync::Arc;
 
+use kernel::replica::{Digest, EncodedReplica};
+use kernel::row::{Row, RowRequest, decode_row};
 use prost::Message;
+use protocol::worker::RowStatistics;
 use rayon::prelude::*;
-use shared::protocol::RowStatistics;
-use shared::replica::{Digest, EncodedReplica};
-use shared::row::{Row, RowRequest, decode_row};
 use worker::job::Job;
 use worker::store::{Replica, ReplicaStore};
 

@@ -5,9 +5,9 @@ use std::error::Error;
 use std::fs;
 use std::path::Path;
 
-use coordinator::bake::{BakeReport, BakeSettings, Baked, Observer, Phase, Progress, bake};
-use coordinator::scene::Scene;
-use shared::replica::Digest;
+use bake::{BakeReport, BakeSettings, Baked, Observer, Phase, Progress, bake};
+use kernel::replica::Digest;
+use scene::Scene;
 use tests::baking::imported;
 use tests::building::building;
 

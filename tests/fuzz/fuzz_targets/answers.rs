@@ -1,13 +1,13 @@
 //! Whatever a worker answers, it is refused, or its rows and figures can be used and summed.
 #![no_main]
 
-use coordinator::cluster::Answer;
+use cluster::Answer;
 use glam::DVec3;
+use kernel::replica::Digest;
+use kernel::row::{Precision, RowRequest, Shape, Shooter};
 use libfuzzer_sys::fuzz_target;
 use prost::Message;
-use shared::protocol::{Finished, digest_of_rows};
-use shared::replica::Digest;
-use shared::row::{Precision, RowRequest, Shape, Shooter};
+use protocol::worker::{Finished, digest_of_rows};
 
 fuzz_target!(|input: (u16, u8, &[u8])| {
     let (receivers, shooters, bytes) = input;

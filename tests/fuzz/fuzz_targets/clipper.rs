@@ -4,9 +4,9 @@
 
 use arbitrary::Arbitrary;
 use glam::DVec3;
+use kernel::geometry::{Corners, area_vector, clip, clip_by_plane};
+use kernel::visibility::{Cones, Pieces, cut};
 use libfuzzer_sys::fuzz_target;
-use shared::geometry::{Corners, area_vector, clip, clip_by_plane};
-use shared::visibility::{Cones, Pieces, cut};
 
 /// A convex polygon: an ellipse through some points around a centre.
 #[derive(Arbitrary, Debug)]

@@ -1,7 +1,7 @@
 //! Whatever the bytes, decoding gives an error, or as many texels as the size says.
 #![no_main]
 
-use coordinator::texture::{MOST_BYTES, decode};
+use document::texture::{MOST_BYTES, decode};
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|bytes: &[u8]| {

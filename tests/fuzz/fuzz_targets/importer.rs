@@ -1,12 +1,12 @@
 //! Whatever the bytes, importing gives an error, or a scene of numbers that the solver can take.
 #![no_main]
 
-use coordinator::import::{ImportOptions, import_slice};
-use coordinator::scene::LightKind;
 use libfuzzer_sys::fuzz_target;
+use scene::{ImportOptions, LightKind, ReadOptions, import_slice};
 
 fuzz_target!(|bytes: &[u8]| {
-    let options = ImportOptions { max_bytes: 1 << 20, max_triangles: 2_000, ..ImportOptions::default() };
+    let read = ReadOptions { max_bytes: 1 << 20, max_triangles: 2_000, ..ReadOptions::default() };
+    let options = ImportOptions { read, ..ImportOptions::default() };
     let Ok(scene) = import_slice(bytes, &options) else { return };
     assert!(!scene.surfaces.is_empty() && scene.frame.scale > 0.0 && scene.frame.centre.is_finite());
     for surface in &scene.surfaces {
@@ -16,10 +16,14 @@ fuzz_target!(|bytes: &[u8]| {
         assert!(!surface.facets.is_empty());
         for (index, facet) in surface.facets.iter().enumerate() {
             let corners: Vec<_> = facet.corners.iter().map(|corner| corner.position).collect();
-            let (reflected, taken) =
-                (surface.mean_reflectance(index as u32, &corners), surface.mean_opacity(index as u32, &corners));
+            let (reflected, taken) = (
+                surface.mean_reflectance(index as u32, &corners),
+                surface.mean_opacity(index as u32, &corners),
+            );
             assert!(reflected.min_element() >= 0.0 && reflected.max_element() < 1.0);
-            assert!(surface.mean_exitance(index as u32, &corners).is_finite() && (0.0..=1.0).contains(&taken));
+            assert!(
+                surface.mean_exitance(index as u32, &corners).is_finite() && (0.0..=1.0).contains(&taken)
+            );
             assert!(facet.plane.0 < scene.plane_count && facet.corners.len() >= 3);
             assert!((facet.normal.length() - 1.0).abs() < 1e-9);
             for corner in &facet.corners {

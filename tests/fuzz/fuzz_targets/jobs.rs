@@ -4,12 +4,12 @@
 use std::sync::LazyLock;
 
 use glam::DVec3;
+use kernel::geometry::{ConvexPolygon, PlaneId};
+use kernel::replica::{EncodedReplica, Receiver, Receivers, encode_receivers, encode_scene};
+use kernel::row::decode_row;
 use libfuzzer_sys::fuzz_target;
 use prost::Message;
-use shared::geometry::{ConvexPolygon, PlaneId};
-use shared::protocol::RowJob;
-use shared::replica::{EncodedReplica, Receiver, Receivers, encode_receivers, encode_scene};
-use shared::row::decode_row;
+use protocol::worker::RowJob;
 use worker::job::Job;
 use worker::store::{Replica, ReplicaStore};
 

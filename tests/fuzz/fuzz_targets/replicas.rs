@@ -2,11 +2,11 @@
 #![no_main]
 
 use glam::DVec3;
+use kernel::geometry::PlaneId;
+use kernel::replica::{Receiver, Receivers, decode_receivers, decode_scene};
+use kernel::row::{Precision, Shape, Shooter};
 use libfuzzer_sys::fuzz_target;
-use shared::geometry::PlaneId;
-use shared::protocol::ReplicaKind;
-use shared::replica::{Receiver, Receivers, decode_receivers, decode_scene};
-use shared::row::{Precision, Shape, Shooter};
+use protocol::worker::ReplicaKind;
 use worker::engine::{ReceiverSet, Scene, compute_row};
 
 /// More makes a round slow and finds nothing new.

@@ -1,8 +1,8 @@
 //! Bytes that decode to a row are what encoding makes of it; all others are refused.
 #![no_main]
 
+use kernel::row::{Row, decode_row, encode_row};
 use libfuzzer_sys::fuzz_target;
-use shared::row::{Row, decode_row, encode_row};
 
 fuzz_target!(|input: (u16, &[u8])| {
     let (receivers, bytes) = (usize::from(input.0), input.1);

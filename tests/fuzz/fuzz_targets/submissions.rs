@@ -1,11 +1,11 @@
 //! Whatever the bytes of a submission, its fields are named as wrong, or its settings are such that a bake can begin.
 #![no_main]
 
-use coordinator::service::JobId;
-use coordinator::service::options::{Violations, wanted};
 use libfuzzer_sys::fuzz_target;
+use pipeline::options::{Violations, wanted};
 use prost::Message;
-use shared::api::SubmitSceneHeader;
+use protocol::api::SubmitSceneHeader;
+use service::JobId;
 
 fuzz_target!(|bytes: &[u8]| {
     if let Ok(text) = std::str::from_utf8(bytes)

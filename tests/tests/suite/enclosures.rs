@@ -1,8 +1,8 @@
 //! A closed cube with light in it, against exact answers.
 
-use coordinator::bake::{BakeSettings, Baked};
-use coordinator::scene::Scene;
+use bake::{BakeSettings, Baked};
 use glam::DVec3;
+use scene::Scene;
 use tests::baking::{area_and_flux, baked, imported, mean_irradiance};
 use tests::builder::{Material, SceneBuilder};
 use tests::cases::case;

@@ -1,6 +1,6 @@
 //! The error that a bake states of itself against the one that a path tracer finds, and the knobs against the parts that they turn.
 
-use coordinator::bake::{BakeReport, BakeSettings, ErrorBudget};
+use bake::{BakeReport, BakeSettings, ErrorBudget};
 use glam::DVec3;
 use tests::baking::{baked, imported};
 use tests::builder::{Material, SceneBuilder};
@@ -79,7 +79,7 @@ fn each_part_reacts_to_its_knob() {
 /// is off by. And the error that it states.
 fn spread(settings: &BakeSettings) -> (f64, ErrorBudget) {
     let flat = BakeSettings { mesh_error: 10.0, shooter_edge: 0.1, ..settings.clone() };
-    let scene = coordinator::import::import(&tests::data("scenes/cornell.glb"), &Default::default()).unwrap();
+    let scene = scene::import(&tests::data("scenes/cornell.glb"), &Default::default()).unwrap();
     let draw = |seed| baked(&scene, &BakeSettings { seed, ..flat.clone() });
     let (a, b) = (draw(1), draw(2));
     assert_eq!(a.lit.vertices.len(), b.lit.vertices.len());

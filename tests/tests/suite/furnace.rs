@@ -1,7 +1,7 @@
 //! The furnace: an enclosure in which every surface emits E = 1 and reflects rho has the radiosity B = E / (1 - rho) at every
 //! point, whatever its shape. So is its irradiance, since B = E + rho H.
 
-use coordinator::bake::BakeSettings;
+use bake::BakeSettings;
 use glam::DVec3;
 use tests::baking::{baked, imported, vertices_of};
 use tests::builder::{Material, SceneBuilder};

@@ -1,13 +1,11 @@
 //! Parts of the light against the whole, and against bakes of scenes that have nothing but the part.
 
-use coordinator::bake::{
-    BakeError, BakeSettings, Baked, LightGroup, LightPart, Unobserved, bake, check_groups,
-};
-use coordinator::cluster::{Cluster, Workers};
-use coordinator::import::{ImportOptions, import_slice};
-use coordinator::lit::LitMesh;
-use coordinator::scene::Scene;
+use bake::lit::LitMesh;
+use bake::{BakeError, BakeSettings, Baked, LightGroup, LightPart, Unobserved, bake, check_groups};
+use cluster::{Cluster, Workers};
 use glam::DVec3;
+use scene::Scene;
+use scene::{ImportOptions, import_slice};
 use tests::baking::baked;
 use tests::builder::{Material, SceneBuilder, pack};
 use tests::shapes;

@@ -1,11 +1,11 @@
 //! No light through a closed wall, also where rays hit exactly the edges and corners of its triangles.
 
 use glam::{DQuat, DVec3};
-use shared::geometry::{ConvexPolygon, PlaneId};
-use shared::occluder::Occluder;
-use shared::replica::Receiver;
-use shared::row::{Precision, Shape, Shooter};
-use shared::visibility::ReceiverGroups;
+use kernel::geometry::{ConvexPolygon, PlaneId};
+use kernel::occluder::Occluder;
+use kernel::replica::Receiver;
+use kernel::row::{Precision, Shape, Shooter};
+use kernel::visibility::ReceiverGroups;
 use tests::shapes;
 use worker::engine::{Scene, compute_row};
 

@@ -2,12 +2,12 @@
 
 use std::f64::consts::{FRAC_PI_3, FRAC_PI_6, TAU};
 
-use coordinator::bake::BakeSettings;
+use bake::BakeSettings;
 use glam::{DMat4, DQuat, DVec3};
+use kernel::geometry::{ConvexPolygon, PlaneId};
+use kernel::row::{Precision, Shape, Shooter, Spot};
+use kernel::visibility::ReceiverGroups;
 use serde_json::{Value, json};
-use shared::geometry::{ConvexPolygon, PlaneId};
-use shared::row::{Precision, Shape, Shooter, Spot};
-use shared::visibility::ReceiverGroups;
 use tests::baking::{area_and_flux, baked, imported, mean_irradiance, vertices_of};
 use tests::builder::{Material, SceneBuilder};
 use tests::shapes::{self, Polygon};

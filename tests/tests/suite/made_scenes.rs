@@ -2,14 +2,14 @@
 
 use std::fs;
 
-use coordinator::bake::BakeSettings;
-use coordinator::import::ImportOptions;
-use coordinator::plain::PlainScene;
-use coordinator::score::check_reference;
+use bake::BakeSettings;
 use glam::DVec3;
 use gltf::Gltf;
+use scene::ImportOptions;
 use tests::measured::{Measured, measured, measured_as};
 use tests::{data, scenes};
+use verify::plain::PlainScene;
+use verify::score::check_reference;
 
 /// The sky that the house's reference was made with.
 const SKY: DVec3 = DVec3::new(1.0, 1.25, 1.6);

@@ -3,11 +3,11 @@
 
 use std::collections::HashMap;
 
-use coordinator::lit::LitTriangle;
-use coordinator::mesh::{Mesh, PatchId, triangulate};
-use coordinator::scene::Scene;
+use bake::lit::LitTriangle;
+use bake::mesh::{Mesh, PatchId, triangulate};
 use glam::{DMat4, DVec3};
 use proptest::prelude::*;
+use scene::Scene;
 use tests::baking::imported;
 use tests::builder::{Material, SceneBuilder};
 use tests::shapes;
@@ -153,7 +153,7 @@ fn assert_sound(scene: &Scene, mesh: &Mesh) {
     assert_shares_tile(scene, mesh);
     assert_balanced(mesh);
     // Any value will do: it only chooses between triangulations.
-    let value = |vertex: coordinator::mesh::VertexId| mesh.position(vertex).map(|x| (x * 0.01).sin());
+    let value = |vertex: bake::mesh::VertexId| mesh.position(vertex).map(|x| (x * 0.01).sin());
     assert_edge_to_edge(scene, mesh, &triangulate(mesh, scene.surfaces.len(), value));
 }
 

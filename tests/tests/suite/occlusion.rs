@@ -1,10 +1,10 @@
 //! Visible form factors, as a worker computes them, against the occluded cases of `form_factors.json`.
 
 use glam::DVec3;
-use shared::geometry::{ConvexPolygon, PlaneId};
-use shared::replica::Receiver;
-use shared::row::{Precision, Shape, Shooter};
-use shared::visibility::ReceiverGroups;
+use kernel::geometry::{ConvexPolygon, PlaneId};
+use kernel::replica::Receiver;
+use kernel::row::{Precision, Shape, Shooter};
+use kernel::visibility::ReceiverGroups;
 use tests::cases::case;
 use worker::engine::{Scene, compute_row};
 

@@ -5,15 +5,15 @@ use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use coordinator::bake::BakeSettings;
-use coordinator::cluster::{Cluster, Workers};
-use coordinator::export::{ExportSettings, export};
-use coordinator::import::ImportOptions;
-use coordinator::render::{
+use bake::BakeSettings;
+use cluster::{Cluster, Workers};
+use glam::{DMat4, DVec3};
+use kernel::picture::{Camera, encode_picture};
+use output::export::{ExportSettings, export};
+use output::render::{
     LightOfFile, LitFile, LookAt, Picture, TileSettings, choose_view, read_lit, render_tiles,
 };
-use glam::{DMat4, DVec3};
-use shared::picture::{Camera, encode_picture};
+use scene::ReadOptions;
 use tempfile::TempDir;
 use tests::baking::{baked, imported};
 use tests::programs::{WorkerProcess, binary};
@@ -114,7 +114,7 @@ fn seen(triangles: &[Triangle], eye: DVec3, direction: DVec3) -> Option<DVec3> {
 #[test]
 fn pixels_of_cornell_are_what_its_mesh_says() {
     let (_folder, path) = lit("cornell");
-    let file = read_lit(&path, &ImportOptions::default()).unwrap();
+    let file = read_lit(&path, &ReadOptions::default()).unwrap();
     assert_eq!(file.light, LightOfFile::Irradiance);
     assert!(file.exposure.is_some_and(|exposure| exposure > 0.0));
     let triangles = triangles(&path);
@@ -155,7 +155,7 @@ fn no_picture_of_a_scene_of_the_repository_is_black() {
         if path.extension().is_none_or(|extension| extension != "glb") {
             continue;
         }
-        let file = read_lit(&path, &ImportOptions::default()).unwrap();
+        let file = read_lit(&path, &ReadOptions::default()).unwrap();
         let picture = take(&file, choose_view(&file.scene, 1.5), [96, 64], 1);
         assert!(lit_part(&picture) > 0.3, "{}: {}", path.display(), lit_part(&picture));
         scenes += 1;
@@ -163,7 +163,7 @@ fn no_picture_of_a_scene_of_the_repository_is_black() {
     assert!(scenes >= 3);
     for name in ["cornell", "doorway", "table"] {
         let (_folder, path) = lit(name);
-        let file = read_lit(&path, &ImportOptions::default()).unwrap();
+        let file = read_lit(&path, &ReadOptions::default()).unwrap();
         let picture = take(&file, choose_view(&file.scene, 1.5), [96, 64], 1);
         assert!(lit_part(&picture) > 0.3, "{name}: {}", lit_part(&picture));
         assert!(file.warnings.is_empty(), "{name}: {:?}", file.warnings);

@@ -4,8 +4,8 @@
 use std::f64::consts::PI;
 
 use glam::DVec3;
-use shared::row::{Precision, Shape, Shooter};
-use shared::visibility::ReceiverGroups;
+use kernel::row::{Precision, Shape, Shooter};
+use kernel::visibility::ReceiverGroups;
 use tests::cases::case;
 use worker::engine::{Scene, compute_row};
 

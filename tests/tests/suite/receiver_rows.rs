@@ -1,6 +1,6 @@
 //! Bakes with the rows of receivers against those with the rows of shooters, and against exact answers.
 
-use coordinator::bake::{BakeSettings, RowsOf};
+use bake::{BakeSettings, RowsOf};
 use glam::DVec3;
 use tests::baking::{baked, baked_by, imported, mean_irradiance};
 use tests::builder::{Material, SceneBuilder};

@@ -4,14 +4,14 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
-use coordinator::plain::PlainScene;
-use coordinator::reference::{Agreement, Place, ReferenceSettings, locate, read, trace};
 use serde_json::Value;
 use tempfile::TempDir;
 use tests::builder::{Material, SceneBuilder, pack};
 use tests::data;
 use tests::programs::binary;
 use tests::shapes;
+use verify::plain::PlainScene;
+use verify::reference::{Agreement, Place, ReferenceSettings, locate, read, trace};
 
 /// Some points of the given reference, each by as many paths as the command has by default: with fewer the rare bright paths of
 /// the room behind the door make its errors too skewed to count in standard errors.

@@ -3,10 +3,8 @@
 use std::fs;
 
 use assert_cmd::Command;
-use coordinator::bake::{
-    BakeSettings, Baked, KeptLight, LightChange, LightPart, NewLight, RelightError, RowsOf, relight,
-};
-use coordinator::lit::LitMesh;
+use bake::lit::LitMesh;
+use bake::{BakeSettings, Baked, KeptLight, LightChange, LightPart, NewLight, RelightError, RowsOf, relight};
 use glam::DVec3;
 use tests::baking::{baked, mean_irradiance};
 use tests::data;

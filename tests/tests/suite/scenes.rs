@@ -3,14 +3,14 @@
 use std::path::PathBuf;
 use std::sync::LazyLock;
 
-use coordinator::bake::{BakeReport, BakeSettings};
-use coordinator::export::{ExportSettings, Exported, export};
-use coordinator::import::{ImportOptions, import};
-use coordinator::score::score;
+use bake::{BakeReport, BakeSettings};
 use gltf::{Gltf, Semantic};
+use output::export::{ExportSettings, Exported, export};
+use scene::{ImportOptions, import};
 use serde_json::{Value, json};
 use tests::baking::baked;
 use tests::data;
+use verify::score::score;
 
 /// A scene that was baked and written.
 struct LitScene {

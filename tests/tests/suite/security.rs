@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-use shared::security::TlsFiles;
+use protocol::security::TlsFiles;
 use tempfile::TempDir;
 use tests::builder::{Material, SceneBuilder};
 use tests::certificates::{Authority, arguments};

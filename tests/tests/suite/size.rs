@@ -1,6 +1,6 @@
 //! How a bake grows with its scene, in counts: the same rooms, five and twenty of them.
 
-use coordinator::bake::{BakeReport, BakeSettings, Unobserved, bake};
+use bake::{BakeReport, BakeSettings, Unobserved, bake};
 use tests::baking::imported;
 use tests::building::building;
 use tests::rooms_only::RoomsOnly;

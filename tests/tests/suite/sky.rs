@@ -2,10 +2,10 @@
 
 use std::f64::consts::PI;
 
-use coordinator::bake::{BakeSettings, Baked};
-use coordinator::import::{ImportOptions, import_slice};
-use coordinator::scene::Scene;
+use bake::{BakeSettings, Baked};
 use glam::DVec3;
+use scene::Scene;
+use scene::{ImportOptions, import_slice};
 use tests::baking::{baked, mean_irradiance, vertices_of};
 use tests::builder::{Material, SceneBuilder};
 use tests::shapes::{self, Polygon};

@@ -2,10 +2,10 @@
 //! makes is the same everywhere, and the answers are exact. What the facets change is known: their area, and that they are
 //! tilted against the sphere.
 
-use coordinator::bake::BakeSettings;
+use bake::BakeSettings;
 use glam::DVec3;
-use shared::form_factor::point_to_polygon;
-use shared::geometry::area_vector;
+use kernel::form_factor::point_to_polygon;
+use kernel::geometry::area_vector;
 use tests::baking::{baked, imported};
 use tests::builder::{Material, SceneBuilder};
 use tests::cases::case;

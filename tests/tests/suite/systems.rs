@@ -1,12 +1,12 @@
 //! The pure solver on enclosures of a few surfaces, each of constant radiosity, with given form factors: against the exact
 //! solution of the linear system.
 
-use coordinator::solver::cache::RowCache;
-use coordinator::solver::shooting::Shooting;
-use coordinator::solver::sweeps::solve;
-use coordinator::solver::{ShareEnergy, ShareId};
+use bake::solver::cache::RowCache;
+use bake::solver::shooting::Shooting;
+use bake::solver::sweeps::solve;
+use bake::solver::{ShareEnergy, ShareId};
 use glam::DVec3;
-use shared::row::Row;
+use kernel::row::Row;
 use tests::cases::{case, numbers};
 
 /// Accuracy that the sweeps are asked for, and more of them than they need.

@@ -1,8 +1,8 @@
 //! Textures, vertex colours and alpha against scenes that say the same in plain colours.
 
-use coordinator::bake::{BakeSettings, Baked};
-use coordinator::scene::Scene;
+use bake::{BakeSettings, Baked};
 use glam::DVec3;
+use scene::Scene;
 use serde_json::{Value, json};
 use tests::baking::{baked, baked_by, imported, mean_irradiance};
 use tests::builder::{Material, SceneBuilder};

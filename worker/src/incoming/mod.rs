@@ -114,7 +114,7 @@ async fn admit(
         Some(acceptor) => match timeout(HANDSHAKE, acceptor.accept(socket).into_fallible()).await {
             Ok(Ok(encrypted)) => Either::Right(Box::new(encrypted)),
             Ok(Err((error, socket))) => {
-                let reason = shared::security::explain(&error).unwrap_or_else(|| error.to_string());
+                let reason = protocol::security::explain(&error).unwrap_or_else(|| error.to_string());
                 tracing::warn!(%peer, reason, "refused a connection");
                 return hang_up(socket).await;
             }

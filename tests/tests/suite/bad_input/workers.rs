@@ -4,9 +4,9 @@ use std::io::{BufRead, BufReader};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use shared::protocol::worker_message::Body;
-use shared::protocol::worker_server::{Worker, WorkerServer};
-use shared::protocol::{
+use protocol::worker::worker_message::Body;
+use protocol::worker::worker_server::{Worker, WorkerServer};
+use protocol::worker::{
     CoordinatorMessage, LoadReplicaReply, PROTOCOL_VERSION, ReplicaChunk, WorkerHello, WorkerMessage,
 };
 use tests::programs::{WorkerProcess, binary};

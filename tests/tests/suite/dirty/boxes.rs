@@ -1,4 +1,4 @@
-use coordinator::bake::BakeSettings;
+use bake::BakeSettings;
 use glam::{DMat4, DVec3};
 use tests::baking::{baked, imported, mean_irradiance, vertices_of};
 use tests::builder::{Material, SceneBuilder};

@@ -1,9 +1,9 @@
-use coordinator::bake::{BakeSettings, Baked};
-use coordinator::import::{ImportOptions, import_slice};
-use coordinator::mesh::Mesh;
-use coordinator::scene::{Facet, Scene};
+use bake::mesh::Mesh;
+use bake::{BakeSettings, Baked};
 use glam::DVec3;
-use shared::geometry::area_vector;
+use kernel::geometry::area_vector;
+use scene::{Facet, Scene};
+use scene::{ImportOptions, import_slice};
 use tests::baking::{baked, imported, mean_irradiance, vertices_of};
 use tests::dirty::{clean_room, dirty_room};
 

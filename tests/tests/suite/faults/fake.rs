@@ -2,11 +2,11 @@
 
 use std::sync::{Arc, Mutex};
 
-use shared::protocol::coordinator_message::Body as Incoming;
-use shared::protocol::replica_chunk::Body as Chunk;
-use shared::protocol::worker_message::Body as Outgoing;
-use shared::protocol::worker_server::{Worker, WorkerServer};
-use shared::protocol::{
+use protocol::worker::coordinator_message::Body as Incoming;
+use protocol::worker::replica_chunk::Body as Chunk;
+use protocol::worker::worker_message::Body as Outgoing;
+use protocol::worker::worker_server::{Worker, WorkerServer};
+use protocol::worker::{
     CoordinatorMessage, LoadReplicaReply, PROTOCOL_VERSION, ReplicaChunk, RowJob, WorkerHello, WorkerMessage,
 };
 use tokio::net::TcpListener;
@@ -63,8 +63,8 @@ impl FakeWorker {
             store: Arc::new(Mutex::new(ReplicaStore::new(1 << 30))),
         });
         let service = service
-            .max_decoding_message_size(shared::protocol::MAX_MESSAGE_BYTES)
-            .max_encoding_message_size(shared::protocol::MAX_MESSAGE_BYTES);
+            .max_decoding_message_size(protocol::worker::MAX_MESSAGE_BYTES)
+            .max_encoding_message_size(protocol::worker::MAX_MESSAGE_BYTES);
         runtime.spawn(
             Server::builder().add_service(service).serve_with_incoming(TcpListenerStream::new(listener)),
         );

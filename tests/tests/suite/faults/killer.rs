@@ -1,4 +1,4 @@
-use shared::protocol::RowJob;
+use protocol::worker::RowJob;
 
 use super::bake_by;
 use super::fake::{FakeWorker, Nature};

@@ -2,9 +2,9 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread;
 use std::time::Duration;
 
-use shared::protocol::worker_message::Body;
-use shared::protocol::{Finished, PROTOCOL_VERSION, digest_of_rows};
-use shared::row::{Row, encode_row};
+use kernel::row::{Row, encode_row};
+use protocol::worker::worker_message::Body;
+use protocol::worker::{Finished, PROTOCOL_VERSION, digest_of_rows};
 use tests::programs::WorkerProcess;
 
 use super::fake::{FakeWorker, Nature};

@@ -11,8 +11,8 @@ mod points;
 mod polygons;
 
 use glam::DVec3;
+use kernel::geometry::{ConvexPolygon, PlaneId};
 use serde_json::Value;
-use shared::geometry::{ConvexPolygon, PlaneId};
 use tests::cases;
 use tests::shapes::Polygon;
 

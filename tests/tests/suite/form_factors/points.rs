@@ -1,8 +1,8 @@
 //! A point to a polygon.
 
 use glam::DVec3;
-use shared::form_factor::{PreparedPolygon, point_to_polygon, point_to_polygon_limit};
-use shared::row::Precision;
+use kernel::form_factor::{PreparedPolygon, point_to_polygon, point_to_polygon_limit};
+use kernel::row::Precision;
 use tests::cases::{self, Case, case};
 
 use super::Within::{self, Absolute, Relative};

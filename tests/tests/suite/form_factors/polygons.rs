@@ -1,7 +1,7 @@
 //! A polygon to a polygon.
 
-use shared::form_factor::polygon_to_polygon;
-use shared::geometry::ConvexPolygon;
+use kernel::form_factor::polygon_to_polygon;
+use kernel::geometry::ConvexPolygon;
 use tests::cases::{Case, case};
 use tests::shapes;
 

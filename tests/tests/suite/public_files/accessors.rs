@@ -1,4 +1,4 @@
-use coordinator::bake::BakeSettings;
+use bake::BakeSettings;
 use glam::DVec3;
 use serde_json::{Value, json};
 use tests::baking::{baked, imported};
@@ -74,7 +74,7 @@ impl File {
         let settings = BakeSettings { mesh_error: 0.05, check_points: 0, ..BakeSettings::default() };
         let lit = baked(&scene, &settings).lit;
         assert!(lit.vertices.iter().any(|vertex| vertex.irradiance.x > 0.0));
-        let bits = |vertex: &coordinator::lit::LitVertex| {
+        let bits = |vertex: &bake::lit::LitVertex| {
             let [p, e] =
                 [vertex.position, vertex.irradiance].map(|vector| vector.to_array().map(f64::to_bits));
             [p[0], p[1], p[2], e[0], e[1], e[2]]

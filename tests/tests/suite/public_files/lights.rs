@@ -1,6 +1,6 @@
 use std::f64::consts::{FRAC_PI_6, PI, TAU};
 
-use coordinator::bake::BakeSettings;
+use bake::BakeSettings;
 use glam::DVec3;
 use serde_json::{Value, json};
 use tests::baking::{area_and_flux, baked, imported, mean_irradiance};

@@ -1,8 +1,8 @@
 use std::f64::consts::{FRAC_PI_8, PI};
 
-use coordinator::bake::{BakeSettings, Baked};
-use coordinator::scene::Scene;
+use bake::{BakeSettings, Baked};
 use glam::{DMat4, DQuat, DVec3};
+use scene::Scene;
 use serde_json::{Value, json};
 use tests::baking::{baked, imported, mean_irradiance};
 use tests::builder::{Material, SceneBuilder};
@@ -236,7 +236,7 @@ fn unlit_surfaces_reflect_their_colour_and_send_no_light() {
     let builder = tiles(&materials);
     let lit = |painting: Painting| {
         let (_, baked) = bake(&painting.glb());
-        let bits = |v: &coordinator::lit::LitVertex| v.irradiance.to_array().map(f64::to_bits);
+        let bits = |v: &bake::lit::LitVertex| v.irradiance.to_array().map(f64::to_bits);
         baked.lit.vertices.iter().map(bits).collect::<Vec<_>>()
     };
     let unlit = (0..2).fold(Painting::new(&builder), |painting, tile| {

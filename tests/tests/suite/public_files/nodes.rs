@@ -1,4 +1,4 @@
-use coordinator::bake::BakeSettings;
+use bake::BakeSettings;
 use glam::{DMat4, DQuat, DVec3};
 use serde_json::{Value, json};
 use tests::baking::{baked, imported, mean_irradiance};

@@ -1,12 +1,12 @@
 use std::fs;
 
-use sha2::{Digest, Sha256};
-use shared::api::fetch_result_response::Body as Part;
-use shared::api::submit_scene_request::Body;
-use shared::api::{
+use protocol::api::fetch_result_response::Body as Part;
+use protocol::api::submit_scene_request::Body;
+use protocol::api::{
     CancelJobRequest, DeleteJobRequest, FetchResultRequest, GetJobRequest, ListJobsRequest, State,
     SubmitSceneRequest, WatchJobRequest,
 };
+use sha2::{Digest, Sha256};
 use tokio::task::JoinSet;
 use tonic::Code;
 use tonic_types::StatusExt;

@@ -2,7 +2,7 @@ use std::fs;
 use std::io::{BufRead, BufReader, Write};
 use std::net::TcpStream;
 
-use shared::api::{
+use protocol::api::{
     CancelJobRequest, DeleteJobRequest, FetchResultRequest, GetJobRequest, ListJobsRequest, WatchJobRequest,
 };
 use tests::service::ServiceProcess;

@@ -1,7 +1,7 @@
 use std::io::{ErrorKind, Read, Write};
 use std::net::TcpStream;
 
-use shared::security::TlsFiles;
+use protocol::security::TlsFiles;
 use tests::certificates::{Authority, arguments};
 use tests::service::ServiceProcess;
 

@@ -33,11 +33,11 @@ mod slow;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use protocol::api::radiosity_client::RadiosityClient;
+use protocol::api::submit_scene_header::Source;
+use protocol::api::submit_scene_request::Body;
+use protocol::api::{BakeOptions, SceneFile, SubmitSceneHeader, SubmitSceneRequest};
 use sha2::{Digest, Sha256};
-use shared::api::radiosity_client::RadiosityClient;
-use shared::api::submit_scene_header::Source;
-use shared::api::submit_scene_request::Body;
-use shared::api::{BakeOptions, SceneFile, SubmitSceneHeader, SubmitSceneRequest};
 use tempfile::TempDir;
 use tests::service::ServiceProcess;
 use tokio::runtime::Runtime;
@@ -123,13 +123,13 @@ impl Asker {
     }
 
     /// Submits this header and these chunks.
-    fn submit(&mut self, header: SubmitSceneHeader, chunks: &[&[u8]]) -> Result<shared::api::Job, Status> {
+    fn submit(&mut self, header: SubmitSceneHeader, chunks: &[&[u8]]) -> Result<protocol::api::Job, Status> {
         let chunks = chunks.iter().map(|chunk| Body::Chunk(chunk.to_vec().into()));
         let bodies: Vec<Body> = [Body::Header(header)].into_iter().chain(chunks).collect();
         self.submit_bodies(bodies)
     }
 
-    fn submit_bodies(&mut self, bodies: Vec<Body>) -> Result<shared::api::Job, Status> {
+    fn submit_bodies(&mut self, bodies: Vec<Body>) -> Result<protocol::api::Job, Status> {
         let messages = bodies.into_iter().map(|body| SubmitSceneRequest { body: Some(body) });
         let messages = tokio_stream::iter(messages.collect::<Vec<_>>());
         self.ask(messages, async |client, request| client.submit_scene(request).await)

@@ -1,8 +1,8 @@
 use std::fs;
 
-use shared::api::submit_scene_header::Source;
-use shared::api::submit_scene_request::Body;
-use shared::api::{FetchResultRequest, GetJobRequest, SubmitSceneHeader};
+use protocol::api::submit_scene_header::Source;
+use protocol::api::submit_scene_request::Body;
+use protocol::api::{FetchResultRequest, GetJobRequest, SubmitSceneHeader};
 use tonic::{Code, Status};
 use tonic_types::StatusExt;
 
@@ -27,7 +27,7 @@ fn wrong_submissions_are_refused_by_the_field() {
         change(&mut header);
         header
     };
-    let file = |header: &mut SubmitSceneHeader, change: &dyn Fn(&mut shared::api::SceneFile)| {
+    let file = |header: &mut SubmitSceneHeader, change: &dyn Fn(&mut protocol::api::SceneFile)| {
         if let Some(Source::File(file)) = &mut header.source {
             change(file);
         }

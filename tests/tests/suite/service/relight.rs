@@ -1,8 +1,8 @@
 use std::fs;
 
-use coordinator::bake::KeptLight;
-use shared::api::submit_scene_header::Source;
-use shared::api::{
+use bake::KeptLight;
+use protocol::api::submit_scene_header::Source;
+use protocol::api::{
     Colour, GetJobRequest, Job, LightChange, LightGroup, OutputOptions, Relight, SubmitSceneHeader,
 };
 use tests::service::ServiceProcess;

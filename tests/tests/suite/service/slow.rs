@@ -1,7 +1,7 @@
 use std::net::TcpListener;
 
-use shared::api::fetch_result_response::Body;
-use shared::api::{FetchResultRequest, FetchResultResponse, Job, State, WatchJobRequest};
+use protocol::api::fetch_result_response::Body;
+use protocol::api::{FetchResultRequest, FetchResultResponse, Job, State, WatchJobRequest};
 use tests::builder::{Material, SceneBuilder};
 use tests::painting::Painting;
 use tests::shapes;

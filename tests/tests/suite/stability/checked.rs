@@ -3,14 +3,14 @@
 use std::collections::{BTreeMap, HashMap};
 use std::time::Duration;
 
-use coordinator::bake::{BakeError, BakeSettings, Baked, RowService, Unobserved, bake};
-use coordinator::cluster::{Cluster, FinishedJob, JobId, Workers};
-use coordinator::scene::Scene;
+use bake::{BakeError, BakeSettings, Baked, RowService, Unobserved, bake};
+use cluster::{Cluster, FinishedJob, JobId, Workers};
 use glam::DVec3;
-use shared::form_factor::point_to_polygon;
-use shared::protocol::ReplicaKind;
-use shared::replica::{Digest, EncodedReplica, Receivers, decode_receivers, decode_scene};
-use shared::row::{RowRequest, Shape, Shooter};
+use kernel::form_factor::point_to_polygon;
+use kernel::replica::{Digest, EncodedReplica, Receivers, decode_receivers, decode_scene};
+use kernel::row::{RowRequest, Shape, Shooter};
+use protocol::worker::ReplicaKind;
+use scene::Scene;
 use tests::baking::{area_and_flux, imported};
 use tests::builder::SceneBuilder;
 

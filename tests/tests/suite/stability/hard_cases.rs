@@ -1,6 +1,6 @@
 //! Scenes in which something usually breaks.
 
-use coordinator::bake::BakeSettings;
+use bake::BakeSettings;
 use glam::{DQuat, DVec3};
 use serde_json::json;
 use tests::baking::imported;

@@ -1,13 +1,13 @@
 //! Random polygons and random scenes against what is true of all.
 
-use coordinator::bake::BakeSettings;
+use bake::BakeSettings;
 use glam::{DMat4, DQuat, DVec3};
+use kernel::form_factor::{PreparedPolygon, point_to_polygon};
+use kernel::geometry::{ConvexPolygon, PlaneId, area_vector};
+use kernel::replica::Receiver;
+use kernel::row::{Precision, Shape, Shooter};
+use kernel::visibility::ReceiverGroups;
 use proptest::prelude::*;
-use shared::form_factor::{PreparedPolygon, point_to_polygon};
-use shared::geometry::{ConvexPolygon, PlaneId, area_vector};
-use shared::replica::Receiver;
-use shared::row::{Precision, Shape, Shooter};
-use shared::visibility::ReceiverGroups;
 use tests::builder::{Material, SceneBuilder};
 use tests::shapes::{Polygon, box_facing_in, box_facing_out};
 use worker::engine::{Scene, compute_row};

@@ -1,8 +1,8 @@
 //! Scenes whose factors are known to many digits.
 
-use coordinator::view_factors::ViewFactorSettings;
 use tests::cases::case;
 use tests::shapes;
+use view_factors::ViewFactorSettings;
 
 use super::{computed, factor, scene_of, sums};
 

@@ -12,11 +12,11 @@ mod known;
 mod rooms;
 mod streets;
 
-use coordinator::import::{ImportOptions, import_slice};
-use coordinator::scene::Scene;
-use coordinator::view_factors::{Division, ViewFactorSettings, ViewFactors, view_factors};
+use scene::Scene;
+use scene::{ImportOptions, import_slice};
 use tests::builder::{Material, SceneBuilder};
 use tests::shapes::Polygon;
+use view_factors::{Division, ViewFactorSettings, ViewFactors, view_factors};
 
 /// Imports a GLB without light.
 fn dark(scene: &SceneBuilder) -> Scene {

@@ -1,9 +1,9 @@
 //! Closed scenes with things in the way.
 
-use coordinator::view_factors::{ViewFactorSettings, ViewFactors};
 use glam::{DMat4, DQuat, DVec3};
 use tests::builder::{Material, SceneBuilder};
 use tests::shapes::{self, Polygon};
+use view_factors::{ViewFactorSettings, ViewFactors};
 
 use super::{by_facets, computed, factor, sums};
 

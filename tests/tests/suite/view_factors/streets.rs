@@ -77,8 +77,7 @@ fn towers() -> Vec<Polygon> {
 #[test]
 fn partly_hidden_pairs_agree_with_a_monte_carlo() {
     let faces = towers();
-    let factors =
-        computed(&super::scene_of(&faces), coordinator::view_factors::ViewFactorSettings::default());
+    let factors = computed(&super::scene_of(&faces), view_factors::ViewFactorSettings::default());
     assert!(factors.counts.estimated > 15, "{:?}", factors.counts);
     let rays = 200_000;
     let mut random = TestRng::deterministic_rng(RngAlgorithm::ChaCha);

@@ -1,0 +1,140 @@
+//! Where one facet stands on another, or passes through it.
+//!
+//! Along such a line the irradiance jumps: lit floor on one side, floor hidden under the wall on the other. A patch across it
+//! would spread light under the wall and darkness before it, and a share across it would send light from one room to the
+//! next. The line is therefore made an edge of the mesh, with vertices of its own on either side.
+
+use glam::DVec3;
+use obvhs::Boundable;
+use obvhs::BvhBuildParams;
+use obvhs::aabb::Aabb;
+use obvhs::bvh2::builder::build_bvh2;
+
+use super::WELD;
+use scene::{Corner, Facet, Scene, Side};
+
+/// Shorter contacts than this part of the scene's extent are not worth an edge.
+const SHORTEST: f64 = 2e-3;
+
+/// A facet takes no more lines than this: the longest contacts, then the longest outlines of what hovers.
+const MOST: usize = 256;
+
+/// A line on a facet along which another facet rises from it.
+pub type Contact = [DVec3; 2];
+
+struct FacetBox<'a> {
+    facet: &'a Facet,
+    aabb: Aabb,
+}
+
+impl Boundable for FacetBox<'_> {
+    fn aabb(&self) -> Aabb {
+        self.aabb
+    }
+}
+
+/// The contacts of every facet, in the order of surfaces and facets, longest first; then the outlines of what hovers over it, no
+/// higher than `gap`.
+pub fn contacts(scene: &Scene, extent: f64, gap: f64) -> Vec<Vec<Vec<Contact>>> {
+    let boxed = |facet| FacetBox { facet, aabb: facet_box(facet) };
+    let risers: Vec<FacetBox> =
+        scene.surfaces.iter().filter(|s| s.side == Side::Front).flat_map(|s| &s.facets).map(boxed).collect();
+    let bvh = build_bvh2(&risers, BvhBuildParams::fast_build(), &mut Default::default());
+    let of_facet = |facet: &Facet| {
+        let (mut found, mut hovering) = (vec![], vec![]);
+        let is_long = |line: &Contact| line[0].distance(line[1]) >= SHORTEST * extent;
+        bvh.aabb_traverse(grown(facet_box(facet), gap), |bvh, node| {
+            let node = &bvh.nodes[node as usize];
+            for index in &bvh.primitive_indices[node.first_index as usize..][..node.prim_count as usize] {
+                let riser = risers[*index as usize].facet;
+                found.extend(contact(facet, riser).filter(is_long));
+                hovering.extend(hovering_edges(facet, riser, gap).into_iter().filter(is_long));
+            }
+            true
+        });
+        sort_by_length(&mut found);
+        sort_by_length(&mut hovering);
+        // Two facets share each edge of what hovers.
+        hovering.dedup();
+        found.extend(hovering);
+        found.truncate(MOST);
+        found
+    };
+    scene.surfaces.iter().map(|surface| surface.facets.iter().map(of_facet).collect()).collect()
+}
+
+/// By length, then by place: the order of the BVH must not show.
+fn sort_by_length(lines: &mut [Contact]) {
+    let key = |c: &Contact| (c[1].distance(c[0]), c[0].to_array(), c[1].to_array());
+    lines.sort_by(|a, b| key(b).partial_cmp(&key(a)).unwrap_or(std::cmp::Ordering::Equal));
+}
+
+fn facet_box(facet: &Facet) -> Aabb {
+    let points: Vec<_> = facet.corners.iter().map(|corner| corner.position.as_vec3a()).collect();
+    let tight = Aabb::from_points(&points);
+    grown(tight, 2.0 * WELD)
+}
+
+fn grown(aabb: Aabb, by: f64) -> Aabb {
+    let margin = glam::Vec3A::splat(by as f32);
+    Aabb::new(aabb.min - margin, aabb.max + margin)
+}
+
+/// The edges of `riser` that hover over the front of `facet`, no higher than `gap`, as they stand over it.
+fn hovering_edges(facet: &Facet, riser: &Facet, gap: f64) -> Vec<Contact> {
+    let origin = facet.corners[0].position;
+    let height = |corner: &Corner| facet.normal.dot(corner.position - origin);
+    let hovers = |corner: &Corner| (WELD..=gap).contains(&height(corner));
+    let foot = |corner: &Corner| corner.position - facet.normal * height(corner);
+    let next = riser.corners.iter().cycle().skip(1);
+    let edges = riser.corners.iter().zip(next).filter(|(a, b)| hovers(a) && hovers(b));
+    // The same way round from whichever of its two facets an edge is seen.
+    let from_least = |[a, b]: Contact| if a.to_array() <= b.to_array() { [a, b] } else { [b, a] };
+    edges.filter_map(|(a, b)| clip_to_facet(from_least([foot(a), foot(b)]), facet)).collect()
+}
+
+/// The line along which `riser` rises from the front of `facet`.
+fn contact(facet: &Facet, riser: &Facet) -> Option<Contact> {
+    if riser.plane == facet.plane {
+        return None;
+    }
+    let origin = facet.corners[0].position;
+    let count = riser.corners.len();
+    let heights: Vec<f64> = riser.corners.iter().map(|c| facet.normal.dot(c.position - origin)).collect();
+    if heights.iter().all(|height| *height <= WELD) || heights.iter().all(|height| *height > WELD) {
+        return None;
+    }
+    let mut points = vec![];
+    for (i, corner) in riser.corners.iter().enumerate() {
+        let next = (i + 1) % count;
+        if heights[i].abs() <= WELD {
+            points.push(corner.position);
+        } else if heights[next].abs() > WELD && (heights[i] > 0.0) != (heights[next] > 0.0) {
+            let t = heights[i] / (heights[i] - heights[next]);
+            points.push(corner.position.lerp(riser.corners[next].position, t));
+        }
+    }
+    let along = facet.normal.cross(riser.normal);
+    let by_place = |a: &&DVec3, b: &&DVec3| along.dot(**a).total_cmp(&along.dot(**b));
+    let ends = [*points.iter().min_by(by_place)?, *points.iter().max_by(by_place)?];
+    clip_to_facet(ends, facet)
+}
+
+/// The part of a line within a facet, its border included.
+fn clip_to_facet(line: Contact, facet: &Facet) -> Option<Contact> {
+    let (mut from, mut to) = (0.0_f64, 1.0_f64);
+    for (i, corner) in facet.corners.iter().enumerate() {
+        let next = facet.corners[(i + 1) % facet.corners.len()].position;
+        let inward = facet.normal.cross(next - corner.position).normalize_or_zero();
+        let [start, end] = line.map(|point| inward.dot(point - corner.position) + WELD);
+        if start < 0.0 && end < 0.0 {
+            return None;
+        }
+        if start < 0.0 {
+            from = from.max(start / (start - end));
+        } else if end < 0.0 {
+            to = to.min(start / (start - end));
+        }
+    }
+    (from < to).then(|| [line[0].lerp(line[1], from), line[0].lerp(line[1], to)])
+}

@@ -1,0 +1,174 @@
+//! The radiosity mesh: vertices, and patches that divide about their centre of gravity.
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `base` | facets of the scene to first patches |
+//! | `contact` | where facets stand on others: lines where light jumps |
+//! | `pieces` | cuts facets along contacts, and long ones across |
+//! | `welding` | corners to vertices; T-vertices made corners |
+//! | `subdivision` | divides patches, keeping neighbours within one level of each other |
+//! | `order` | vertices in an order in which neighbours in space follow each other |
+//! | `shares` | deals the patches out among their vertices |
+//! | `triangulation` | the leaves as triangles without cracks |
+//! | `locate` | the leaf and the triangle under a point |
+//!
+//! Vertices are points with one normal: facets that meet at a crease have vertices of their own there. They are only ever
+//! added, so an index stays valid and the vertices of a coarse mesh are the first of the refined one.
+
+mod base;
+mod contact;
+mod locate;
+mod order;
+mod pieces;
+mod shares;
+mod subdivision;
+mod triangulation;
+mod welding;
+
+use std::collections::HashMap;
+
+use glam::DVec3;
+use kernel::geometry::PlaneId;
+use smallvec::SmallVec;
+
+use order::FacetPlaces;
+pub use order::along_curve;
+
+pub use locate::{Interpolation, interpolation};
+pub use shares::{Share, Surroundings, surroundings};
+pub use triangulation::triangulate;
+
+/// Positions closer than this, in frame units, are one point; a point this close to an edge lies on it. The frame is 1024 to
+/// 2048 units long, where f32 coordinates of the input are 6e-5 to 1.2e-4 apart.
+const WELD: f64 = 2e-4;
+
+/// Index of a vertex.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct VertexId(pub u32);
+
+impl VertexId {
+    /// As an index into arrays over vertices.
+    #[must_use]
+    pub fn index(self) -> usize {
+        self.0 as usize
+    }
+}
+
+/// Index of a patch.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct PatchId(pub u32);
+
+impl PatchId {
+    /// As an index into arrays over patches.
+    #[must_use]
+    pub fn index(self) -> usize {
+        self.0 as usize
+    }
+}
+
+/// A position with one normal.
+#[derive(Debug, Clone, Copy)]
+pub struct Vertex {
+    /// Position in the frame.
+    pub position: DVec3,
+    /// Unit normal.
+    pub normal: DVec3,
+    /// Plane of a facet that the vertex belongs to.
+    pub plane: PlaneId,
+    /// True where the normal is a smooth one, which differs from its facets'.
+    pub smooth: bool,
+}
+
+/// A convex polygon of the mesh, whole or divided.
+#[derive(Debug, Clone)]
+pub struct Patch {
+    /// Index of its surface in the scene.
+    pub surface: u32,
+    /// Index of its facet within the surface.
+    pub facet: u32,
+    /// Counter-clockwise seen from the lit side. A divided patch's children stand in the same order, each with its parent's
+    /// corner first.
+    pub corners: SmallVec<[VertexId; 4]>,
+    /// First of its children, which are as many as it has corners.
+    pub first_child: Option<PatchId>,
+    /// The patch that it is a part of.
+    pub parent: Option<PatchId>,
+    /// Area in the frame.
+    pub area: f64,
+}
+
+/// An edge, whichever way it is walked.
+type Edge = (VertexId, VertexId);
+
+fn edge(a: VertexId, b: VertexId) -> Edge {
+    if a < b { (a, b) } else { (b, a) }
+}
+
+/// The mesh of a scene.
+#[derive(Debug, Clone, Default)]
+pub struct Mesh {
+    /// All vertices.
+    pub vertices: Vec<Vertex>,
+    /// All patches, divided ones too.
+    pub patches: Vec<Patch>,
+    /// Vertex in the middle of an edge that a divided patch has.
+    midpoints: HashMap<Edge, VertexId>,
+    /// The whole edge that half an edge came from.
+    halves: HashMap<Edge, Edge>,
+    /// Undivided patches along an edge.
+    leaves_at: HashMap<Edge, SmallVec<[PatchId; 2]>>,
+    facet_places: FacetPlaces,
+}
+
+impl Mesh {
+    /// The undivided patches, in the order of their ids.
+    pub fn leaves(&self) -> impl Iterator<Item = (PatchId, &Patch)> {
+        let ids = (0..self.patches.len() as u32).map(PatchId);
+        ids.zip(&self.patches).filter(|(_, patch)| patch.first_child.is_none())
+    }
+
+    /// A patch.
+    #[must_use]
+    pub fn patch(&self, id: PatchId) -> &Patch {
+        &self.patches[id.index()]
+    }
+
+    /// Position of a vertex.
+    #[must_use]
+    pub fn position(&self, id: VertexId) -> DVec3 {
+        self.vertices[id.index()].position
+    }
+
+    /// Children of a divided patch, in the order of its corners; none for a leaf.
+    pub fn children(&self, id: PatchId) -> impl Iterator<Item = PatchId> + use<> {
+        let patch = self.patch(id);
+        let count = if patch.first_child.is_some() { patch.corners.len() as u32 } else { 0 };
+        let first = patch.first_child.map_or(0, |first| first.0);
+        (first..first + count).map(PatchId)
+    }
+
+    /// Edges of a patch, in the order of its corners: the edge that leaves each of them.
+    pub fn edges(&self, id: PatchId) -> impl Iterator<Item = (VertexId, VertexId)> + '_ {
+        let corners = &self.patch(id).corners;
+        corners.iter().copied().zip(corners.iter().copied().cycle().skip(1))
+    }
+
+    /// Mean of a patch's corners: where it is divided.
+    #[must_use]
+    pub fn centre(&self, id: PatchId) -> DVec3 {
+        let corners = &self.patch(id).corners;
+        corners.iter().map(|corner| self.position(*corner)).sum::<DVec3>() / corners.len() as f64
+    }
+
+    /// Longest edge of a patch, or of the square with its diagonal where that is longer: a patch may be large though
+    /// T-vertices leave it only short edges.
+    #[must_use]
+    pub fn size(&self, id: PatchId) -> f64 {
+        let edge =
+            self.edges(id).map(|(a, b)| self.position(a).distance(self.position(b))).fold(0.0, f64::max);
+        let positions = || self.patch(id).corners.iter().map(|corner| self.position(*corner));
+        let centre = self.centre(id);
+        let reach = positions().map(|corner| corner.distance(centre)).fold(0.0, f64::max);
+        edge.max(reach * std::f64::consts::SQRT_2)
+    }
+}

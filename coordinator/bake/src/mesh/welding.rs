@@ -1,0 +1,263 @@
+//! Corners of pieces become vertices of the mesh.
+
+use std::collections::{BTreeMap, HashMap};
+
+use glam::{DVec3, I64Vec3};
+use kernel::geometry::{PlaneId, area_vector};
+
+use super::contact::Contact;
+use super::{Vertex, VertexId, WELD};
+use crate::disjoint_sets::DisjointSets;
+use scene::{Corner, Facet};
+
+/// Tells the two directions of a plane apart. Perpendicular to no normal that is likely, so that rounding does not decide.
+const NO_COMMON_NORMAL: DVec3 = DVec3::new(0.537_7, 0.651_3, 0.535_4);
+
+/// Which corners at one position have the same normal: those of one plane and direction, or of one smooth normal.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+enum SmoothingGroup {
+    Flat(PlaneId, bool),
+    Smooth([i32; 3]),
+}
+
+/// Index of a point: a position and a smoothing group. A vertex is a point, or a part of one where a contact divides the
+/// surface around it.
+type PointId = usize;
+
+/// Welds corners that are the same point, and finds the vertices.
+#[derive(Default)]
+pub struct Welder {
+    points: Vec<Vertex>,
+    groups: Vec<SmoothingGroup>,
+    found: HashMap<([i64; 3], SmoothingGroup), PointId>,
+    /// Points of each plane, for T-vertices.
+    flat: BTreeMap<SmoothingGroup, Vec<PointId>>,
+    polygons: Vec<Vec<PointId>>,
+    /// Edges that lie on a contact.
+    contact_edges: std::collections::HashSet<(PointId, PointId)>,
+}
+
+/// The vertices, and the corners of each polygon; empty where welding left nothing of it.
+pub struct Welded {
+    /// All vertices.
+    pub vertices: Vec<Vertex>,
+    /// In the order in which the polygons were added.
+    pub polygons: Vec<Vec<VertexId>>,
+}
+
+impl Welder {
+    /// Makes a facet's own corners points. All of them come first: where a computed point is welded to one, the corner must not
+    /// move, or faces that meet there would gape.
+    pub fn add_corners(&mut self, facet: &Facet) {
+        facet.corners.iter().for_each(|corner| {
+            self.point(corner, facet);
+        });
+    }
+
+    /// Adds a piece of a facet.
+    pub fn add(&mut self, corners: &[Corner], facet: &Facet) {
+        let mut ids: Vec<PointId> = corners.iter().map(|corner| self.point(corner, facet)).collect();
+        ids.dedup();
+        if ids.len() > 1 && ids.first() == ids.last() {
+            ids.pop();
+        }
+        self.polygons.push(if ids.len() >= 3 { ids } else { vec![] });
+    }
+
+    /// Makes the ends of a facet's contacts points, so that edges end there.
+    pub fn add_ends(&mut self, contacts: &[Contact], facet: &Facet) {
+        for end in contacts.iter().flatten() {
+            self.point(&Corner { position: *end, normal: facet.normal }, facet);
+        }
+    }
+
+    fn point(&mut self, corner: &Corner, facet: &Facet) -> PointId {
+        let smooth = corner.normal != facet.normal;
+        let group = if smooth {
+            SmoothingGroup::Smooth((corner.normal * 1e6).round().as_ivec3().to_array())
+        } else {
+            SmoothingGroup::Flat(facet.plane, facet.normal.dot(NO_COMMON_NORMAL) > 0.0)
+        };
+        let cell = (corner.position / WELD).round().as_i64vec3();
+        if let Some(near) = self.near(corner.position, cell, group) {
+            return near;
+        }
+        *self.found.entry((cell.to_array(), group)).or_insert_with(|| {
+            let id = self.points.len();
+            self.points.push(Vertex {
+                position: corner.position,
+                normal: corner.normal,
+                plane: facet.plane,
+                smooth,
+            });
+            self.groups.push(group);
+            if !smooth {
+                self.flat.entry(group).or_default().push(id);
+            }
+            id
+        })
+    }
+
+    /// A point closer than half the welding distance in a cell beside: rounding may have put the two on either side of a border.
+    fn near(&self, position: DVec3, cell: I64Vec3, group: SmoothingGroup) -> Option<PointId> {
+        if self.found.contains_key(&(cell.to_array(), group)) {
+            return None;
+        }
+        // The nearer neighbour on each axis: what is half the distance away lies there.
+        let offset = position / WELD - cell.as_dvec3();
+        let steps = [0, 1, 2].map(|axis| [0, if offset[axis] < 0.0 { -1 } else { 1 }]);
+        let beside = steps[0].into_iter().flat_map(|x| {
+            steps[1].into_iter().flat_map(move |y| steps[2].into_iter().map(move |z| I64Vec3::new(x, y, z)))
+        });
+        beside
+            .filter_map(|step| self.found.get(&((cell + step).to_array(), group)).copied())
+            .find(|point| self.points[*point].position.distance(position) < WELD / 2.0)
+    }
+
+    /// Makes every point that lies on an edge of its own plane a corner there, so that both sides of the edge divide it alike;
+    /// then finds the vertices. `contacts` gives the contacts of each polygon's facet.
+    #[must_use]
+    pub fn weld<'a>(mut self, contacts: impl Fn(usize) -> &'a [Contact]) -> Welded {
+        self.insert_t_vertices();
+        self.drop_flat_polygons();
+        for (index, polygon) in self.polygons.iter().enumerate() {
+            let contacts = contacts(index);
+            if !contacts.is_empty() {
+                let on_contact = edges(polygon).filter(|(a, b)| {
+                    let middle = (self.points[*a].position + self.points[*b].position) / 2.0;
+                    contacts.iter().any(|contact| distance_to_line(middle, contact) < WELD)
+                });
+                self.contact_edges.extend(on_contact.map(sorted));
+            }
+        }
+        self.vertices()
+    }
+
+    /// A needle thinner than the welding distance folds onto itself: nothing of it is left that could hold light.
+    fn drop_flat_polygons(&mut self) {
+        for polygon in &mut self.polygons {
+            let positions: Vec<DVec3> = polygon.iter().map(|id| self.points[*id].position).collect();
+            let longest =
+                edges(polygon).map(|(a, b)| self.points[a].position.distance(self.points[b].position));
+            let least_area = WELD * longest.fold(0.0, f64::max);
+            let mut distinct = polygon.clone();
+            distinct.sort_unstable();
+            distinct.dedup();
+            if distinct.len() < polygon.len() || area_vector(&positions).length() <= least_area {
+                polygon.clear();
+            }
+        }
+    }
+
+    /// The corners of one point that are joined through edges without contact are one vertex.
+    fn vertices(self) -> Welded {
+        let slot_of: Vec<usize> = self
+            .polygons
+            .iter()
+            .scan(0, |next, polygon| {
+                let first = *next;
+                *next += polygon.len();
+                Some(first)
+            })
+            .collect();
+        let count = self.polygons.iter().map(Vec::len).sum();
+        let mut joined = DisjointSets::new(count);
+        let mut first_at: HashMap<(PointId, PointId), [usize; 2]> = HashMap::new();
+        for (polygon, first) in self.polygons.iter().zip(&slot_of) {
+            for (i, (a, b)) in edges(polygon).enumerate() {
+                let slots = [first + i, first + (i + 1) % polygon.len()];
+                let slots = if a < b { slots } else { [slots[1], slots[0]] };
+                let edge = sorted((a, b));
+                if !self.contact_edges.contains(&edge) {
+                    let other = *first_at.entry(edge).or_insert(slots);
+                    joined.join(slots[0], other[0]);
+                    joined.join(slots[1], other[1]);
+                }
+            }
+        }
+        let mut vertex_of: HashMap<usize, VertexId> = HashMap::new();
+        let mut vertices = vec![];
+        let mut polygons = vec![];
+        for (polygon, first) in self.polygons.iter().zip(&slot_of) {
+            let corners = polygon.iter().enumerate().map(|(i, point)| {
+                *vertex_of.entry(joined.representative(first + i)).or_insert_with(|| {
+                    vertices.push(self.points[*point]);
+                    VertexId(vertices.len() as u32 - 1)
+                })
+            });
+            polygons.push(corners.collect());
+        }
+        Welded { vertices, polygons }
+    }
+
+    fn insert_t_vertices(&mut self) {
+        let sorted: BTreeMap<SmoothingGroup, (usize, Vec<(f64, PointId)>)> = self
+            .flat
+            .iter()
+            .map(|(group, ids)| {
+                let positions = ids.iter().map(|id| self.points[*id].position);
+                let low = positions.clone().fold(DVec3::MAX, DVec3::min);
+                let high = positions.fold(DVec3::MIN, DVec3::max);
+                let axis = (high - low).max_position();
+                let mut along: Vec<_> = ids.iter().map(|id| (self.points[*id].position[axis], *id)).collect();
+                along.sort_by(|a, b| a.0.total_cmp(&b.0));
+                (*group, (axis, along))
+            })
+            .collect();
+        for polygon in &mut self.polygons {
+            let mut corners = vec![];
+            for (from, to) in edges(polygon) {
+                corners.push(from);
+                let group = self.groups[from];
+                if group == self.groups[to]
+                    && let Some((axis, along)) = sorted.get(&group)
+                {
+                    corners.extend(points_between(&self.points, from, to, *axis, along));
+                }
+            }
+            *polygon = corners;
+        }
+    }
+}
+
+/// Points inside an edge, in order from its start; `along` holds the candidates sorted by their coordinate on `axis`.
+fn points_between(
+    points: &[Vertex],
+    from: PointId,
+    to: PointId,
+    axis: usize,
+    along: &[(f64, PointId)],
+) -> impl Iterator<Item = PointId> + use<> {
+    let (start, end) = (points[from].position, points[to].position);
+    let span = end - start;
+    let length = span.length();
+    let (low, high) = (start[axis].min(end[axis]) - WELD, start[axis].max(end[axis]) + WELD);
+    let first = along.partition_point(|(value, _)| *value < low);
+    let mut inside: Vec<(f64, PointId)> = along[first..]
+        .iter()
+        .take_while(|(value, _)| *value <= high)
+        .filter(|(_, id)| *id != from && *id != to)
+        .filter_map(|(_, id)| {
+            let offset = points[*id].position - start;
+            let distance = offset.dot(span) / length;
+            let beside = (offset - span * (distance / length)).length();
+            (beside < WELD && distance > WELD && distance < length - WELD).then_some((distance, *id))
+        })
+        .collect();
+    inside.sort_by(|a, b| a.0.total_cmp(&b.0));
+    inside.into_iter().map(|(_, id)| id)
+}
+
+fn edges(polygon: &[PointId]) -> impl Iterator<Item = (PointId, PointId)> + '_ {
+    polygon.iter().copied().zip(polygon.iter().copied().cycle().skip(1))
+}
+
+fn sorted((a, b): (PointId, PointId)) -> (PointId, PointId) {
+    (a.min(b), a.max(b))
+}
+
+fn distance_to_line(point: DVec3, [start, end]: &Contact) -> f64 {
+    let span = *end - *start;
+    let t = ((point - *start).dot(span) / span.length_squared()).clamp(0.0, 1.0);
+    point.distance(*start + span * t)
+}

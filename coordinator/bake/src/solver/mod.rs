@@ -1,0 +1,118 @@
+//! The radiosity solver: pure, no I/O, no clock, no threads; rows go in, shots and irradiances come out.
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `light` | three channels, or one |
+//! | `cache` | rows kept in a given amount of memory |
+//! | `shooting` | progressive refinement: which share shoots next, and what its shot gives |
+//! | `sweeps` | finishes the solution with all rows |
+//! | `acceleration` | fewer passes to a fixed point of light |
+//! | `refinement` | where the mesh needs more vertices |
+//! | `fit` | vertex values with the least error between the vertices |
+//! | `balance` | where the energy went |
+//!
+//! Colours are linear RGB in W/m^2 (or the scene's light unit), lengths in the frame.
+
+pub mod acceleration;
+pub mod balance;
+pub mod cache;
+pub mod fit;
+mod light;
+pub mod refinement;
+pub mod shooting;
+pub mod sweeps;
+#[cfg(test)]
+mod tests;
+
+use glam::DVec3;
+use kernel::row::{GROUP, Row};
+
+pub use light::Light;
+
+/// Index of a share among those that shoot.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct ShareId(pub u32);
+
+impl ShareId {
+    /// As an index into arrays over shares.
+    #[must_use]
+    pub fn index(self) -> usize {
+        self.0 as usize
+    }
+}
+
+/// What the solver knows of a share: the geometry stays with the mesh.
+#[derive(Debug, Clone, Copy)]
+pub struct ShareEnergy<L = DVec3> {
+    /// Index of the receiver that is the share's own vertex.
+    pub receiver: usize,
+    /// Area in the frame.
+    pub area: f64,
+    /// Diffuse reflectance, in [0, 1).
+    pub reflectance: L,
+}
+
+impl ShareEnergy {
+    /// The same for light of one colour.
+    #[must_use]
+    pub fn seen_as<L: Light>(&self) -> ShareEnergy<L> {
+        ShareEnergy {
+            receiver: self.receiver,
+            area: self.area,
+            reflectance: L::reflectance(self.reflectance),
+        }
+    }
+}
+
+/// Largest factor by which unshot flux can still grow through interreflection: rho / (1 - rho) of the brightest surface, per
+/// channel. What is missing from the reflected flux is at most this times the unshot flux.
+#[must_use]
+pub fn interreflection_bound<L: Light>(shares: &[ShareEnergy<L>]) -> L {
+    shares.iter().fold(L::default(), |largest, share| largest.larger(share.reflectance)).interreflected()
+}
+
+/// Adds what `radiosity` of a row's shooter gives to the receivers of the row.
+pub fn add_row<L: Light>(irradiance: &mut [L], row: &Row, radiosity: L) {
+    for (first, mask, factors) in row.groups() {
+        let end = (first + GROUP).min(irradiance.len());
+        let irradiance = &mut irradiance[first..end];
+        if mask == u32::MAX {
+            for (irradiance, factor) in irradiance.iter_mut().zip(factors) {
+                *irradiance += radiosity * f64::from(*factor);
+            }
+        } else {
+            let mut rest = mask;
+            for factor in factors {
+                irradiance[rest.trailing_zeros() as usize] += radiosity * f64::from(*factor);
+                rest &= rest.wrapping_sub(1);
+            }
+        }
+    }
+}
+
+/// The shares at each receiver: a vertex between two surfaces has a share on each.
+struct SharesAt {
+    /// Where the shares of each receiver begin, and where the last ones end.
+    starts: Vec<u32>,
+    /// By receiver.
+    shares: Vec<ShareId>,
+}
+
+impl SharesAt {
+    fn new<L>(shares: &[ShareEnergy<L>], receivers: usize) -> Self {
+        let mut ids: Vec<ShareId> = (0..shares.len() as u32).map(ShareId).collect();
+        ids.sort_by_key(|id| shares[id.index()].receiver);
+        let mut starts = vec![0; receivers + 1];
+        for share in shares {
+            starts[share.receiver + 1] += 1;
+        }
+        for receiver in 0..receivers {
+            starts[receiver + 1] += starts[receiver];
+        }
+        Self { starts, shares: ids }
+    }
+
+    fn receiver(&self, receiver: usize) -> &[ShareId] {
+        &self.shares[self.starts[receiver] as usize..self.starts[receiver + 1] as usize]
+    }
+}

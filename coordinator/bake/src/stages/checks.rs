@@ -1,0 +1,250 @@
+//! Check points: random points between the vertices, where the answer is measured against light gathered there.
+//!
+//! A prediction from the vertices cannot know what lies between them: a shadow that falls between all vertices of a coarse
+//! mesh leaves no trace. Points drawn at random see it with a known probability, and the mean square of what is found at them
+//! is an unbiased estimate of the integral that the error is.
+
+use std::collections::HashMap;
+
+use glam::DVec3;
+use kernel::geometry::{PlaneId, uniform_point};
+use kernel::replica::{Receiver, Receivers};
+use sobol_burley::sample_4d;
+
+use super::BakeSettings;
+use super::channels::Gathering;
+use super::receivers::INWARD;
+use crate::mesh::{Mesh, PatchId, VertexId, along_curve, interpolation};
+use scene::Scene;
+
+/// Key of the first check point of the first draw as a receiver: above all vertices, so that its rays are its own.
+const FIRST_KEY: u64 = 1 << 32;
+
+/// A scene of many patches gets one point for so many of them.
+const PATCHES_PER_POINT: usize = 16;
+
+/// But no more than this.
+const MOST_POINTS: usize = 2048;
+
+/// So many points come first, drawn as the others are.
+pub const FIRST: usize = 256;
+
+/// The sequence that the points are drawn from ends here.
+const MOST_DRAWN: usize = 1 << 16;
+
+/// The points, and the light gathered at them.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Checks {
+    /// Key of the first as a receiver.
+    first_key: u64,
+    points: Vec<CheckPoint>,
+    /// Irradiance from the light sources.
+    direct: Vec<DVec3>,
+    /// Irradiance in all.
+    irradiance: Vec<DVec3>,
+}
+
+/// A point on the surface.
+#[derive(Debug, Clone, PartialEq)]
+struct CheckPoint {
+    /// The patch that it lies on, a leaf when the point was drawn.
+    patch: PatchId,
+    reflectance: DVec3,
+    receiver: Receiver,
+    /// On the surface, where the receiver may be lifted off it.
+    position: DVec3,
+    /// Density of the area over the density with which points are drawn here.
+    weight: f64,
+}
+
+impl Checks {
+    /// Draws points on the reflecting surfaces: half of them uniformly over the area, half by the square error that `expected`
+    /// tells of each leaf, where it is known. Another `round` is another draw.
+    pub fn draw(
+        mesh: &Mesh,
+        scene: &Scene,
+        settings: &BakeSettings,
+        expected: &[(PatchId, f64)],
+        round: u32,
+    ) -> Self {
+        let reflectance = |patch: PatchId| scene.surfaces[mesh.patch(patch).surface as usize].reflectance;
+        let reflecting: Vec<PatchId> =
+            mesh.leaves().map(|(id, _)| id).filter(|id| reflectance(*id) != DVec3::ZERO).collect();
+        let area: f64 = reflecting.iter().map(|id| mesh.patch(*id).area).sum();
+        let errors: HashMap<PatchId, f64> = expected.iter().copied().collect();
+        let error = |id: &PatchId| errors.get(id).copied().unwrap_or(0.0);
+        let all_errors: f64 = reflecting.iter().map(error).sum();
+        // Leaves with the end of their part of the unit interval, and the weight of a point on them.
+        let mut end = 0.0;
+        let parts: Vec<(PatchId, f64, f64)> = reflecting
+            .iter()
+            .map(|id| {
+                let by_area = mesh.patch(*id).area / area;
+                let by_error = if all_errors > 0.0 { error(id) / all_errors } else { by_area };
+                let part = (by_area + by_error) / 2.0;
+                end += part;
+                (*id, end, by_area / part)
+            })
+            .collect();
+        let count = match settings.check_points {
+            0 => 0,
+            _ if parts.is_empty() => 0,
+            least => least.max(parts.len() / PATCHES_PER_POINT).min(MOST_POINTS.max(least)).min(MOST_DRAWN),
+        };
+        let seed =
+            ((settings.seed ^ (settings.seed >> 32)) as u32).wrapping_add(round.wrapping_mul(0x9e37_79b9));
+        let point = |index: usize| {
+            let [x, y, z, _] = sample_4d(index as u32, 0, seed).map(f64::from);
+            let place = parts.partition_point(|(_, part_end, _)| *part_end <= x * end).min(parts.len() - 1);
+            let (id, _, weight) = parts[place];
+            let corners: Vec<DVec3> = mesh.patch(id).corners.iter().map(|c| mesh.position(*c)).collect();
+            let position = uniform_point(&corners, y, z);
+            let normals = interpolation(mesh, id, position, |_| DVec3::ZERO);
+            let vertex = |id: VertexId| &mesh.vertices[id.index()];
+            let normal: DVec3 = normals.iter().map(|(id, weight)| vertex(*id).normal * *weight).sum();
+            let patch = mesh.patch(id);
+            let surface = &scene.surfaces[patch.surface as usize];
+            let facet = &surface.facets[patch.facet as usize];
+            let normal = normal.normalize_or(facet.normal);
+            // As for vertices: facets around a smooth point may rise over its horizon.
+            let is_smooth = normals.iter().any(|(id, _)| vertex(*id).smooth);
+            let lift = if is_smooth { INWARD * mesh.patch(id).area.sqrt() } else { 0.0 };
+            CheckPoint {
+                patch: id,
+                reflectance: surface.mean_reflectance(patch.facet, &[position]),
+                receiver: Receiver { position: position + normal * lift, normal, plane: facet.plane },
+                position,
+                weight,
+            }
+        };
+        let first_key = FIRST_KEY + u64::from(round) * MOST_DRAWN as u64;
+        let mut points: Vec<CheckPoint> = (0..count).map(point).collect();
+        // The first of them are asked about alone: they stay a random part of all.
+        for part in points.chunks_mut(FIRST) {
+            part.sort_by_cached_key(|point| along_curve(point.position));
+        }
+        Self { first_key, points, ..Self::default() }
+    }
+
+    /// The first `count` points as receivers.
+    pub fn receivers(&self, count: usize) -> Receivers {
+        let receivers = self.points.iter().take(count).map(|point| point.receiver).collect();
+        Receivers { first_key: self.first_key, receivers }
+    }
+
+    /// Number of points.
+    pub fn count(&self) -> usize {
+        self.points.len()
+    }
+
+    /// Takes what the light sources give the points.
+    pub fn set_direct(&mut self, direct: Vec<DVec3>) {
+        self.direct = direct;
+    }
+
+    /// Takes the light of the shares.
+    pub fn set_gathered(&mut self, gathered: Gathering) {
+        let gathered = gathered.into_irradiance();
+        self.irradiance = self.direct.iter().zip(gathered).map(|(direct, light)| *direct + light).collect();
+    }
+
+    /// Takes all the light there is.
+    pub fn set_irradiance(&mut self, irradiance: Vec<DVec3>) {
+        self.irradiance = irradiance;
+    }
+
+    /// Root mean square over the area of the radiosity that was gathered.
+    pub fn level(&self) -> f64 {
+        self.mean_square().sqrt()
+    }
+
+    /// Whether all points have a patch of the mesh.
+    pub fn lie_on(&self, mesh: &Mesh) -> bool {
+        self.points.iter().all(|point| point.patch.index() < mesh.patches.len())
+    }
+
+    /// What is needed to compare at the points again: the patch of each, and its reflectance, position and weight, 7 numbers.
+    pub fn to_numbers(&self) -> (Vec<u32>, Vec<f64>) {
+        let numbers = |point: &CheckPoint| {
+            let [reflectance, position] = [point.reflectance, point.position].map(|v| v.to_array());
+            reflectance.into_iter().chain(position).chain([point.weight])
+        };
+        let patches = self.points.iter().map(|point| point.patch.0).collect();
+        (patches, self.points.iter().flat_map(numbers).collect())
+    }
+
+    /// The points from such numbers; `None` where they do not fit or cannot be. No rows can be asked for at them.
+    pub fn from_numbers(patches: &[u32], numbers: &[f64]) -> Option<Self> {
+        let (numbers, rest) = numbers.as_chunks::<7>();
+        let fits = rest.is_empty() && numbers.len() == patches.len();
+        let can_be = numbers.as_flattened().iter().all(|number| number.is_finite());
+        let point = |(patch, &[r, g, b, x, y, z, weight]): (&u32, &[f64; 7])| {
+            let position = DVec3::new(x, y, z);
+            let receiver = Receiver { position, normal: DVec3::ZERO, plane: PlaneId(0) };
+            let reflectance = DVec3::new(r, g, b);
+            CheckPoint { patch: PatchId(*patch), reflectance, receiver, position, weight }
+        };
+        (fits && can_be)
+            .then(|| Self { points: patches.iter().zip(numbers).map(point).collect(), ..Self::default() })
+    }
+
+    /// Compares the triangles of a mesh with these vertex values against the light gathered: the leaf under each point, and the
+    /// error of the radiosity there, interpolated minus gathered.
+    pub fn compare(&self, mesh: &Mesh, irradiance: &[DVec3]) -> Vec<(PatchId, DVec3)> {
+        let value = |vertex: VertexId| irradiance[vertex.index()];
+        let found = |(point, gathered): (&CheckPoint, &DVec3)| {
+            let leaf = mesh.leaf_at(point.patch, point.position);
+            let corners = interpolation(mesh, leaf, point.position, value);
+            let interpolated: DVec3 = corners.iter().map(|(vertex, weight)| value(*vertex) * *weight).sum();
+            (leaf, point.reflectance * (interpolated - *gathered))
+        };
+        self.points.iter().zip(&self.irradiance).map(found).collect()
+    }
+
+    /// Differences of the radiosity where other shooters give these irradiances at the first points, beside the light sources.
+    pub fn differences(&self, other: &[DVec3]) -> Vec<DVec3> {
+        let pairs = self.points.iter().zip(&self.irradiance).zip(&self.direct).zip(other);
+        pairs.map(|(((point, own), direct), other)| point.reflectance * (*other + *direct - *own)).collect()
+    }
+
+    /// Root mean square over the area of errors of the radiosity at the first points, relative to that of the radiosity itself.
+    pub fn relative(&self, errors: impl ExactSizeIterator<Item = DVec3>) -> f64 {
+        let count = errors.len().max(1) as f64;
+        let squares =
+            self.points.iter().zip(errors).map(|(point, error)| point.weight * error.length_squared());
+        let norm = self.mean_square();
+        if norm > 0.0 { (squares.sum::<f64>() / (count * norm)).sqrt() } else { 0.0 }
+    }
+
+    /// Errors of the radiosity at all points, with what reflection makes of their mean: light that is lost between the vertices
+    /// is missed by all surfaces, by the level mean x rho / (1 - rho) relative to their radiosity.
+    pub fn with_level(&self, errors: &[DVec3], reflectance: f64) -> Vec<DVec3> {
+        let weighted = |(point, value): (&CheckPoint, &DVec3)| point.weight * value.element_sum();
+        let radiosities: Vec<DVec3> =
+            self.points.iter().zip(&self.irradiance).map(|(point, e)| point.reflectance * *e).collect();
+        let lost: f64 = self.points.iter().zip(errors).map(weighted).sum();
+        let flux: f64 = self.points.iter().zip(&radiosities).map(weighted).sum();
+        let level = if flux > 0.0 { lost / flux * reflectance / (1.0 - reflectance) } else { 0.0 };
+        errors.iter().zip(radiosities).map(|(error, radiosity)| *error + radiosity * level).collect()
+    }
+
+    /// Relative standard error of the radiosity gathered at the first `count` points, from the rays that sampled visibility. Of
+    /// each row: the light of its shooter, and its variance summed over the points.
+    pub fn noise(&self, rows: impl Iterator<Item = (DVec3, f64)>, count: usize) -> f64 {
+        let variance: DVec3 = rows.map(|(light, sum)| light * light * sum).sum();
+        let reflectance: DVec3 = self.points.iter().map(|point| point.reflectance * point.reflectance).sum();
+        let norm = self.mean_square();
+        let points = (count * self.points.len()) as f64;
+        if norm > 0.0 { ((variance * reflectance).element_sum() / (points * norm)).sqrt() } else { 0.0 }
+    }
+
+    /// Mean square of the radiosity that was gathered.
+    fn mean_square(&self) -> f64 {
+        let squares = self
+            .points
+            .iter()
+            .zip(&self.irradiance)
+            .map(|(point, gathered)| point.weight * (point.reflectance * *gathered).length_squared());
+        squares.sum::<f64>() / self.points.len().max(1) as f64
+    }
+}

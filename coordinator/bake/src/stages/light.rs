@@ -1,0 +1,135 @@
+//! Light sources: emitting polygons of constant exitance, lights without an area, and the sky.
+
+use glam::DVec3;
+use kernel::geometry::ConvexPolygon;
+use kernel::row::{Row, Shape, Shooter};
+use kernel::visibility::MANY_POLYGONS;
+
+use super::emitters::emitters;
+use super::rows::{ReceiverSet, RowOffice};
+use super::{BakeError, BakeSettings, sky};
+use crate::mesh::Mesh;
+use crate::solver::add_row;
+use scene::{Light, LightKind, Scene};
+
+/// A light source with a row of its own.
+#[derive(Clone)]
+pub struct LightSource {
+    /// What its row is made of.
+    pub shooter: Shooter,
+    /// What one unit of the row is worth: exitance of a facet, intensity of a point or spot light per squared frame unit,
+    /// irradiance across a directional light.
+    pub strength: DVec3,
+    /// What of the scene it is.
+    pub origin: Origin,
+}
+
+/// What of a scene a light source is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Origin {
+    /// A facet, or a part of one, of the surface with this index.
+    Surface(usize),
+    /// The light with this index.
+    Light(usize),
+    /// A part of the sky.
+    Sky,
+}
+
+impl LightSource {
+    /// True where its light comes from outside of the scene: of what it emits only what falls on the scene is counted.
+    pub fn is_outside(&self) -> bool {
+        self.origin == Origin::Sky || matches!(self.shooter.shape, Shape::Directional(_))
+    }
+}
+
+/// Most polygons of a joint light source: its row must fit a job.
+const MOST_JOINED: usize = 1024;
+
+/// The light sources of a scene, whose mesh is that of the shares; their keys start at `first_key`. Those of a fine lamp, or of the
+/// sky, are joined where `joined`: then rays tell what stands between all of them and a receiver.
+pub fn sources(
+    scene: &Scene,
+    mesh: &Mesh,
+    settings: &BakeSettings,
+    first_key: u64,
+    joined: bool,
+) -> Vec<LightSource> {
+    let facets = emitters(scene, mesh)
+        .into_iter()
+        .map(|emitter| (vec![emitter.polygon], emitter.exitance, Origin::Surface(emitter.surface)));
+    let lights = scene.lights.iter().enumerate().map(|(index, light)| {
+        let (shape, strength) = without_area(light, scene.frame.scale, settings);
+        (shape, strength, Origin::Light(index))
+    });
+    let sky = sky::polygons(scene)
+        .into_iter()
+        .map(|polygon| (vec![polygon], std::f64::consts::PI * scene.sky, Origin::Sky));
+    let shapes = |(polygons, exitance, origin)| (Shape::Polygons(polygons), exitance, origin);
+    let all = if joined {
+        let facets = join(facets.collect()).into_iter().map(shapes);
+        facets.chain(lights).chain(join(sky.collect()).into_iter().map(shapes)).collect::<Vec<_>>()
+    } else {
+        facets.map(shapes).chain(lights).chain(sky.map(shapes)).collect()
+    };
+    all.into_iter()
+        .enumerate()
+        .map(|(index, (shape, strength, origin))| LightSource {
+            shooter: Shooter { key: first_key + index as u64, shape },
+            strength,
+            origin,
+        })
+        .collect()
+}
+
+/// Emitting polygons, with their exitance and where they come from.
+type Emitting = (Vec<ConvexPolygon>, DVec3, Origin);
+
+/// Joins neighbours of one surface and exitance where they are many enough to be sampled; the others stay by themselves, exact.
+fn join(polygons: Vec<Emitting>) -> Vec<Emitting> {
+    let alike = |a: &Emitting, b: &Emitting| (a.1, a.2) == (b.1, b.2);
+    let mut joined = vec![];
+    for own in polygons.chunk_by(alike) {
+        if own.len() < MANY_POLYGONS {
+            joined.extend_from_slice(own);
+            continue;
+        }
+        let parts = own.len().div_ceil(MOST_JOINED);
+        joined.extend(own.chunks(own.len().div_ceil(parts)).map(|part| {
+            let polygons = part.iter().flat_map(|(polygons, ..)| polygons.iter().cloned()).collect();
+            (polygons, own[0].1, own[0].2)
+        }));
+    }
+    joined
+}
+
+/// The shape of a light without an area, and what one unit of its row is worth.
+fn without_area(light: &Light, scale: f64, settings: &BakeSettings) -> (Shape, DVec3) {
+    let per_square = light.intensity / (scale * scale);
+    match light.kind {
+        LightKind::Point { position } if settings.planar_point_lights => {
+            (Shape::PlanarPoint(position), per_square)
+        }
+        LightKind::Point { position } => (Shape::Point(position), per_square),
+        LightKind::Spot(spot) => (Shape::Spot(spot), per_square),
+        LightKind::Directional { along } => (Shape::Directional(along), light.intensity),
+    }
+}
+
+/// What the sources give a set of receivers, in all. `look` sees each source with its row and the row's variance.
+///
+/// # Errors
+/// When a row cannot be had.
+pub fn irradiance(
+    sources: &[LightSource],
+    set: ReceiverSet,
+    office: &mut RowOffice,
+    mut look: impl FnMut(&LightSource, &Row, f64),
+) -> Result<Vec<DVec3>, BakeError> {
+    let shooters: Vec<Shooter> = sources.iter().map(|source| source.shooter.clone()).collect();
+    let mut irradiance = vec![DVec3::ZERO; set.count()];
+    office.each_row(&shooters, set, |index, row, variance| {
+        look(&sources[index], row, variance);
+        add_row(&mut irradiance, row, sources[index].strength);
+    })?;
+    Ok(irradiance)
+}

@@ -1,0 +1,112 @@
+//! Which facets can block light at all.
+
+use glam::DVec3;
+use kernel::geometry::ConvexPolygon;
+use kernel::occluder::convex_bodies;
+use kernel::replica::ScenePolygons;
+
+use super::{pieces, sky};
+use scene::{Facet, Light, LightKind, Scene, Side};
+
+/// Heights up to this, in frame units, count as in the plane: a few units in the last place of f32 coordinates.
+const IN_PLANE: f64 = 3e-4;
+
+/// Directions whose extreme points are tried first.
+const PROBES: i32 = 2;
+
+/// Full scans over all points are made for at most this many pairs of facet and point; further facets just count as occluders.
+const MAX_TESTS: usize = 2_000_000_000;
+
+/// The facets that can stand between two points of the scene, or between one and its lights and sky: all but those with all of that
+/// on one side, such as the walls of a convex room; but convex bodies stay whole. The back sides of double-sided surfaces are left
+/// out, since a facet blocks from both sides. What lets light through comes in pieces, with the opacity of each.
+pub fn occluders(scene: &Scene) -> ScenePolygons {
+    let facets = || scene.surfaces.iter().filter(|s| s.side == Side::Front).flat_map(|s| &s.facets);
+    let points: Vec<DVec3> = facets()
+        .flat_map(|facet| facet.corners.iter().map(|corner| corner.position))
+        .chain(scene.lights.iter().filter_map(|light| light.kind.position()))
+        .chain(sky::corners(scene))
+        .collect();
+    let extremes = extreme_points(&points);
+    let far: Vec<DVec3> = scene.lights.iter().filter_map(from_far).collect();
+    let mut tests = 0;
+    let mut can_block = |facet: &Facet| {
+        if has_both_sides(facet, &extremes, &far) {
+            return true;
+        }
+        tests += points.len();
+        tests > MAX_TESTS || has_both_sides(facet, &points, &far)
+    };
+    let mut blocks: Vec<bool> = vec![];
+    let mut polygons: Vec<ConvexPolygon> = vec![];
+    let mut translucent = ScenePolygons::default();
+    for surface in scene.surfaces.iter().filter(|surface| surface.side == Side::Front) {
+        for (index, facet) in (0..).zip(&surface.facets) {
+            if surface.opacity >= 1.0 {
+                blocks.push(can_block(facet));
+                polygons.push(polygon(facet));
+            } else if can_block(facet) {
+                pieces::cut_by_opacity(surface, index, &mut translucent);
+            }
+        }
+    }
+    // The bottom of a box on the floor blocks nothing, but makes the box a body.
+    for faces in convex_bodies(&polygons) {
+        if faces.iter().any(|face| blocks[*face]) {
+            faces.iter().for_each(|face| blocks[*face] = true);
+        }
+    }
+    let mut polygons: Vec<ConvexPolygon> =
+        polygons.into_iter().zip(blocks).filter(|(_, blocks)| *blocks).map(|(polygon, _)| polygon).collect();
+    if translucent.polygons.is_empty() {
+        return ScenePolygons { polygons, opacities: vec![] };
+    }
+    let mut opacities = vec![1.0; polygons.len()];
+    polygons.extend(translucent.polygons);
+    opacities.extend(translucent.opacities);
+    ScenePolygons { polygons, opacities }
+}
+
+fn polygon(facet: &Facet) -> ConvexPolygon {
+    let corners = facet.corners.iter().map(|corner| corner.position).collect();
+    ConvexPolygon { plane: facet.plane, corners }
+}
+
+/// The direction from which a light that is infinitely far comes.
+fn from_far(light: &Light) -> Option<DVec3> {
+    match light.kind {
+        LightKind::Directional { along } if light.intensity != DVec3::ZERO => Some(-along),
+        _ => None,
+    }
+}
+
+/// Whether some of these points, or of the points infinitely far in some directions, are above a facet and some below.
+fn has_both_sides(facet: &Facet, points: &[DVec3], far: &[DVec3]) -> bool {
+    let origin = facet.corners[0].position;
+    let is_far = |side: f64| far.iter().any(|direction| facet.normal.dot(*direction) * side > 0.0);
+    let (mut above, mut below) = (is_far(1.0), is_far(-1.0));
+    if above && below {
+        return true;
+    }
+    for point in points {
+        let height = facet.normal.dot(*point - origin);
+        above |= height > IN_PLANE;
+        below |= height < -IN_PLANE;
+        if above && below {
+            return true;
+        }
+    }
+    false
+}
+
+/// The farthest points in a fixed set of directions: enough to find both sides of nearly every inner facet.
+fn extreme_points(points: &[DVec3]) -> Vec<DVec3> {
+    let steps = || -PROBES..=PROBES;
+    let directions = steps().flat_map(|x| steps().flat_map(move |y| steps().map(move |z| (x, y, z))));
+    directions
+        .filter_map(|(x, y, z)| {
+            let direction = DVec3::new(f64::from(x), f64::from(y), f64::from(z));
+            points.iter().copied().reduce(|a, b| if direction.dot(b) > direction.dot(a) { b } else { a })
+        })
+        .collect()
+}

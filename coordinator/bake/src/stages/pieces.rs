@@ -1,0 +1,60 @@
+//! Facets that let light through, cut into pieces of even opacity.
+//!
+//! A ray that looked its texel up would need the textures on every worker, and rows would no longer be exact. So holes become
+//! geometry: a facet is halved until a piece is wholly opaque, wholly open, or small; what is left mixed then takes its mean opacity.
+
+use glam::DVec3;
+use kernel::geometry::{ConvexPolygon, Corners, split};
+use kernel::replica::ScenePolygons;
+
+use scene::Surface;
+
+/// A facet is halved this often at most: 256 pieces, an outline finer than a twentieth of its size.
+const MOST_HALVINGS: u32 = 8;
+
+/// Opacities closer than this are one: a step of eight bits.
+const ONE_OPACITY: f64 = 1.0 / 256.0;
+
+/// Adds the pieces of a facet that stop any light, each with its mean opacity.
+pub fn cut_by_opacity(surface: &Surface, facet: u32, pieces: &mut ScenePolygons) {
+    let source = &surface.facets[facet as usize];
+    let corners: Corners = source.corners.iter().map(|corner| corner.position).collect();
+    let mut waiting = vec![(corners, MOST_HALVINGS)];
+    while let Some((corners, halvings)) = waiting.pop() {
+        let opacity = surface.mean_opacity(facet, &corners);
+        if opacity <= 0.0 {
+            continue;
+        }
+        if halvings > 0 && opacity < 1.0 && surface.appearance.is_some() {
+            let halves = halved(&corners);
+            let is_even = halves
+                .iter()
+                .flat_map(|half| halved(half))
+                .filter(|part| part.len() >= 3)
+                .all(|part| (surface.mean_opacity(facet, &part) - opacity).abs() <= ONE_OPACITY);
+            if !is_even {
+                waiting.extend(
+                    halves.into_iter().filter(|half| half.len() >= 3).map(|half| (half, halvings - 1)),
+                );
+                continue;
+            }
+        }
+        pieces.polygons.push(ConvexPolygon { plane: source.plane, corners: corners.to_vec() });
+        pieces.opacities.push(opacity.min(1.0) as f32);
+    }
+}
+
+/// Both halves of a convex polygon, cut across its longest side.
+fn halved(corners: &[DVec3]) -> [Corners; 2] {
+    let next = corners.iter().cycle().skip(1);
+    let along = corners.iter().zip(next).map(|(a, b)| *b - *a).fold(DVec3::ZERO, |longest, side| {
+        if side.length_squared() > longest.length_squared() { side } else { longest }
+    });
+    let along = along.normalize_or_zero();
+    let places = || corners.iter().map(|corner| along.dot(*corner));
+    let middle = (places().fold(f64::MAX, f64::min) + places().fold(f64::MIN, f64::max)) / 2.0;
+    let heights: Vec<f64> = places().map(|place| place - middle).collect();
+    let (mut above, mut below) = (Corners::new(), Corners::new());
+    split(corners, &heights, &mut above, &mut below);
+    [above, below]
+}

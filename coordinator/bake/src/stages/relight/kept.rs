@@ -1,0 +1,141 @@
+//! What a finished bake leaves behind.
+
+use std::collections::HashSet;
+
+use glam::{DVec3, Vec3};
+use kernel::replica::Digest;
+
+use super::RelightError;
+use crate::mesh::{Mesh, PatchId};
+use crate::stages::checks::Checks;
+use crate::stages::settings::RowsOf;
+use crate::stages::{BakeSettings, ErrorBudget, shooting_mesh};
+use scene::Scene;
+
+/// What a finished bake leaves behind, so that its scene can be lit otherwise.
+#[derive(Debug, Clone, PartialEq)]
+pub struct KeptLight {
+    /// Of the scene.
+    pub(super) scene: Digest,
+    /// Radiance of its sky.
+    pub(super) sky: DVec3,
+    /// How the mesh of the shares was made.
+    pub(super) shooting: ShootingMesh,
+    /// Patches that were divided since, in the order in which they were.
+    pub(super) divided: Vec<PatchId>,
+    /// Vertices of the mesh.
+    pub(super) vertices: usize,
+    /// Light by light.
+    pub(super) parts: Vec<KeptPart>,
+    /// Where the answer was measured.
+    pub(super) checks: Checks,
+    /// Reflected flux over incident flux.
+    pub(super) reflectance: f64,
+    /// Of the finished bake.
+    pub(super) error: ErrorBudget,
+}
+
+/// What the mesh of the shares depends on beside the scene.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct ShootingMesh {
+    /// Longest edge, relative to the scene's extent.
+    pub(super) edge: f64,
+    /// Patches are divided this often at most.
+    pub(super) max_level: u32,
+    /// Most vertices.
+    pub(super) max_vertices: usize,
+    /// Whether an error was asked for.
+    pub(super) has_error: bool,
+    /// Whether rows are those of receivers.
+    pub(super) is_gathered: bool,
+}
+
+/// The light of all sources of the same names.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct KeptPart {
+    /// Of nodes and materials, or of the sky.
+    pub(super) names: Vec<String>,
+    /// Its light is kept as that of a sky of unit radiance.
+    pub(super) is_sky: bool,
+    /// What its light is multiplied by to be as it was in the bake.
+    pub(super) as_baked: DVec3,
+    /// Irradiance of the vertices, straight from the sources.
+    pub(super) direct: Vec<Vec3>,
+    /// Irradiance of the vertices, in all.
+    pub(super) irradiance: Vec<Vec3>,
+    /// Irradiance of the check points, in all.
+    pub(super) gathered: Vec<DVec3>,
+    /// Standard error from rays for a factor of 1, relative to the whole light of the bake.
+    pub(super) noise: f64,
+    /// Flux by which its shares differ from what they should have shot, relative to its reflected flux.
+    pub(super) residual: f64,
+}
+
+impl KeptLight {
+    /// Radiance of the sky that the scene was baked with.
+    #[must_use]
+    pub fn sky(&self) -> DVec3 {
+        self.sky
+    }
+
+    /// Names of the lights that can be changed.
+    #[must_use]
+    pub fn lights(&self) -> Vec<&str> {
+        let mut seen = HashSet::new();
+        let names = self.parts.iter().flat_map(|part| &part.names).map(String::as_str);
+        names.filter(|name| seen.insert(*name)).collect()
+    }
+
+    /// The mesh of the finished bake.
+    pub(super) fn mesh(&self, scene: &Scene) -> Result<Mesh, RelightError> {
+        let ShootingMesh { edge, max_level, max_vertices, has_error, is_gathered } = self.shooting;
+        let settings = BakeSettings {
+            error: has_error.then_some(1.0),
+            rows: if is_gathered { RowsOf::Receivers } else { RowsOf::Shooters },
+            shooter_edge: edge,
+            max_level,
+            max_vertices,
+            ..BakeSettings::default()
+        };
+        let other = || RelightError::Damaged("its mesh is not one of the scene".into());
+        let mut mesh = shooting_mesh(scene, &settings);
+        for id in &self.divided {
+            // Neighbours of a divided patch may have been divided with it.
+            if mesh.patches.len() <= id.index() || mesh.vertices.len() > self.vertices {
+                return Err(other());
+            }
+            mesh.divide(*id);
+        }
+        if mesh.vertices.len() != self.vertices || !self.checks.lie_on(&mesh) {
+            return Err(other());
+        }
+        Ok(mesh)
+    }
+
+    /// Sum over some parts, each multiplied by its factor.
+    pub(super) fn sum<'a>(
+        &'a self,
+        factors: &[DVec3],
+        counts: impl Fn(&KeptPart) -> bool,
+        of: impl Fn(&'a KeptPart) -> &'a Vec<Vec3>,
+    ) -> Vec<DVec3> {
+        let mut sums = vec![DVec3::ZERO; self.vertices];
+        for (part, factor) in self.parts.iter().zip(factors).filter(|(part, _)| counts(part)) {
+            for (sum, value) in sums.iter_mut().zip(of(part)) {
+                *sum += value.as_dvec3() * *factor;
+            }
+        }
+        sums
+    }
+
+    /// The check points with the light of all parts, each multiplied by its factor.
+    pub(super) fn checks_lit_by(&self, factors: &[DVec3]) -> Checks {
+        let mut sums = vec![DVec3::ZERO; self.checks.count()];
+        for (part, factor) in self.parts.iter().zip(factors) {
+            sums.iter_mut().zip(&part.gathered).for_each(|(sum, value)| *sum += *value * *factor);
+        }
+        let mut checks = self.checks.clone();
+        checks.set_irradiance(sums);
+        checks
+    }
+}

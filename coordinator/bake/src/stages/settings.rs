@@ -1,0 +1,159 @@
+use kernel::row::Precision;
+use serde::Serialize;
+
+use super::layers::{LightGroup, LightPart};
+
+/// Whose rows a bake is made of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RowsOf {
+    /// Those of receivers where the scene is finely tessellated, else those of shooters.
+    #[default]
+    Suiting,
+    /// Of shooters: visibility is computed pair by pair, exactly where little stands between.
+    Shooters,
+    /// Of receivers: rays over each hemisphere. Linear in the number of vertices, and noisy.
+    Receivers,
+}
+
+/// The knobs of a bake.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct BakeSettings {
+    /// Relative L2 error of the radiosity that is asked for. The bake then works towards it, with the knobs below as a start:
+    /// it refines the mesh on or begins again with finer shooters or more rays, until its estimate says that the error is met.
+    pub error: Option<f64>,
+    /// Whose rows it is made of.
+    pub rows: RowsOf,
+    /// Longest edge of a shooting patch, relative to the scene's extent.
+    pub shooter_edge: f64,
+    /// Interpolation error at which refinement ends: relative L2 of the radiosity.
+    pub mesh_error: f64,
+    /// No triangle of the answer has a longer edge than this, in the file's units, as far as there are vertices for it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_edge: Option<f64>,
+    /// Refinement also ends at this number of vertices.
+    pub max_vertices: usize,
+    /// Memory for rows in MiB: those that do not fit are made again when they are needed. No part of the answer, and so not
+    /// written beside it.
+    #[serde(skip)]
+    pub row_cache: usize,
+    /// Patches are divided this often at most.
+    pub max_level: u32,
+    /// The solution ends when rho / (1 - rho) x unshot flux is under this part of the reflected flux.
+    pub threshold: f64,
+    /// Shot n is chosen from the state after shot n - window. Part of the answer: the same whatever the workers.
+    pub window: usize,
+    /// Visibility through a shaft with more occluders than this is sampled with rays; that through others is computed exactly.
+    pub exact_occluders: u32,
+    /// Rays that a receiver spends on a hemisphere of such crowded shafts.
+    pub rays_per_hemisphere: u32,
+    /// Least rays for such a pair; a power of two.
+    pub minimum_rays: u32,
+    /// Most rays for such a pair; a power of two.
+    pub maximum_rays: u32,
+    /// Relative error that a form factor may have before occlusion.
+    pub form_factor_error: f64,
+    /// Relative error to which each form factor may be rounded, so that rows take fewer bytes.
+    pub factor_rounding: f64,
+    /// Random points at which the answer is measured, at least; scenes with many patches get more. At 0 the error of the mesh
+    /// is predicted from the vertices alone.
+    pub check_points: usize,
+    /// Seed of all rays and of the check points.
+    pub seed: u64,
+    /// Which part of the light the output has.
+    #[serde(skip_serializing_if = "LightPart::is_all")]
+    pub only: LightPart,
+    /// Light sources whose light is wanted by itself as well.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub groups: Vec<LightGroup>,
+    /// Keep the light of each source by itself, so that the scene can be lit otherwise, if it takes no more than so many bytes. No
+    /// part of the answer.
+    #[serde(skip)]
+    pub keep_light: Option<u64>,
+    /// Weigh point lights by the cosine of an imaginary horizontal plane instead of evenly by solid angle.
+    pub planar_point_lights: bool,
+}
+
+/// Coarsest shooting patches that an error is met with: half of a room's length.
+const COARSEST_SHOOTERS: f64 = 0.4;
+
+/// Finest ones: fifty to the length of a room, some ten thousand shares.
+const FINEST_SHOOTERS: f64 = 0.02;
+
+impl BakeSettings {
+    /// Settings to start from for a relative L2 error of the radiosity.
+    ///
+    /// The error of the mesh is shared out among receivers and shooters. That of the shooters was measured to be 2 to 6 %
+    /// of the radiosity times their relative edge, in rooms; where a scene asks for finer ones, the bake finds out. The noise of n
+    /// Owen-scrambled rays falls as n^(-3/4).
+    #[must_use]
+    pub fn for_error(error: f64) -> Self {
+        let rays = 1024.0 * (0.01 / error).powf(4.0 / 3.0);
+        Self {
+            error: Some(error),
+            shooter_edge: (11.0 * error).clamp(FINEST_SHOOTERS, COARSEST_SHOOTERS),
+            mesh_error: 0.8 * error,
+            threshold: 0.01 * error,
+            ..Self::default()
+        }
+        .with_rays(rays)
+    }
+
+    /// The same with so many rays to a hemisphere; a quarter of them at most for one pair.
+    #[must_use]
+    pub fn with_rays(self, rays_per_hemisphere: f64) -> Self {
+        let rays = rays_per_hemisphere.round().clamp(4.0, 262_144.0) as u32;
+        let maximum_rays = (rays / 4).next_power_of_two().clamp(4, 1 << 16);
+        Self { rays_per_hemisphere: rays, maximum_rays, ..self }
+    }
+
+    /// The same with another longest edge of the shooting patches.
+    #[must_use]
+    pub fn with_shooter_edge(self, edge: f64) -> Self {
+        Self { shooter_edge: edge.clamp(FINEST_SHOOTERS, COARSEST_SHOOTERS), ..self }
+    }
+
+    /// How exactly the workers compute rows.
+    #[must_use]
+    pub fn precision(&self) -> Precision {
+        Precision {
+            rays_per_hemisphere: self.rays_per_hemisphere,
+            minimum_rays: self.minimum_rays,
+            maximum_rays: self.maximum_rays,
+            seed: self.seed,
+            exact_occluders: self.exact_occluders,
+            form_factor_error: self.form_factor_error,
+            factor_rounding: self.factor_rounding,
+        }
+    }
+}
+
+impl Default for BakeSettings {
+    fn default() -> Self {
+        let precision = Precision::DEFAULT;
+        Self {
+            error: None,
+            rows: RowsOf::Suiting,
+            shooter_edge: 0.15,
+            mesh_error: 0.005,
+            max_edge: None,
+            max_vertices: 200_000,
+            row_cache: 2048,
+            max_level: 12,
+            threshold: 1e-6,
+            window: 256,
+            exact_occluders: precision.exact_occluders,
+            rays_per_hemisphere: precision.rays_per_hemisphere,
+            minimum_rays: precision.minimum_rays,
+            maximum_rays: precision.maximum_rays,
+            form_factor_error: precision.form_factor_error,
+            factor_rounding: precision.factor_rounding,
+            check_points: 256,
+            seed: precision.seed,
+            only: LightPart::All,
+            groups: vec![],
+            keep_light: None,
+            planar_point_lights: false,
+        }
+    }
+}

@@ -1,0 +1,219 @@
+//! The last step of the solution: the shares take the mean radiosity of the refined mesh.
+
+use std::ops::Range;
+
+use glam::DVec3;
+use kernel::row::{GROUP, Row};
+
+use super::{Bake, BakeError, Phase};
+use crate::mesh::{Mesh, PatchId, Share};
+use crate::solver::ShareEnergy;
+
+/// A share of which less than this part is exposed takes the value at its vertex.
+const LEAST_EXPOSED: f64 = 0.1;
+
+impl Bake<'_, '_> {
+    /// Solves again with each share's radiosity taken as the mean over its part of the refined mesh instead of the value at
+    /// its vertex: the better figure where a shadow line or a hot spot lies inside the share. No rows are needed but
+    /// those that there are, or were.
+    #[tracing::instrument(skip_all)]
+    pub(super) fn settle(&mut self) -> Result<(), BakeError> {
+        self.office.enter(Phase::Settle, self.mesh.vertices.len());
+        self.takes_means = true;
+        self.solve_settled(self.settings.threshold)?;
+        self.show();
+        self.end_step("settle");
+        Ok(())
+    }
+
+    /// The solution over the means of the refined mesh, from the radiosity so far, to a relative accuracy.
+    pub(super) fn solve_settled(&mut self, tolerance: f64) -> Result<(), BakeError> {
+        let means = Means::new(&self.mesh, &self.shares, &self.exposed);
+        if self.is_gathered {
+            return self.solve_over_receivers(&means, tolerance);
+        }
+        let direct = means.of(&self.direct);
+        let guess = std::mem::take(&mut self.radiosity);
+        self.solve(self.settled_energies(), Some(&means), direct, guess, tolerance)
+    }
+
+    /// The shares, each receiving its own mean.
+    pub(super) fn settled_energies(&self) -> Vec<ShareEnergy> {
+        let itself = |(receiver, share): (usize, &ShareEnergy)| ShareEnergy { receiver, ..*share };
+        self.energies.iter().enumerate().map(itself).collect()
+    }
+}
+
+/// The mean over each share's part of the refined mesh, of what its vertices have.
+pub struct Means {
+    shares: usize,
+    /// Where the weights of each vertex begin, and where the last ones end.
+    starts: Vec<u32>,
+    /// By vertex.
+    weights: Vec<Weight>,
+}
+
+/// How much of a vertex is a part of the mean of a share.
+#[derive(Clone, Copy, Default)]
+struct Weight {
+    vertex: u32,
+    share: u32,
+    part: f64,
+}
+
+impl Means {
+    /// The means of these shares. A vertex that is not exposed sees no surface: it sends light to none either, like the floor
+    /// under a box, and what it has must not dim the mean of a share that lies half in the open.
+    pub fn new(mesh: &Mesh, shares: &[Share], exposed: &[bool]) -> Self {
+        let by_share: Vec<Vec<(usize, f64)>> =
+            shares.iter().map(|share| mean_weights(mesh, share, exposed)).collect();
+        let mut starts = vec![0; exposed.len() + 1];
+        for (vertex, _) in by_share.iter().flatten() {
+            starts[vertex + 1] += 1;
+        }
+        for vertex in 0..exposed.len() {
+            starts[vertex + 1] += starts[vertex];
+        }
+        let mut next = starts.clone();
+        let mut weights = vec![Weight::default(); starts.last().copied().unwrap_or(0) as usize];
+        for (share, own) in (0..).zip(&by_share) {
+            for (vertex, part) in own {
+                weights[next[*vertex] as usize] = Weight { vertex: *vertex as u32, share, part: *part };
+                next[*vertex] += 1;
+            }
+        }
+        Self { shares: shares.len(), starts, weights }
+    }
+
+    /// Weights of these vertices.
+    fn of_vertices(&self, vertices: Range<usize>) -> &[Weight] {
+        &self.weights[self.starts[vertices.start] as usize..self.starts[vertices.end] as usize]
+    }
+
+    /// Mean of each share.
+    pub fn of(&self, values: &[DVec3]) -> Vec<DVec3> {
+        let mut means = vec![DVec3::ZERO; self.shares];
+        for Weight { vertex, share, part } in &self.weights {
+            means[*share as usize] += values[*vertex as usize] * *part;
+        }
+        means
+    }
+
+    /// For the means of rows.
+    pub fn sums(&self) -> Sums<'_> {
+        Sums { means: self, sums: vec![0.0; self.shares], reached: vec![false; self.shares.div_ceil(GROUP)] }
+    }
+}
+
+/// Sums up means of rows, one row after the other: what a row does not reach costs next to nothing.
+pub struct Sums<'a> {
+    means: &'a Means,
+    sums: Vec<f64>,
+    /// By 32 shares: whether the row reaches one of them.
+    reached: Vec<bool>,
+}
+
+impl Sums<'_> {
+    /// The means of a row, given in parts that follow each other: a factor for each share.
+    pub fn column(&mut self, rows: &[&Row]) -> Row {
+        let mut first = 0;
+        for row in rows {
+            for (start, mask, own) in row.groups() {
+                let start_vertex = first + start;
+                let end = (start + GROUP).min(row.receivers());
+                // All of the group at once, those in the dark too: they add 0, and their weights need no branch.
+                let mut factors = [0.0; GROUP];
+                spread(mask, own, &mut factors);
+                for Weight { vertex, share, part } in self.means.of_vertices(start_vertex..first + end) {
+                    let factor = factors[(*vertex as usize - start_vertex) % GROUP];
+                    self.sums[*share as usize] += factor * part;
+                    self.reached[*share as usize / GROUP] = true;
+                }
+            }
+            first += row.receivers();
+        }
+        let means = Row::of_groups(&self.sums, &self.reached);
+        for (sums, reached) in self.sums.chunks_mut(GROUP).zip(&mut self.reached) {
+            if std::mem::take(reached) {
+                sums.fill(0.0);
+            }
+        }
+        means
+    }
+}
+
+/// Puts the factors of a group to their places.
+fn spread(mask: u32, own: &[f32], factors: &mut [f64; GROUP]) {
+    if mask == u32::MAX {
+        factors.iter_mut().zip(own).for_each(|(place, factor)| *place = f64::from(*factor));
+        return;
+    }
+    let mut rest = mask;
+    for factor in own {
+        factors[rest.trailing_zeros() as usize % GROUP] = f64::from(*factor);
+        rest &= rest.wrapping_sub(1);
+    }
+}
+
+/// Weights of the exposed vertices in the mean of a share: its parts are children of the patches that it was dealt, or
+/// quarters of those that were never divided.
+fn mean_weights(mesh: &Mesh, share: &Share, exposed: &[bool]) -> Vec<(usize, f64)> {
+    let mut weights = vec![];
+    for &(patch, corner) in &share.corners {
+        if mesh.patch(patch).first_child.is_some() {
+            add_leaves(mesh, patch, corner, &mut weights);
+        } else {
+            let area = mesh.patch(patch).area / mesh.patch(patch).corners.len() as f64;
+            add_quarter(mesh, patch, corner, area, &mut weights);
+        }
+    }
+    weights.sort_unstable_by_key(|(vertex, _)| *vertex);
+    weights.dedup_by(|from, into| {
+        let same = from.0 == into.0;
+        if same {
+            into.1 += from.1;
+        }
+        same
+    });
+    let is_exposed = |entry: &(usize, f64)| exposed[entry.0];
+    let sum = |weights: &[(usize, f64)]| weights.iter().map(|entry| entry.1).sum::<f64>();
+    if weights.iter().any(is_exposed) {
+        weights.retain(is_exposed);
+    }
+    let total = sum(&weights);
+    // Extrapolation has negative weights: where few vertices are left they may outweigh the others.
+    if total < LEAST_EXPOSED * share.area {
+        return vec![(share.vertex.index(), 1.0)];
+    }
+    weights.iter_mut().for_each(|(_, weight)| *weight /= total);
+    weights
+}
+
+/// Mean over the leaves of a divided patch's child. Between exact vertex values the mean of the interpolation is off by a
+/// multiple of the squared size, which Richardson extrapolation with the mean on the parent's level takes out.
+fn add_leaves(mesh: &Mesh, parent: PatchId, corner: usize, weights: &mut Vec<(usize, f64)>) {
+    let Some(id) = mesh.children(parent).nth(corner) else { return };
+    let patch = mesh.patch(id);
+    if patch.first_child.is_some() {
+        (0..patch.corners.len()).for_each(|corner| add_leaves(mesh, id, corner, weights));
+        return;
+    }
+    let weight = patch.area / patch.corners.len() as f64;
+    weights.extend(patch.corners.iter().map(|corner| (corner.index(), weight * 4.0 / 3.0)));
+    add_quarter(mesh, parent, corner, -patch.area / 3.0, weights);
+}
+
+/// `part` times the mean over the part of a patch that a corner answers for, of the values interpolated between the patch's
+/// corners.
+fn add_quarter(mesh: &Mesh, id: PatchId, corner: usize, part: f64, weights: &mut Vec<(usize, f64)>) {
+    let patch = mesh.patch(id);
+    let count = patch.corners.len();
+    let mut add = |i: usize, weight: f64| weights.push((patch.corners[i % count].index(), weight * part));
+    // A quarter each for the corner, the middles of its two edges and the centre.
+    add(corner, 0.5);
+    add(corner + 1, 0.125);
+    add(corner + count - 1, 0.125);
+    for i in 0..count {
+        add(i, 0.25 / count as f64);
+    }
+}

@@ -1,0 +1,170 @@
+use std::time::Duration;
+
+use anyhow::anyhow;
+use clap::Args;
+use protocol::api::MAX_MESSAGE_BYTES;
+use protocol::api::radiosity_client::RadiosityClient;
+use protocol::security::{ClientSecurity, SecuredChannel, explain};
+use tokio::net::lookup_host;
+use tokio::time::sleep;
+use tonic::{Code, Status};
+
+use super::refused;
+
+/// How long a service may take to take a connection.
+const CONNECT_TIMEOUT: Duration = Duration::from_secs(10);
+
+/// How often a quiet service is asked for a sign of life, and how long it has to give one: a machine that lost its power does not
+/// close its connections.
+const KEEP_ALIVE: Duration = Duration::from_secs(20);
+
+/// Before a service that is gone is asked for the first time, and the longest pause that this grows to.
+const FIRST_PAUSE: Duration = Duration::from_millis(500);
+const LONGEST_PAUSE: Duration = Duration::from_secs(10);
+
+/// Where the service is. Certificates and token are those of the options for workers.
+#[derive(Args)]
+pub struct ServerArgument {
+    /// Service that is asked, as host:port.
+    #[arg(long, env = "COORDINATOR_SERVER", value_name = "HOST:PORT", default_value = "127.0.0.1:7000")]
+    pub(super) server: String,
+}
+
+/// The service as it is asked.
+pub(super) type Client = RadiosityClient<SecuredChannel>;
+
+/// Why there is no answer.
+#[derive(Debug)]
+pub(super) enum Trouble {
+    /// The service is not there now. Whoever has time asks again.
+    Passing(String),
+    /// To ask again would not help.
+    Lasting(anyhow::Error),
+}
+
+impl From<Status> for Trouble {
+    fn from(status: Status) -> Self {
+        // What a service says has no source: where there is one, the connection broke.
+        let is_broken = std::error::Error::source(&status).is_some() && explain(&status).is_none();
+        if is_broken || status.code() == Code::Unavailable {
+            Self::Passing(status.message().to_owned())
+        } else {
+            Self::Lasting(refused(status))
+        }
+    }
+}
+
+impl From<anyhow::Error> for Trouble {
+    fn from(error: anyhow::Error) -> Self {
+        Self::Lasting(error)
+    }
+}
+
+impl ServerArgument {
+    /// Dials the service once.
+    pub(super) async fn connect(&self, security: &ClientSecurity) -> anyhow::Result<Client> {
+        self.dial(security).await.map_err(|trouble| match trouble {
+            Trouble::Passing(reason) => anyhow!(
+                "no service at {}: start one with `coordinator serve`, or choose another --server ({reason})",
+                self.server
+            ),
+            Trouble::Lasting(error) => error,
+        })
+    }
+
+    async fn dial(&self, security: &ClientSecurity) -> Result<Client, Trouble> {
+        let passing = |error: &dyn std::error::Error| Trouble::Passing(error.to_string());
+        let mut found = lookup_host(&self.server).await.map_err(|error| passing(&error))?;
+        let socket = found.next().ok_or_else(|| Trouble::Passing("the name stands for no address".into()))?;
+        let endpoint = security.endpoint(&self.server, socket).map_err(anyhow::Error::from)?;
+        let endpoint = endpoint
+            .connect_timeout(CONNECT_TIMEOUT)
+            .http2_keep_alive_interval(KEEP_ALIVE)
+            .keep_alive_timeout(KEEP_ALIVE);
+        let channel = endpoint.connect().await.map_err(|error| match explain(&error) {
+            Some(reason) => Trouble::Lasting(anyhow!(reason)),
+            None => passing(&error),
+        })?;
+        Ok(RadiosityClient::with_interceptor(channel, security.credentials())
+            .max_decoding_message_size(MAX_MESSAGE_BYTES)
+            .max_encoding_message_size(MAX_MESSAGE_BYTES))
+    }
+}
+
+/// A service that is asked for as long as it takes, whatever becomes of its connections.
+pub(super) struct Connection<'a> {
+    server: &'a ServerArgument,
+    security: &'a ClientSecurity,
+    /// The latest connection.
+    pub client: Client,
+    /// Before the service is asked again.
+    pause: Duration,
+}
+
+impl<'a> Connection<'a> {
+    /// Connects for the first time. Where there is no service, there is nothing to wait for.
+    ///
+    /// # Errors
+    /// When the service is not there, or refuses.
+    pub(super) async fn open(
+        server: &'a ServerArgument,
+        security: &'a ClientSecurity,
+    ) -> anyhow::Result<Self> {
+        let client = server.connect(security).await?;
+        Ok(Self { server, security, client, pause: FIRST_PAUSE })
+    }
+
+    /// The service has answered: what comes after is another interruption.
+    pub(super) fn heard(&mut self) {
+        if self.pause > FIRST_PAUSE {
+            self.pause = FIRST_PAUSE;
+            eprintln!("the service at {} is there again", self.server.server);
+        }
+    }
+
+    /// Connects anew after something went wrong: says so once, and tries until the service is there.
+    ///
+    /// # Errors
+    /// When what went wrong does not pass.
+    pub(super) async fn renew(&mut self, trouble: Trouble) -> anyhow::Result<()> {
+        let mut trouble = trouble;
+        loop {
+            match trouble {
+                Trouble::Lasting(error) => return Err(error),
+                Trouble::Passing(reason) if self.pause == FIRST_PAUSE => {
+                    eprintln!("the service at {} is gone ({reason}): waiting for it", self.server.server);
+                }
+                Trouble::Passing(_) => {}
+            }
+            sleep(self.pause).await;
+            self.pause = (self.pause * 2).min(LONGEST_PAUSE);
+            match self.server.dial(self.security).await {
+                Ok(client) => {
+                    self.client = client;
+                    return Ok(());
+                }
+                Err(next) => trouble = next,
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_service_says_lasts_but_for_its_absence() {
+        for code in [Code::NotFound, Code::Unauthenticated, Code::FailedPrecondition, Code::Internal] {
+            let status = Status::new(code, "no");
+            assert!(matches!(Trouble::from(status), Trouble::Lasting(_)), "{code:?}");
+        }
+        assert!(matches!(Trouble::from(Status::unavailable("it ends")), Trouble::Passing(_)));
+    }
+
+    #[test]
+    fn a_connection_that_broke_passes() {
+        let broken = std::io::Error::from(std::io::ErrorKind::ConnectionReset);
+        assert!(matches!(Trouble::from(Status::from_error(broken.into())), Trouble::Passing(_)));
+    }
+}

@@ -1,0 +1,86 @@
+use anyhow::anyhow;
+use clap::Args;
+use protocol::api::{Job, Phase, State, WatchJobRequest};
+use protocol::security::ClientSecurity;
+
+use super::super::progress::{ProgressLine, short};
+use super::{Connection, ServerArgument, Trouble, wait};
+
+#[derive(Args)]
+pub struct WatchArguments {
+    /// The job, as `submit` named it.
+    job: String,
+    #[command(flatten)]
+    server: ServerArgument,
+}
+
+/// Shows how far a job is, until it has ended.
+pub fn run(arguments: &WatchArguments, security: &ClientSecurity) -> anyhow::Result<()> {
+    wait(async {
+        let mut connection = Connection::open(&arguments.server, security).await?;
+        follow(&mut connection, &arguments.job).await
+    })
+}
+
+/// Waits until a job is done, also over restarts of the service.
+pub(super) async fn follow(connection: &mut Connection<'_>, id: &str) -> anyhow::Result<()> {
+    while let Err(trouble) = watch(connection, id).await {
+        connection.renew(trouble).await?;
+    }
+    Ok(())
+}
+
+/// Waits until a job is done, for as long as the service is there.
+async fn watch(connection: &mut Connection<'_>, id: &str) -> Result<(), Trouble> {
+    let mut line = ProgressLine::new();
+    let request = WatchJobRequest { id: id.to_owned() };
+    let mut jobs = connection.client.watch_job(request).await?.into_inner();
+    while let Some(job) = jobs.message().await? {
+        connection.heard();
+        match job.state() {
+            State::Done => {
+                line.finish();
+                for warning in job.outcome.iter().flat_map(|outcome| &outcome.warnings) {
+                    eprintln!("warning: {warning}");
+                }
+                return Ok(());
+            }
+            State::Failed => return Err(anyhow!("job {id} failed: {}", job.failure).into()),
+            State::Cancelled => return Err(anyhow!("job {id} was cancelled").into()),
+            State::Queued | State::Running | State::Unspecified => show(&mut line, &job),
+        }
+    }
+    Err(Trouble::Passing("it ended the conversation before the job".into()))
+}
+
+fn show(line: &mut ProgressLine, job: &Job) {
+    let Some(progress) = &job.progress else {
+        return line.show_step("queued", (0, 1), |_| format!("{} before it", job.ahead));
+    };
+    let left = progress.time_left.map(|left| format!(" · {} s left", left.seconds)).unwrap_or_default();
+    let error = progress.error.map(|error| format!(" · error {:.2} %", error * 100.0)).unwrap_or_default();
+    line.show_step(step(progress.phase()), (progress.rows, progress.rows_needed), |_| {
+        format!(
+            "unshot {:.2} %{error} · rows {}/{} · {} rays/s · {} vertices · {} workers{left}",
+            progress.unshot * 100.0,
+            progress.rows,
+            progress.rows_needed,
+            short(progress.rays_per_second),
+            progress.vertices,
+            progress.workers,
+        )
+    });
+}
+
+fn step(phase: Phase) -> &'static str {
+    match phase {
+        Phase::Unspecified | Phase::Import => "import",
+        Phase::Light => "light",
+        Phase::Shoot => "shoot",
+        Phase::Refine => "refine",
+        Phase::Measure => "measure",
+        Phase::Settle => "settle",
+        Phase::Groups => "groups",
+        Phase::Export => "export",
+    }
+}

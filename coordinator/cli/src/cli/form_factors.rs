@@ -1,0 +1,183 @@
+use std::io::{BufWriter, Write};
+use std::num::NonZeroUsize;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
+
+use anyhow::Context;
+use atomic_write_file::AtomicWriteFile;
+use clap::Args;
+use indicatif::{ProgressBar, ProgressStyle};
+use rayon::ThreadPoolBuilder;
+use scene::{ImportOptions, import};
+use serde_json::{Value, json};
+use view_factors::{Division, ViewFactorSettings, ViewFactors, view_factors};
+
+use super::report::new_table;
+use super::scene_options::SceneOptions;
+
+/// Most points that a pair of polygons may be given for a form factor of 1.
+const MOST_POINTS: i64 = 1 << 24;
+
+#[derive(Args)]
+pub struct FormFactorArguments {
+    /// Scene: .glb or .gltf. It needs no light.
+    scene: PathBuf,
+    /// View factors to write: CSV of from, to, form_factor and standard_error, those above 0.
+    #[arg(short, long)]
+    output: PathBuf,
+    #[command(flatten)]
+    options: SceneOptions,
+    /// Also write the surfaces: CSV of name, area, centre of gravity, open part, standard error and correction of the row.
+    #[arg(long, value_name = "FILE")]
+    areas: Option<PathBuf>,
+    /// Also write the figures of the table as JSON.
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
+    /// Make every polygon a surface of its own: NAME/0, NAME/1 and so on.
+    #[arg(long)]
+    facets: bool,
+    /// Points for a pair of partly hidden polygons, if their form factor were 1; others get their part of it, and 16 or more.
+    /// Four times as many make the standard error at most half as large.
+    #[arg(long, default_value_t = ViewFactorSettings::default().points,
+        value_parser = clap::value_parser!(u32).range(1..=MOST_POINTS))]
+    points: u32,
+    /// Seed of these points.
+    #[arg(long, default_value_t = ViewFactorSettings::default().seed)]
+    seed: u64,
+}
+
+/// Computes the view factors of one scene.
+pub fn run(arguments: &FormFactorArguments, threads: NonZeroUsize) -> anyhow::Result<()> {
+    let clock = Instant::now();
+    let outputs = check_outputs(arguments)?;
+    let options = ImportOptions { needs_light: false, ..arguments.options.import_options()? };
+    let scene = import(&arguments.scene, &options)?;
+    for warning in &scene.warnings {
+        eprintln!("warning: {warning}");
+    }
+    let division = if arguments.facets { Division::Facets } else { Division::Surfaces };
+    let settings = ViewFactorSettings { division, points: arguments.points, seed: arguments.seed };
+    let pool = ThreadPoolBuilder::new().num_threads(threads.get()).build();
+    let pool = pool.context("threads cannot be started: give fewer --threads")?;
+    let progress = Progress::new();
+    let factors = pool
+        .install(|| view_factors(&scene, &settings, &|done, all| progress.step(done, all)))
+        .with_context(|| format!("{} has no view factors", arguments.scene.display()))?;
+    progress.bar.finish_and_clear();
+    drop(outputs);
+    write(&arguments.output, |out| pool.install(|| factors.write_factors(out)))?;
+    if let Some(path) = &arguments.areas {
+        write(path, |out| factors.write_areas(out))?;
+    }
+    let seconds = clock.elapsed().as_secs_f64();
+    if let Some(path) = &arguments.report {
+        let text = serde_json::to_string_pretty(&report(&factors, &settings, seconds))?;
+        write(path, |out| writeln!(out, "{text}"))?;
+    }
+    print(&factors, seconds);
+    Ok(())
+}
+
+/// Nothing is computed that could not be written, and nothing is written over the scene or another output.
+fn check_outputs(arguments: &FormFactorArguments) -> anyhow::Result<Vec<AtomicWriteFile>> {
+    let whole = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    let outputs = [Some(&arguments.output), arguments.areas.as_ref(), arguments.report.as_ref()];
+    let mut taken = vec![whole(&arguments.scene)];
+    let mut files = vec![];
+    for output in outputs.into_iter().flatten() {
+        let path = whole(output);
+        anyhow::ensure!(
+            !taken.contains(&path),
+            "output {} is the scene or another output: choose another output",
+            output.display()
+        );
+        super::ensure_place(output)?;
+        let cannot = || format!("output {} cannot be written: choose another output", output.display());
+        files.push(AtomicWriteFile::open(output).with_context(cannot)?);
+        taken.push(path);
+    }
+    Ok(files)
+}
+
+/// Writes a file whole or not at all.
+fn write(
+    path: &Path,
+    content: impl FnOnce(&mut (dyn Write + Send)) -> std::io::Result<()>,
+) -> anyhow::Result<()> {
+    let write = || -> std::io::Result<()> {
+        let mut out = BufWriter::new(AtomicWriteFile::open(path)?);
+        content(&mut out)?;
+        out.into_inner()?.commit()
+    };
+    write().with_context(|| format!("output {} cannot be written", path.display()))
+}
+
+fn report(factors: &ViewFactors, settings: &ViewFactorSettings, seconds: f64) -> Value {
+    let corrected = factors.most_corrected().filter(|row| row.correction != 0.0);
+    json!({
+        "surfaces": factors.rows.len(),
+        "polygons": factors.polygons,
+        "factors": factors.factors(),
+        "pairs": factors.counts,
+        "closed_rows": factors.closed_rows,
+        "largest_correction": corrected.map_or(0.0, |row| row.correction.abs()),
+        "largest_correction_surface": corrected.map(|row| &row.name),
+        "largest_standard_error": factors.largest_standard_error(),
+        "settings": settings,
+        "seconds": seconds,
+    })
+}
+
+fn print(factors: &ViewFactors, seconds: f64) {
+    let counts = &factors.counts;
+    let mut table = new_table();
+    let mut row = |name: &str, value: String| {
+        table.add_row([name.to_owned(), value]);
+    };
+    row("time", format!("{seconds:.2} s"));
+    row("surfaces", format!("{} ({} polygons)", factors.rows.len(), factors.polygons));
+    row("factors", factors.factors().to_string());
+    row(
+        "pairs of polygons",
+        format!(
+            "{} exact, {} estimated, {} hidden ({} as far as their points tell), {} turned away",
+            counts.exact, counts.estimated, counts.hidden, counts.found_hidden, counts.turned_away
+        ),
+    );
+    row("largest standard error of a row", format!("{:.2e}", factors.largest_standard_error()));
+    row("closed rows", factors.closed_rows.to_string());
+    let corrected = factors.most_corrected().filter(|row| row.correction != 0.0);
+    let correction = |row: &view_factors::Row| format!("{:.2e} ({})", row.correction, row.name);
+    row("largest correction of a row", corrected.map_or("none".to_owned(), correction));
+    println!("{table}");
+}
+
+/// A bar; plain lines at every tenth where there is no terminal.
+struct Progress {
+    bar: ProgressBar,
+    done: AtomicU64,
+}
+
+impl Progress {
+    fn new() -> Self {
+        let bar = ProgressBar::new(0);
+        let style = ProgressStyle::with_template("factors  [{bar:32}] {percent} % of the pairs · {eta} left");
+        // The template is fixed and right.
+        bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+        Self { bar, done: AtomicU64::new(0) }
+    }
+
+    /// Shows that `count` more pairs of `all` are decided.
+    fn step(&self, count: u64, all: u64) {
+        let before = self.done.fetch_add(count, Ordering::Relaxed);
+        if self.bar.length() != Some(all) {
+            self.bar.set_length(all);
+        }
+        self.bar.inc(count);
+        let tenth = |done: u64| done * 10 / all.max(1);
+        if self.bar.is_hidden() && tenth(before + count) > tenth(before) {
+            eprintln!("factors: {} % of the pairs", tenth(before + count) * 10);
+        }
+    }
+}

@@ -1,0 +1,153 @@
+use std::io::Write;
+use std::num::NonZeroUsize;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Instant;
+
+use anyhow::Context;
+use atomic_write_file::AtomicWriteFile;
+use clap::Args;
+use indicatif::{ProgressBar, ProgressStyle};
+use serde_json::json;
+use verify::plain::{PlainOptions, PlainScene};
+use verify::reference::{
+    Agreement, MOST_PATHS, Place, ReferenceError, ReferencePoint, ReferenceSettings, locate, random, read,
+    relative_standard_error, to_csv, trace,
+};
+
+use super::scene_options::SceneOptions;
+
+#[derive(Args)]
+pub struct ReferenceArguments {
+    /// Scene to trace: .glb or .gltf.
+    scene: PathBuf,
+    /// Reference to write: CSV of position, normal, primitive, radiosity and standard error.
+    #[arg(short, long)]
+    output: PathBuf,
+    #[command(flatten)]
+    options: SceneOptions,
+    /// Random points, uniform over the area of the reflecting surfaces.
+    #[arg(long, default_value = "4000", value_parser = at_least_one)]
+    points: NonZeroUsize,
+    /// Trace the points of this reference in place of random ones, and say how well both agree.
+    #[arg(long, value_name = "REFERENCE", conflicts_with = "points")]
+    at: Option<PathBuf>,
+    /// Paths at each point. Four times as many halve the standard error.
+    #[arg(long, default_value_t = ReferenceSettings::default().paths,
+        value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST_PATHS)))]
+    paths: u32,
+    /// Seed of points and paths.
+    #[arg(long, default_value_t = ReferenceSettings::default().seed)]
+    seed: u64,
+}
+
+fn at_least_one(text: &str) -> Result<NonZeroUsize, String> {
+    text.parse().map_err(|_| "must be a whole number from 1".to_owned())
+}
+
+/// Traces one scene, and prints the figures of the result as one line of JSON.
+pub fn run(arguments: &ReferenceArguments, threads: NonZeroUsize) -> anyhow::Result<()> {
+    let clock = Instant::now();
+    check_output(arguments)?;
+    let options = arguments.options.import_options()?;
+    let options =
+        PlainOptions { scene: options.read.scene, light_unit: options.light_unit, sky: options.sky };
+    let scene = PlainScene::open_with(&arguments.scene, &options)?;
+    for warning in &scene.warnings {
+        eprintln!("warning: {warning}");
+    }
+    let failed = || format!("{} cannot be traced", arguments.scene.display());
+    let other = arguments.at.as_ref().map(|path| Ok::<_, anyhow::Error>((path, read(path)?))).transpose()?;
+    let places = match &other {
+        Some((path, points)) => located(&scene, path, points)?,
+        None => random(&scene, arguments.points.get(), arguments.seed).with_context(failed)?,
+    };
+    let settings = ReferenceSettings { paths: arguments.paths, seed: arguments.seed, threads: threads.get() };
+    let progress = Progress::new(places.len());
+    let points = trace(&scene, &places, &settings, &|| progress.step()).with_context(failed)?;
+    progress.bar.finish_and_clear();
+    write(&arguments.output, &points)?;
+    let mut figures = json!({
+        "points": points.len(),
+        "paths": arguments.paths,
+        "relative_standard_error": relative_standard_error(&points),
+        "seconds": clock.elapsed().as_secs_f64(),
+    });
+    if let Some((_, others)) = &other {
+        let agreement = Agreement::of(&points, others);
+        figures["agreement"] = json!({
+            "within_3_sigma": agreement.within_3_sigma,
+            "mean_sigma": agreement.mean_sigma,
+            "rms_sigma": agreement.rms_sigma,
+            "energy_ratio": agreement.energy_ratio,
+            "energy_ratio_error": agreement.energy_ratio_error,
+        });
+    }
+    println!("{figures}");
+    Ok(())
+}
+
+/// The places of another reference, on the surfaces of this scene.
+fn located(scene: &PlainScene, path: &Path, points: &[ReferencePoint]) -> Result<Vec<Place>, ReferenceError> {
+    let places: Vec<Place> = points.iter().map(|point| point.place).collect();
+    let located = locate(scene, &places).into_iter().enumerate();
+    located
+        .map(|(index, place)| {
+            place.ok_or_else(|| ReferenceError::OffScene {
+                reference: path.to_owned(),
+                point: index + 1,
+                primitive: places[index].primitive,
+            })
+        })
+        .collect()
+}
+
+/// Nothing is traced that could not be written, and nothing that is read is overwritten.
+fn check_output(arguments: &ReferenceArguments) -> anyhow::Result<()> {
+    let output = &arguments.output;
+    let whole = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    let inputs = [Some(&arguments.scene), arguments.at.as_ref()];
+    anyhow::ensure!(
+        inputs.into_iter().flatten().all(|input| whole(input) != whole(output)),
+        "output {} is what is read: choose another output",
+        output.display()
+    );
+    super::ensure_place(output)?;
+    let cannot = || format!("output {} cannot be written: choose another output", output.display());
+    AtomicWriteFile::open(output).and_then(AtomicWriteFile::discard).with_context(cannot)
+}
+
+fn write(path: &Path, points: &[ReferencePoint]) -> anyhow::Result<()> {
+    let write = || -> std::io::Result<()> {
+        let mut file = AtomicWriteFile::open(path)?;
+        file.write_all(to_csv(points).as_bytes())?;
+        file.commit()
+    };
+    write().with_context(|| format!("output {} cannot be written", path.display()))
+}
+
+/// A bar; plain lines at every tenth where there is no terminal.
+struct Progress {
+    bar: ProgressBar,
+    total: usize,
+    done: AtomicUsize,
+}
+
+impl Progress {
+    fn new(total: usize) -> Self {
+        let bar = ProgressBar::new(total as u64);
+        let style = ProgressStyle::with_template("trace    [{bar:32}] {pos}/{len} points · {eta} left");
+        // The template is fixed and right.
+        bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+        Self { bar, total, done: AtomicUsize::new(0) }
+    }
+
+    /// Shows that one more point is done.
+    fn step(&self) {
+        let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
+        self.bar.inc(1);
+        if self.bar.is_hidden() && done * 10 / self.total > (done - 1) * 10 / self.total {
+            eprintln!("trace: {done} of {} points", self.total);
+        }
+    }
+}

@@ -1,0 +1,90 @@
+use std::path::PathBuf;
+use std::time::Instant;
+
+use bake::{BakeSettings, KeptLight, LightChange, NewLight, relight};
+use clap::Args;
+use output::export::{ExportSettings, check_writable, export};
+use pipeline::summary::{relit_extras, relit_json};
+use scene::{ImportOptions, import};
+
+use super::output_options::OutputOptions;
+use super::scene_options::{SceneOptions, radiance};
+use super::solve::{check_distinct, check_report, write_report};
+
+#[derive(Args)]
+pub struct RelightArguments {
+    /// Scene that was baked: .glb or .gltf, the same file.
+    scene: PathBuf,
+    /// What `solve --keep-light` wrote.
+    #[arg(long, value_name = "FILE")]
+    kept: PathBuf,
+    /// Lit scene to write: .glb, .gltf or .ply.
+    #[arg(short, long)]
+    output: PathBuf,
+    /// Multiply a light by this, channel by channel, or all channels by one number. Lights are named by their node; emissive
+    /// surfaces by their node or material. May be given several times.
+    #[arg(long = "light", value_name = "NAME=R,G,B", value_parser = change)]
+    lights: Vec<LightChange>,
+    /// Write every figure to this JSON file.
+    #[arg(long)]
+    report: Option<PathBuf>,
+    /// As in the bake, but for --sky: that is the radiance of the new sky.
+    #[command(flatten)]
+    options: SceneOptions,
+    #[command(flatten)]
+    written: OutputOptions,
+}
+
+/// Lights one file otherwise.
+pub fn run(arguments: &RelightArguments) -> anyhow::Result<()> {
+    let clock = Instant::now();
+    check_writable(&arguments.output)?;
+    if let Some(report) = &arguments.report {
+        check_report(report)?;
+    }
+    check_distinct(&[
+        ("scene", Some(&arguments.scene)),
+        ("kept light", Some(&arguments.kept)),
+        ("output", Some(&arguments.output)),
+        ("report", arguments.report.as_ref()),
+    ])?;
+    let (settings, export_settings) =
+        arguments.written.settings(&arguments.options.options(), BakeSettings::default())?;
+    let kept = KeptLight::read(&arguments.kept)?;
+    let options = ImportOptions { sky: kept.sky(), ..arguments.options.import_options()? };
+    let scene = import(&arguments.scene, &options)?;
+    let light = NewLight {
+        changes: arguments.lights.clone(),
+        sky: arguments.options.sky(),
+        only: settings.only,
+        groups: settings.groups,
+    };
+    let relit = relight(&scene, &kept, &light)?;
+    let export_settings = ExportSettings { extras: relit_extras(&relit), ..export_settings };
+    let exported = export(&relit.scene, &relit.lit, &export_settings, &arguments.output)?;
+    for warning in [&scene.warnings, &relit.report.warnings, &exported.warnings].into_iter().flatten() {
+        eprintln!("warning: {warning}");
+    }
+    let seconds = clock.elapsed().as_secs_f64();
+    println!(
+        "relit {} vertices in {seconds:.2} s; estimated error {:.2} % (as baked {:.2} %)",
+        relit.report.vertices,
+        100.0 * relit.report.error.total,
+        100.0 * relit.report.error_as_baked.total
+    );
+    if let Some(path) = &arguments.report {
+        write_report(path, &relit_json(&relit, &exported, seconds)?)?;
+    }
+    Ok(())
+}
+
+/// `NAME=R,G,B` or `NAME=NUMBER`.
+pub fn change(text: &str) -> Result<LightChange, String> {
+    // A name may have an equals sign in it, a number has none.
+    let (light, factor) = text.rsplit_once('=').ok_or("not NAME=R,G,B")?;
+    let factor = match factor.trim().parse::<f64>() {
+        Ok(number) => radiance(&format!("{number},{number},{number}"))?,
+        Err(_) => radiance(factor)?,
+    };
+    Ok(LightChange { light: light.to_owned(), factor })
+}

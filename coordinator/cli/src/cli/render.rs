@@ -1,0 +1,258 @@
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use anyhow::Context;
+use atomic_write_file::AtomicWriteFile;
+use clap::{Args, ValueEnum};
+use cluster::{Cluster, ClusterSettings};
+use glam::DVec3;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use kernel::picture::{Camera, MOST_SAMPLES, Projection, encode_picture};
+use output::render::{
+    CameraChoice, Caption, LitFile, LookAt, PictureFormat, TileSettings, ToneMap, choose_view, encode_exr,
+    encode_png, read_lit, render_tiles, suitable_exposure,
+};
+
+use super::ensure_place;
+use super::knobs::positive;
+use super::progress::short;
+use super::report::new_table;
+use super::scene_options::SceneOptions;
+
+/// Width of a picture where neither side is given.
+const DEFAULT_WIDTH: u32 = 1280;
+
+/// Width over height where no camera says otherwise.
+const DEFAULT_ASPECT: f64 = 16.0 / 9.0;
+
+#[derive(Args)]
+pub struct RenderArguments {
+    /// Lit file to show, as `solve` writes it: .glb or .gltf.
+    file: PathBuf,
+    /// Picture to write: .png (8 bits, tone-mapped) or .exr (radiance as it is).
+    #[arg(short, long)]
+    output: PathBuf,
+    #[command(flatten)]
+    view: ViewArguments,
+    /// Pixels in a line [default: 1280, or as the height and the camera's aspect have it].
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
+    width: Option<u32>,
+    /// Lines [default: as the width and the camera's aspect have it; 16:9 where it has none].
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
+    height: Option<u32>,
+    /// Rays for each pixel: 1 through its middle, or so many spread over it.
+    #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST_SAMPLES)))]
+    samples: u32,
+    /// Display value per unit of irradiance on white, for a PNG [default: the one that the file states, else one at which 5 % of the
+    /// picture is clipped].
+    #[arg(long, value_parser = positive)]
+    exposure: Option<f64>,
+    /// How what is brighter than the screen is brought down to it, for a PNG.
+    #[arg(long, value_enum, default_value_t = ToneMapArgument::Linear)]
+    tone_map: ToneMapArgument,
+    /// Radiance where there is no surface, as red,green,blue [default: the sky that the file was lit with, else black].
+    #[arg(long, value_name = "R,G,B", value_parser = colour)]
+    background: Option<DVec3>,
+    #[command(flatten)]
+    scene: SceneOptions,
+}
+
+/// Where the picture is taken from.
+#[derive(Args)]
+struct ViewArguments {
+    /// Camera of the file: its name, its node's, or its number among the file's cameras in the order of the nodes [default: the
+    /// first; where the file has none, a view of the whole scene].
+    #[arg(long, value_name = "INDEX|NAME", conflicts_with_all = ["eye", "target"])]
+    camera: Option<String>,
+    /// Where to look from, in the file's coordinates.
+    #[arg(long, value_name = "X,Y,Z", value_parser = vector, allow_hyphen_values = true, requires = "target")]
+    eye: Option<DVec3>,
+    /// The point to look at.
+    #[arg(long, value_name = "X,Y,Z", value_parser = vector, allow_hyphen_values = true, requires = "eye")]
+    target: Option<DVec3>,
+    /// What is up in the picture.
+    #[arg(long, value_name = "X,Y,Z", value_parser = vector, allow_hyphen_values = true, default_value = "0,1,0", requires = "eye")]
+    up: DVec3,
+    /// Angle of view from bottom to top, in degrees.
+    #[arg(long, value_name = "DEGREES", value_parser = positive, default_value_t = 45.0, requires = "eye")]
+    fov: f64,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum ToneMapArgument {
+    /// What is brighter than white is white: what viewers show.
+    Linear,
+    /// Photographic: all luminances are compressed, the largest becomes white.
+    Reinhard,
+    /// Khronos PBR Neutral: colours as they are up to 0.8, highlights compressed.
+    Neutral,
+}
+
+impl ToneMapArgument {
+    fn tone_map(self) -> ToneMap {
+        match self {
+            Self::Linear => ToneMap::Linear,
+            Self::Reinhard => ToneMap::Reinhard,
+            Self::Neutral => ToneMap::Neutral,
+        }
+    }
+}
+
+impl ViewArguments {
+    fn choice(&self) -> CameraChoice {
+        match (&self.camera, self.eye, self.target) {
+            (Some(camera), _, _) => CameraChoice::OfFile(camera.clone()),
+            (None, Some(eye), Some(target)) => {
+                let height_angle = self.fov.to_radians();
+                CameraChoice::LookAt(LookAt { eye, target, up: self.up, height_angle })
+            }
+            _ => CameraChoice::Any,
+        }
+    }
+}
+
+/// Makes a picture of one file.
+pub fn run(arguments: &RenderArguments, workers: &ClusterSettings) -> anyhow::Result<()> {
+    let clock = Instant::now();
+    let format = PictureFormat::of(&arguments.output)
+        .with_context(|| format!("output {} must end in .png or .exr", arguments.output.display()))?;
+    ensure_place(&arguments.output)?;
+    let file = read_lit(&arguments.file, &arguments.scene.import_options()?.read)?;
+    for warning in &file.warnings {
+        eprintln!("warning: {warning}");
+    }
+    let (camera, size, words) = camera(&file, arguments)?;
+    let background = arguments.background.or(file.sky).unwrap_or(DVec3::ZERO);
+    let settings = TileSettings { camera, size, samples: arguments.samples, background };
+    let mut cluster = Cluster::start(workers)?;
+    let bar = Bar::new();
+    let tracing = Instant::now();
+    let scene = encode_picture(&file.scene);
+    let picture = render_tiles(&mut cluster, scene, &settings, &mut |done, total| bar.show(done, total))?;
+    let tracing = tracing.elapsed().as_secs_f64();
+    bar.0.finish_and_clear();
+    let per_worker = cluster.workers();
+    cluster.shutdown();
+    let exposure = arguments.exposure.or(file.exposure).unwrap_or_else(|| suitable_exposure(&picture));
+    let caption = Caption {
+        exposure,
+        tone_map: arguments.tone_map.tone_map(),
+        camera: words,
+        samples: arguments.samples,
+    };
+    let bytes = match format {
+        PictureFormat::Png => encode_png(&picture, &caption)?,
+        PictureFormat::Exr => encode_exr(&picture, &caption)?,
+    };
+    write(&arguments.output, &bytes)?;
+
+    let triangles: usize = file.scene.parts.iter().map(|part| part.triangles.len()).sum();
+    let mut table = new_table();
+    let mut row = |name: &str, value: String| {
+        table.add_row([name.to_owned(), value]);
+    };
+    row("time", format!("{:.2} s, {tracing:.2} s of it for the tiles", clock.elapsed().as_secs_f64()));
+    row("triangles", triangles.to_string());
+    row("picture", format!("{} x {}, {} rays per pixel", size[0], size[1], arguments.samples));
+    row("rays", format!("{} ({} rays/s)", picture.rays, short(picture.rays as f64 / tracing)));
+    row("camera", caption.camera);
+    row("exposure", format!("{exposure:.4e} per unit of irradiance"));
+    row("tone map", if format == PictureFormat::Png { caption.tone_map.name() } else { "none" }.to_owned());
+    for worker in &per_worker {
+        let busy = worker.part.busy.as_secs_f64();
+        row(&format!("worker {}", worker.part.name), format!("{} tiles, {busy:.2} s busy", worker.part.jobs));
+    }
+    println!("{table}");
+    Ok(())
+}
+
+/// The camera, the size of the picture, and the camera in words.
+fn camera(file: &LitFile, arguments: &RenderArguments) -> anyhow::Result<(Camera, [u32; 2], String)> {
+    let choice = arguments.view.choice();
+    let of_file = choice.of_file(file)?;
+    let aspect = of_file.and_then(|camera| camera.aspect()).unwrap_or(DEFAULT_ASPECT);
+    let side = |length: f64| length.round().clamp(1.0, f64::from(u32::MAX)) as u32;
+    let (width, height) = match (arguments.width, arguments.height) {
+        (Some(width), Some(height)) => (width, height),
+        (Some(width), None) => (width, side(f64::from(width) / aspect)),
+        (None, Some(height)) => (side(f64::from(height) * aspect), height),
+        (None, None) => (DEFAULT_WIDTH, side(f64::from(DEFAULT_WIDTH) / aspect)),
+    };
+    let aspect = f64::from(width) / f64::from(height);
+    let (camera, words) = match (&choice, of_file) {
+        (CameraChoice::LookAt(look_at), _) => {
+            let LookAt { eye, target, .. } = look_at;
+            let words = format!("from {} to {}", triple(*eye), triple(*target));
+            (look_at.camera(&file.frame, aspect)?, words)
+        }
+        (_, Some(own)) => (own.camera(&file.frame, aspect)?, format!("{} of the file", own.label())),
+        (_, None) => {
+            let camera = choose_view(&file.scene, aspect);
+            (camera, format!("chosen: {}", as_options(&camera, file)))
+        }
+    };
+    Ok((camera, [width, height], words))
+}
+
+/// A camera as the options that ask for it.
+fn as_options(camera: &Camera, file: &LitFile) -> String {
+    let eye = file.frame.to_world(camera.eye);
+    let target = file.frame.to_world(camera.eye + camera.forward * 1024.0);
+    let Projection::Perspective { half: [_, height] } = camera.projection else { return String::new() };
+    format!("--eye {} --target {} --fov {:.1}", triple(eye), triple(target), 2.0 * height.atan().to_degrees())
+}
+
+fn triple(point: DVec3) -> String {
+    let [x, y, z] = point.to_array().map(|value| format!("{value:.4}"));
+    let short = |text: String| text.trim_end_matches('0').trim_end_matches('.').to_owned();
+    [x, y, z].map(short).join(",")
+}
+
+fn write(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
+    let write = || -> std::io::Result<()> {
+        let mut file = AtomicWriteFile::open(path)?;
+        file.write_all(bytes)?;
+        file.commit()
+    };
+    write().with_context(|| format!("output {} cannot be written", path.display()))
+}
+
+fn vector(text: &str) -> Result<DVec3, String> {
+    let numbers: Result<Vec<f64>, _> = text.split(',').map(|part| part.trim().parse::<f64>()).collect();
+    match numbers.as_deref() {
+        Ok(&[x, y, z]) if [x, y, z].iter().all(|value| value.is_finite()) => Ok(DVec3::new(x, y, z)),
+        _ => Err("must be three numbers, separated by commas".into()),
+    }
+}
+
+fn colour(text: &str) -> Result<DVec3, String> {
+    let colour = vector(text)?;
+    if (0.0..=1e30).contains(&colour.min_element()) && colour.max_element() <= 1e30 {
+        Ok(colour)
+    } else {
+        Err("must be three numbers that are not negative, separated by commas".into())
+    }
+}
+
+/// A bar; plain lines at every fifth where there is no terminal.
+struct Bar(ProgressBar);
+
+impl Bar {
+    fn new() -> Self {
+        let bar = ProgressBar::with_draw_target(Some(1), ProgressDrawTarget::stderr_with_hz(10));
+        let style = ProgressStyle::with_template("render   [{bar:32}] {percent} % · {eta} left");
+        // The template is fixed and right.
+        bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+        Self(bar)
+    }
+
+    fn show(&self, done: usize, total: usize) {
+        self.0.set_length(total as u64);
+        self.0.set_position(done as u64);
+        let fifth = |done: usize| done * 5 / total.max(1);
+        if self.0.is_hidden() && fifth(done) > fifth(done - 1) {
+            eprintln!("render: {} %", fifth(done) * 20);
+        }
+    }
+}

@@ -1,0 +1,180 @@
+use std::time::Duration;
+
+use cluster::WorkerSummary;
+use comfy_table::{Table, presets};
+use pipeline::summary::{Computed, Summary, busy_share};
+
+use super::progress::short;
+
+/// Figures as tables, for people.
+pub trait Tables {
+    /// Prints the tables.
+    fn print(&self);
+}
+
+impl Tables for Summary<'_> {
+    fn print(&self) {
+        let bake = self.bake;
+        let mut table = new_table();
+        let mut row = |name: &str, value: String| {
+            table.add_row([name.to_owned(), value]);
+        };
+        let steps: Vec<String> =
+            bake.seconds.iter().map(|(name, seconds)| format!("{name} {seconds:.2}")).collect();
+        row("time", format!("{:.2} s ({})", self.seconds, steps.join(", ")));
+        row("vertices", format!("{} ({} shooting)", bake.vertices, bake.shooting_vertices));
+        row("triangles", self.exported.triangles.to_string());
+        let model = &bake.model;
+        row(
+            "lights",
+            format!(
+                "{}; {}",
+                counts(&[
+                    (model.area_lights, "area", true),
+                    (model.point_lights, "point", true),
+                    (model.spot_lights, "spot", false),
+                    (model.directional_lights, "directional", false),
+                    (model.sky, "polygons of sky", false),
+                ]),
+                if model.channels == 1 { "all grey: one channel of light" } else { "three channels" }
+            ),
+        );
+        let part = |pairs: u64| 100.0 * pairs as f64 / model.pairs.max(1) as f64;
+        row(
+            "pairs",
+            format!(
+                "{}: {:.1} % turned away (no form factor), {:.1} % nothing between (no visibility), {:.1} % something between (computed), {:.1} % sampled",
+                short(model.pairs as f64),
+                part(model.pairs_turned_away),
+                part(model.pairs_unoccluded),
+                part(model.pairs_computed),
+                part(model.pairs_sampled)
+            ),
+        );
+        row(
+            "rows",
+            format!(
+                "{} ({} form factors); {} kept, {} made again",
+                bake.rows,
+                short(bake.factors as f64),
+                format_args!("{}B", short(bake.row_bytes as f64)),
+                bake.rows_again
+            ),
+        );
+        row(
+            "rays",
+            format!("{} ({} pairs sampled)", short(bake.rays as f64), short(bake.model.pairs_sampled as f64)),
+        );
+        let balance = &bake.balance;
+        let percent = |flux: &[f64; 3]| {
+            let emitted: f64 = balance.emitted.iter().sum();
+            // Adding zero turns -0 into 0.
+            (1e6 * flux.iter().sum::<f64>() / emitted).round() / 1e4 + 0.0
+        };
+        let fluxes = [&balance.absorbed, &balance.unshot, &balance.escaped, &balance.imbalance].map(percent);
+        row(
+            "energy balance",
+            format!(
+                "absorbed {:.2} %, unshot {:.4} %, escaped {:.2} %, imbalance {:.2} %",
+                fluxes[0], fluxes[1], fluxes[2], fluxes[3]
+            ),
+        );
+        row("unshot bound", format!("{:.1e} of the reflected flux", bake.unshot_bound));
+        let error = &bake.error;
+        row(
+            "error, estimated",
+            format!(
+                "{:.2} %: mesh {:.2} % (receivers {:.2} %, shooters {:.2} %), visibility {:.2} %, form factors {:.0e}, unshot {:.0e}",
+                100.0 * error.total,
+                100.0 * error.mesh,
+                100.0 * error.receivers,
+                100.0 * error.shooters,
+                100.0 * error.visibility,
+                error.form_factors,
+                error.unshot
+            ),
+        );
+        let sums = &bake.row_sums;
+        row("row sums", format!("mean {:.4}, {:.4} to {:.4}", sums.mean, sums.least, sums.largest));
+        let classes = ["<.5", ".5", ".9", ".99", ".999", ">1.001"].iter().zip(&sums.histogram);
+        let classes: Vec<String> =
+            classes.map(|(name, part)| format!("{name}: {:.1} %", part * 100.0)).collect();
+        row("  of the area", classes.join("  "));
+        if let Some(bytes) = self.peak_memory_bytes {
+            row("peak memory", format!("{}B", short(bytes as f64)));
+        }
+        if let Some(checkpoint) = self.checkpoint {
+            let mut text =
+                format!("{} rows from it, {} added", checkpoint.rows_read, checkpoint.rows_written);
+            match &checkpoint.stopped {
+                Some(why) => text += &format!(", {} not: {why}", checkpoint.rows_dropped),
+                None if checkpoint.rows_dropped > 0 => {
+                    text += &format!(", {} not: the disk did not keep up", checkpoint.rows_dropped);
+                }
+                None => {}
+            }
+            row("checkpoint", text);
+        }
+        row("exposure", format!("{:.4e} per {}", self.exported.exposure, self.unit));
+        for (name, kinds) in [("modelled", &self.account.modelled), ("ignored", &self.account.ignored)] {
+            if !kinds.is_empty() {
+                row(name, kinds.join(", "));
+            }
+        }
+        if self.degenerate_triangles > 0 {
+            row("dropped", format!("{} triangles without area", self.degenerate_triangles));
+        }
+        println!("{table}");
+        if let Computed::Alone(workers @ [_, _, ..], _) = self.workers {
+            println!("{}", worker_table(workers));
+        }
+    }
+}
+
+fn worker_table(workers: &[WorkerSummary]) -> Table {
+    let mut table = new_table();
+    table.set_header(["worker", "threads", "jobs", "late", "rows", "rays", "busy", "received", "sent"]);
+    for worker in workers {
+        let part = &worker.part;
+        let mut name = part.name.clone();
+        if worker.connections > 1 {
+            name += &format!(" (connected {} times)", worker.connections);
+        }
+        if let Some(why) = &worker.lost {
+            name += &format!(" (lost: {why})");
+        }
+        table.add_row([
+            name,
+            part.threads.to_string(),
+            part.jobs.to_string(),
+            worker.late.to_string(),
+            part.rows.to_string(),
+            short(part.rays as f64),
+            format!("{:.0} % of {:.2} s", 100.0 * busy_share(worker), seconds(worker.connected)),
+            format!(
+                "{}B ({:.0} a row)",
+                short(part.bytes_received as f64),
+                part.bytes_received as f64 / part.rows.max(1) as f64
+            ),
+            format!("{}B", short(worker.bytes_sent as f64)),
+        ]);
+    }
+    table
+}
+
+/// Kinds with how many there are of each; `true`: also where there is none.
+fn counts(kinds: &[(usize, &str, bool)]) -> String {
+    let shown = kinds.iter().filter(|(count, _, always)| *always || *count > 0);
+    shown.map(|(count, name, _)| format!("{count} {name}")).collect::<Vec<_>>().join(", ")
+}
+
+fn seconds(duration: Duration) -> f64 {
+    duration.as_secs_f64()
+}
+
+/// An empty table.
+pub fn new_table() -> Table {
+    let mut table = Table::new();
+    table.load_preset(presets::UTF8_BORDERS_ONLY);
+    table
+}

@@ -1,0 +1,197 @@
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::Instant;
+
+use anyhow::Context;
+use atomic_write_file::AtomicWriteFile;
+use bake::BakeSettings;
+use clap::Args;
+use cluster::Workers;
+use tempfile::TempDir;
+use verify::score::{check_reference, score};
+use verify::study::{Circumstances, Measurement, PlanSize, RunReport, Step, markdown, plan, svg, to_csv};
+
+use super::machine;
+
+#[derive(Args)]
+pub struct StudyArguments {
+    /// Scene to bake: .glb or .gltf.
+    scene: PathBuf,
+    /// Path-traced reference of the scene: CSV of position, normal, primitive, radiosity and standard error.
+    #[arg(long)]
+    reference: PathBuf,
+    /// Folder for study.csv, study.svg and study.md. It is made if it is not there; older files of these names are
+    /// overwritten.
+    #[arg(short, long)]
+    output: PathBuf,
+    /// Runs of each setting; their median counts [default: 5, or 1 with --quick].
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    runs: Option<u32>,
+    /// Seeds for bias and spread [default: 10, or 3 with --quick].
+    #[arg(long, value_parser = clap::value_parser!(u32).range(2..=1000))]
+    seeds: Option<u32>,
+    /// Two settings a knob: for a first look.
+    #[arg(long)]
+    quick: bool,
+}
+
+impl StudyArguments {
+    fn size(&self) -> PlanSize {
+        let (runs, seeds) = if self.quick { (1, 3) } else { (5, 10) };
+        PlanSize { runs: self.runs.unwrap_or(runs), seeds: self.seeds.unwrap_or(seeds), quick: self.quick }
+    }
+}
+
+/// Bakes a scene many times, and writes how its error falls with time.
+pub fn run(arguments: &StudyArguments, workers: &Workers) -> anyhow::Result<()> {
+    let size = arguments.size();
+    check_reference(&arguments.reference, &arguments.scene)?;
+    let outputs = Outputs::prepare(&arguments.output, &arguments.reference)?;
+    let bench = Bench::new(arguments, workers)?;
+    let steps = plan(size, BakeSettings::default().seed);
+    let clock = Instant::now();
+    let mut measurements = vec![];
+    for (index, step) in steps.iter().enumerate() {
+        let measurement = bench.measure(*step)?;
+        let left = clock.elapsed().as_secs_f64() / (index + 1) as f64 * (steps.len() - index - 1) as f64;
+        eprintln!(
+            "{}/{} {}, {}: {:.2} s, error {:.2} %, energy {:.4} · {:.0} s left",
+            index + 1,
+            steps.len(),
+            step.part.name(),
+            step.arguments().join(" "),
+            measurement.seconds,
+            100.0 * measurement.score.relative_l2,
+            measurement.score.energy_ratio,
+            left
+        );
+        measurements.push(measurement);
+    }
+    let circumstances = Circumstances {
+        scene: file_name(&arguments.scene),
+        reference: file_name(&arguments.reference),
+        program: concat!("halflight ", env!("CARGO_PKG_VERSION")).into(),
+        machine: machine::describe(),
+        workers: describe(workers),
+        runs: size.runs,
+    };
+    let tables = markdown(&circumstances, &measurements);
+    outputs.write(&to_csv(&measurements), &svg(&circumstances, &measurements)?, &tables)?;
+    println!("{tables}");
+    Ok(())
+}
+
+/// Where the results go.
+struct Outputs {
+    folder: PathBuf,
+}
+
+const CSV: &str = "study.csv";
+const SVG: &str = "study.svg";
+const MARKDOWN: &str = "study.md";
+
+impl Outputs {
+    /// Makes the folder, and finds out whether files can be written there without losing the reference.
+    fn prepare(folder: &Path, reference: &Path) -> anyhow::Result<Self> {
+        let whole = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+        fs::create_dir_all(folder).with_context(|| {
+            format!("output folder {} cannot be made: choose another --output", folder.display())
+        })?;
+        for name in [CSV, SVG, MARKDOWN] {
+            let path = folder.join(name);
+            anyhow::ensure!(
+                whole(&path) != whole(reference),
+                "{} is the reference itself: choose another --output",
+                path.display()
+            );
+            anyhow::ensure!(!path.is_dir(), "{} is a folder: choose another --output", path.display());
+            AtomicWriteFile::open(&path)
+                .and_then(AtomicWriteFile::discard)
+                .with_context(|| format!("{} cannot be written: choose another --output", path.display()))?;
+        }
+        Ok(Self { folder: folder.to_owned() })
+    }
+
+    fn write(&self, csv: &str, svg: &str, markdown: &str) -> anyhow::Result<()> {
+        for (name, text) in [(CSV, csv), (SVG, svg), (MARKDOWN, markdown)] {
+            let path = self.folder.join(name);
+            let write = || -> std::io::Result<()> {
+                let mut file = AtomicWriteFile::open(&path)?;
+                file.write_all(text.as_bytes())?;
+                file.commit()
+            };
+            write().with_context(|| format!("{} cannot be written", path.display()))?;
+        }
+        Ok(())
+    }
+}
+
+/// Runs `solve`, each time as a process of its own: time and memory are then those of the whole program.
+struct Bench<'a> {
+    arguments: &'a StudyArguments,
+    program: PathBuf,
+    /// Which workers the runs use, as arguments.
+    workers: [String; 2],
+    folder: TempDir,
+}
+
+impl<'a> Bench<'a> {
+    fn new(arguments: &'a StudyArguments, workers: &Workers) -> anyhow::Result<Self> {
+        let workers = match workers {
+            Workers::Embedded { threads } => ["--threads".into(), threads.to_string()],
+            Workers::Remote(names) => ["--workers".into(), names.join(",")],
+        };
+        let program = std::env::current_exe().context("this program's own file cannot be found")?;
+        let folder = TempDir::with_prefix("halflight-study-").context("no temporary folder can be made")?;
+        Ok(Self { arguments, program, workers, folder })
+    }
+
+    fn measure(&self, step: Step) -> anyhow::Result<Measurement> {
+        let [lit, report] = ["lit.glb", "report.json"].map(|name| self.folder.path().join(name));
+        let mut command = Command::new(&self.program);
+        command
+            .arg("solve")
+            .arg(&self.arguments.scene)
+            .arg("--output")
+            .arg(&lit)
+            .arg("--report")
+            .arg(&report);
+        command.args(step.arguments()).args(&self.workers);
+        // The arguments say which workers; the variables could contradict them. The port of the metrics is this process's.
+        for variable in ["COORDINATOR_WORKERS", "COORDINATOR_THREADS", "COORDINATOR_METRICS"] {
+            command.env_remove(variable);
+        }
+        command.stdin(Stdio::null());
+        let clock = Instant::now();
+        let answer =
+            command.output().with_context(|| format!("{} cannot be started", self.program.display()))?;
+        let seconds = clock.elapsed().as_secs_f64();
+        let run = || format!("solve {} {}", self.arguments.scene.display(), step.arguments().join(" "));
+        anyhow::ensure!(
+            answer.status.success(),
+            "{} failed ({}):\n{}",
+            run(),
+            answer.status,
+            String::from_utf8_lossy(&answer.stderr).trim_end()
+        );
+        let text = fs::read_to_string(&report).with_context(|| format!("{} left no report", run()))?;
+        let report = RunReport::parse(&text)
+            .with_context(|| format!("{} left a report that cannot be read", run()))?;
+        let score = score(&lit, &self.arguments.reference, &self.arguments.scene)?;
+        Ok(Measurement { step, seconds, score, report })
+    }
+}
+
+fn describe(workers: &Workers) -> String {
+    match workers {
+        Workers::Embedded { threads: 1 } => "1 thread".into(),
+        Workers::Embedded { threads } => format!("{threads} threads"),
+        Workers::Remote(names) => format!("workers {}", names.join(", ")),
+    }
+}
+
+fn file_name(path: &Path) -> String {
+    path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
+}

@@ -1,0 +1,133 @@
+//! A checkpoint on disk: a header, then records to the end.
+
+use std::collections::HashMap;
+use std::fs::{File, OpenOptions, TryLockError};
+use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
+use std::os::unix::fs::FileExt;
+use std::path::Path;
+
+use kernel::replica::Digest;
+use kernel::row::release;
+
+use super::CheckpointError;
+use super::record::{HEAD, TAIL, decode_head, is_whole};
+
+/// What every checkpoint begins with.
+const MAGIC: &[u8] = b"halflight checkpoint\n";
+
+/// Longest line with the release.
+const LONGEST_RELEASE: u64 = 100;
+
+/// Where the body of a record is, its checksum included.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Place {
+    pub offset: u64,
+    pub length: usize,
+}
+
+/// A checkpoint that this process alone uses.
+pub struct CheckpointFile {
+    pub file: File,
+    /// Records found.
+    pub index: HashMap<Digest, Place>,
+    /// Length of the file in bytes.
+    pub length: u64,
+}
+
+impl CheckpointFile {
+    /// Opens a checkpoint, or creates one. What stands behind the last whole record is cut off.
+    pub fn open(path: &Path) -> Result<Self, CheckpointError> {
+        let failed = |error| CheckpointError::Io { path: path.to_owned(), error };
+        let mut options = OpenOptions::new();
+        let file = options.read(true).write(true).create(true).truncate(false).open(path).map_err(failed)?;
+        file.try_lock().map_err(|error| match error {
+            TryLockError::WouldBlock => CheckpointError::InUse { path: path.to_owned() },
+            TryLockError::Error(error) => failed(error),
+        })?;
+        let mut reader = BufReader::with_capacity(1 << 20, &file);
+        let header = [MAGIC, release().as_bytes(), b"\n"].concat();
+        let mut found = vec![];
+        reader.by_ref().take(MAGIC.len() as u64).read_to_end(&mut found).map_err(failed)?;
+        if found.len() < MAGIC.len() && MAGIC.starts_with(&found) {
+            // New, or ended before its first record.
+            begin(&file, &header).map_err(failed)?;
+            return Ok(Self { file, index: HashMap::new(), length: header.len() as u64 });
+        }
+        if found != MAGIC {
+            return Err(CheckpointError::NotACheckpoint { path: path.to_owned() });
+        }
+        let line = read_line(&mut reader).map_err(failed)?;
+        match line {
+            None => {
+                begin(&file, &header).map_err(failed)?;
+                Ok(Self { file, index: HashMap::new(), length: header.len() as u64 })
+            }
+            Some(theirs) if theirs != release() => {
+                Err(CheckpointError::Version { path: path.to_owned(), theirs, ours: release() })
+            }
+            Some(_) => {
+                let (index, length) = scan(&mut reader, header.len() as u64).map_err(failed)?;
+                file.set_len(length).map_err(failed)?;
+                (&file).seek(SeekFrom::Start(length)).map_err(failed)?;
+                Ok(Self { file, index, length })
+            }
+        }
+    }
+}
+
+/// Body and checksum of a record.
+pub fn read(file: &File, place: Place) -> io::Result<Vec<u8>> {
+    let mut bytes = vec![0; place.length];
+    file.read_exact_at(&mut bytes, place.offset)?;
+    Ok(bytes)
+}
+
+fn begin(mut file: &File, header: &[u8]) -> io::Result<()> {
+    file.set_len(0)?;
+    file.seek(SeekFrom::Start(0))?;
+    file.write_all(header)
+}
+
+/// The rest of a line; `None` where the file ends before it does.
+fn read_line(reader: &mut impl BufRead) -> io::Result<Option<String>> {
+    let mut line = vec![];
+    reader.take(LONGEST_RELEASE).read_until(b'\n', &mut line)?;
+    let ended = line.pop_if(|last| *last == b'\n').is_some();
+    let is_line = ended || line.len() as u64 == LONGEST_RELEASE;
+    Ok(is_line.then(|| String::from_utf8_lossy(&line).into_owned()))
+}
+
+/// Finds all whole records, and where the last of them ends. One that is damaged is passed over, as far as its length is right:
+/// it costs its own row only.
+fn scan(reader: &mut impl Read, first: u64) -> io::Result<(HashMap<Digest, Place>, u64)> {
+    let mut index = HashMap::new();
+    let (mut at, mut end) = (first, first);
+    let mut bytes = vec![];
+    loop {
+        let mut head = [0; HEAD];
+        if !fill(reader, &mut head)? {
+            return Ok((index, end));
+        }
+        let Some((key, body)) = decode_head(&head) else { return Ok((index, end)) };
+        let length = body + TAIL;
+        bytes.resize(length, 0);
+        if !fill(reader, &mut bytes)? {
+            return Ok((index, end));
+        }
+        let offset = at + HEAD as u64;
+        at = offset + length as u64;
+        if is_whole(key, &bytes) {
+            index.insert(key, Place { offset, length });
+            end = at;
+        }
+    }
+}
+
+/// Reads so many bytes; false where the file ends before.
+fn fill(reader: &mut impl Read, bytes: &mut [u8]) -> io::Result<bool> {
+    match reader.read_exact(bytes) {
+        Ok(()) => Ok(true),
+        Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => Ok(false),
+        Err(error) => Err(error),
+    }
+}

@@ -1,0 +1,211 @@
+//! Connections to workers, up to both hellos.
+
+use std::io;
+use std::net::SocketAddr;
+use std::num::NonZeroUsize;
+use std::sync::Arc;
+use std::time::Duration;
+
+use hyper_util::rt::TokioIo;
+use protocol::security::{ClientSecurity, Credentials, SecuredChannel, explain};
+use protocol::worker::coordinator_message::Body as Outgoing;
+use protocol::worker::worker_client::WorkerClient;
+use protocol::worker::worker_message::Body as Incoming;
+use protocol::worker::{
+    CoordinatorHello, CoordinatorMessage, MAX_MESSAGE_BYTES, PROTOCOL_VERSION, WorkerHello, WorkerMessage,
+};
+use tokio::io::DuplexStream;
+use tokio::sync::mpsc;
+use tokio::time::timeout;
+use tokio_stream::StreamExt;
+use tokio_stream::wrappers::UnboundedReceiverStream;
+use tokio_util::sync::CancellationToken;
+use tonic::Streaming;
+use tonic::transport::{Channel, Endpoint, Uri};
+use tower::service_fn;
+use worker::Settings;
+
+use super::ClusterError;
+use super::error::{is_refusal, reason, words};
+use super::network::Network;
+
+/// How long a worker may take to take a connection, and then to say hello.
+pub(super) const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
+
+/// Bytes of rows that may be on their way on one connection.
+const CONNECTION_WINDOW: u32 = 16 << 20;
+
+/// Most bytes of an HTTP/2 frame that comes from a worker: the rows of a job in one frame are copied once less than in many.
+const LARGEST_FRAME: u32 = 1 << 20;
+
+/// Bytes that an embedded worker's connection holds.
+const MEMORY_BUFFER: usize = 1 << 20;
+
+/// What the worker of this process is called in messages.
+pub(super) const EMBEDDED: &str = "this process";
+
+/// A worker that said hello.
+pub(super) struct Connection {
+    /// Where it is, for messages.
+    pub address: String,
+    /// What it said.
+    pub hello: WorkerHello,
+    /// Its half of the session.
+    pub inbound: Streaming<WorkerMessage>,
+    /// Our half of the session. Unbounded: what it holds is bounded by the jobs that a worker may have under way.
+    pub outbound: mpsc::UnboundedSender<CoordinatorMessage>,
+    /// Uploads have a connection of their own: an upload that the worker is slow to read would hold up all other messages.
+    pub uploads: WorkerClient<SecuredChannel>,
+    /// Whether the worker can fall silent while this process lives on.
+    pub remote: bool,
+}
+
+/// Refuses what cannot be the address of a worker.
+pub(super) fn check_name(address: &str) -> Result<(), ClusterError> {
+    let well_formed = address.rsplit_once(':').is_some_and(|(host, port)| {
+        !host.is_empty() && !host.contains('/') && port.parse().is_ok_and(|port: u16| port > 0)
+    });
+    if well_formed { Ok(()) } else { Err(ClusterError::Address { address: address.into() }) }
+}
+
+/// Dials one of the machines that the name `given` stands for.
+pub(super) async fn dial(
+    network: &Arc<dyn Network>,
+    security: &ClientSecurity,
+    given: &str,
+    socket: SocketAddr,
+) -> Result<Connection, ClusterError> {
+    let address = place(given, socket);
+    let endpoint = security
+        .endpoint(given, socket)
+        .map_err(|error| ClusterError::Insecure { address: address.clone(), reason: error.to_string() })?;
+    let endpoint = with_limits(endpoint);
+    let connector = {
+        let network = Arc::clone(network);
+        move |_: Uri| {
+            let connecting = network.connect(socket);
+            async move { connecting.await.map(TokioIo::new) }
+        }
+    };
+    let unreachable = |reason| ClusterError::Unreachable { address: address.clone(), reason };
+    let connecting = endpoint.connect_with_connector(service_fn(connector.clone()));
+    let channel = timeout(CONNECT_TIMEOUT, connecting)
+        .await
+        .map_err(|_| unreachable("it does not take the connection in time".into()))?
+        .map_err(|error| match explain(&error) {
+            Some(reason) => ClusterError::Insecure { address: address.clone(), reason },
+            None => unreachable(reason(&error)),
+        })?;
+    let uploads = endpoint.connect_with_connector_lazy(service_fn(connector));
+    let plain = security.transport.tls().is_none();
+    greet(address.clone(), channel, uploads, security.credentials(), true)
+        .await
+        .map_err(|error| if plain { with_certificates_in_mind(error) } else { error })
+}
+
+/// A worker with certificates hangs up on plain text, and its alert may be lost on the way.
+fn with_certificates_in_mind(error: ClusterError) -> ClusterError {
+    match error {
+        ClusterError::Unreachable { address, reason } => {
+            let reason = format!("{reason} (one with certificates takes --tls-ca, --tls-cert and --tls-key)");
+            ClusterError::Unreachable { address, reason }
+        }
+        other => other,
+    }
+}
+
+/// What a worker is called in messages: as the user gave it, and which of its machines.
+pub(super) fn place(given: &str, socket: SocketAddr) -> String {
+    let socket = socket.to_string();
+    if socket == given { socket } else { format!("{given} ({socket})") }
+}
+
+/// Whether a [`place`] is one of the machines that a name stands for, or the name itself.
+pub(super) fn is_at(place: &str, name: &str) -> bool {
+    place.strip_prefix(name).is_some_and(|rest| rest.is_empty() || rest.starts_with(" ("))
+}
+
+/// Starts a worker in this process, which serves until `shutdown` is cancelled, and connects to it through memory.
+pub(super) async fn embed(
+    threads: NonZeroUsize,
+    shutdown: CancellationToken,
+) -> Result<Connection, ClusterError> {
+    let (dialled, accepted) = mpsc::unbounded_channel::<DuplexStream>();
+    let settings = Settings { replica_bytes: u64::MAX, ..Settings::new("embedded", threads) };
+    let incoming = UnboundedReceiverStream::new(accepted).map(Ok::<_, io::Error>);
+    let serving = tokio::spawn(worker::serve(incoming, settings, shutdown));
+
+    let connector = move |_: Uri| {
+        let (near, far) = tokio::io::duplex(MEMORY_BUFFER);
+        let accepted = dialled.send(far).map_err(|_| io::Error::other("the embedded worker has ended"));
+        async move { accepted.map(|()| TokioIo::new(near)) }
+    };
+    // The address is never looked up: the connector knows only one place.
+    let endpoint = with_limits(Endpoint::from_static("http://embedded"));
+    let channel = endpoint.connect_with_connector_lazy(service_fn(connector.clone()));
+    let uploads = endpoint.connect_with_connector_lazy(service_fn(connector));
+    tokio::select! {
+        connection = greet(EMBEDDED.into(), channel, uploads, Credentials::default(), false) => connection,
+        // Before its shutdown it ends only when it cannot start.
+        Ok(Err(error)) = serving => Err(ClusterError::Start(error.to_string())),
+    }
+}
+
+fn with_limits(endpoint: Endpoint) -> Endpoint {
+    endpoint
+        .initial_connection_window_size(CONNECTION_WINDOW)
+        .initial_stream_window_size(CONNECTION_WINDOW)
+        .max_frame_size(LARGEST_FRAME)
+}
+
+fn client(channel: Channel, credentials: Credentials) -> WorkerClient<SecuredChannel> {
+    WorkerClient::with_interceptor(channel, credentials)
+        .max_decoding_message_size(MAX_MESSAGE_BYTES)
+        .max_encoding_message_size(MAX_MESSAGE_BYTES)
+}
+
+/// Opens the session and exchanges hellos.
+async fn greet(
+    address: String,
+    channel: Channel,
+    uploads: Channel,
+    credentials: Credentials,
+    remote: bool,
+) -> Result<Connection, ClusterError> {
+    let (outbound, messages) = mpsc::unbounded_channel();
+    let hello = CoordinatorHello {
+        protocol_version: PROTOCOL_VERSION,
+        name: format!("coordinator {}", std::process::id()),
+    };
+    // The receiving end is in scope.
+    let _ = outbound.send(CoordinatorMessage { body: Some(Outgoing::Hello(hello)) });
+    let unreachable = |reason: String| ClusterError::Unreachable { address: address.clone(), reason };
+    let refused = |reason: String| ClusterError::Refused { address: address.clone(), reason };
+    let failed = |status: tonic::Status| match explain(&status) {
+        Some(reason) => ClusterError::Insecure { address: address.clone(), reason },
+        None if is_refusal(&status) => refused(words(&status)),
+        None => unreachable(words(&status)),
+    };
+    let opening = async {
+        let session =
+            client(channel, credentials.clone()).session(UnboundedReceiverStream::new(messages)).await;
+        let mut inbound = session.map_err(failed)?.into_inner();
+        let first = inbound.message().await.map_err(failed)?;
+        match first.map(|message| message.body) {
+            Some(Some(Incoming::Hello(hello))) => Ok((inbound, hello)),
+            Some(_) => Err(refused("it does not say hello".into())),
+            None => Err(unreachable("it ends the session before its hello".into())),
+        }
+    };
+    let (inbound, hello) = timeout(CONNECT_TIMEOUT, opening)
+        .await
+        .map_err(|_| unreachable("it does not say hello in time".into()))??;
+    if hello.protocol_version != PROTOCOL_VERSION {
+        let (theirs, ours) = (hello.protocol_version, PROTOCOL_VERSION);
+        return Err(ClusterError::Version { address, theirs, ours });
+    }
+    if hello.threads == 0 {
+        return Err(refused("it has no threads".into()));
+    }
+    Ok(Connection { address, hello, inbound, outbound, uploads: client(uploads, credentials), remote })
+}

@@ -1,0 +1,123 @@
+use std::error::Error;
+
+use kernel::replica::Digest;
+use tonic::Code;
+
+use crate::scheduler::{Abandonment, JobId};
+
+/// Why rows cannot be had.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum ClusterError {
+    /// There is nobody to work.
+    #[error("no workers: give at least one thread or one address")]
+    NoWorkers,
+    /// The network threads or the embedded worker did not start.
+    #[error("cannot start the workers of this process: {0}")]
+    Start(String),
+    /// An address is not of the right form.
+    #[error("{address:?} is not the address of a worker: write host:port")]
+    Address {
+        /// As it was given.
+        address: String,
+    },
+    /// Nobody answers.
+    #[error(
+        "no worker answers at {address}: {reason}; start one there with `worker --listen host:port`, or \
+         correct the address"
+    )]
+    Unreachable {
+        /// As it was given, and what it stands for.
+        address: String,
+        /// What the system says.
+        reason: String,
+    },
+    /// The worker is of another release.
+    #[error(
+        "worker at {address} speaks protocol version {theirs}, this coordinator version {ours}: install the \
+         same release on both machines"
+    )]
+    Version {
+        /// The worker's address.
+        address: String,
+        /// The worker's version.
+        theirs: u32,
+        /// The version of this program.
+        ours: u32,
+    },
+    /// Somebody answers, but not as a worker does.
+    #[error("worker at {address} refuses the session: {reason}")]
+    Refused {
+        /// The worker's address.
+        address: String,
+        /// The worker's words.
+        reason: String,
+    },
+    /// The connection would not be, or is not, what was asked for: plain text beyond this machine, a certificate refused.
+    #[error("worker at {address} is not talked to: {reason}")]
+    Insecure {
+        /// The worker's address.
+        address: String,
+        /// Why, and the cure.
+        reason: String,
+    },
+    /// Nobody is left, and nobody came back.
+    #[error("all workers are lost: {}", reasons.join("; "))]
+    AllWorkersLost {
+        /// How each of them was lost, or why it was never reached.
+        reasons: Vec<String>,
+    },
+    /// A job failed wherever it was tried.
+    #[error("job {job} cannot be computed, {why}: {message}")]
+    Abandoned {
+        /// The job.
+        job: JobId,
+        /// Why it is not tried again.
+        why: Abandonment,
+        /// The last worker's words.
+        message: String,
+    },
+    /// A job needs a replica that was not published, or was released.
+    #[error("replica {0} is not published, and a job needs it")]
+    NotPublished(Digest),
+    /// The task that moves the messages is gone.
+    #[error("the cluster has stopped")]
+    Stopped,
+}
+
+impl ClusterError {
+    /// Whether dialling the same process again cannot help.
+    pub(super) fn is_final(&self) -> bool {
+        matches!(
+            self,
+            Self::Version { .. } | Self::Refused { .. } | Self::Address { .. } | Self::Insecure { .. }
+        )
+    }
+}
+
+/// Whether the other side itself said no, rather than the network between: then it says so again.
+pub(super) fn is_refusal(status: &tonic::Status) -> bool {
+    let says_no = matches!(
+        status.code(),
+        Code::FailedPrecondition
+            | Code::InvalidArgument
+            | Code::PermissionDenied
+            | Code::ResourceExhausted
+            | Code::Unauthenticated
+            | Code::Unimplemented
+    );
+    says_no && status.source().is_none()
+}
+
+/// What lies at the bottom of an error: the words of the system below those of the libraries.
+pub(super) fn reason(error: &dyn Error) -> String {
+    let mut innermost = error;
+    while let Some(source) = innermost.source() {
+        innermost = source;
+    }
+    innermost.to_string()
+}
+
+/// What a status says: a worker's own words, or why the connection failed.
+pub(super) fn words(status: &tonic::Status) -> String {
+    if status.source().is_some() { reason(status) } else { status.message().into() }
+}

@@ -1,0 +1,273 @@
+//! Who takes part: follows the names of the workers, dials, works with whoever answers, and dials again after a loss.
+
+use std::collections::{HashMap, HashSet};
+use std::net::SocketAddr;
+use std::num::NonZeroUsize;
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use protocol::security::ClientSecurity;
+use tokio::sync::{mpsc, oneshot};
+use tokio::task::JoinHandle;
+use tokio::time::{sleep, timeout};
+use tokio_util::sync::CancellationToken;
+
+use super::connect::{self, CONNECT_TIMEOUT, Connection, EMBEDDED, place};
+use super::message::{Joined, Message};
+use super::network::Network;
+use super::session::{self, News};
+use super::{ClusterError, ClusterSettings};
+use crate::metrics::Metrics;
+use crate::scheduler::WorkerId;
+
+/// How often a name is looked up again: a machine that joins is found after so long.
+const LOOK_UP_INTERVAL: Duration = Duration::from_secs(2);
+
+/// Before a worker that was lost, or does not answer, is dialled again; doubled each time up to the longest.
+const FIRST_DELAY: Duration = Duration::from_millis(250);
+const LONGEST_DELAY: Duration = Duration::from_secs(5);
+
+/// Before an address that leads to a worker which is connected already is tried again.
+const ALIAS_DELAY: Duration = Duration::from_secs(60);
+
+/// What all tasks that look after members share.
+pub(super) struct Members {
+    network: Arc<dyn Network>,
+    security: ClientSecurity,
+    metrics: Metrics,
+    reactor: mpsc::UnboundedSender<Message>,
+    next: AtomicU32,
+    /// Workers that are connected, whatever their address.
+    instances: Mutex<HashSet<u64>>,
+    /// Cancelled when the cluster ends; embedded workers end with it.
+    leaving: CancellationToken,
+}
+
+impl Members {
+    pub(super) fn new(
+        network: Arc<dyn Network>,
+        settings: &ClusterSettings,
+        reactor: mpsc::UnboundedSender<Message>,
+        leaving: CancellationToken,
+    ) -> Arc<Self> {
+        let instances = Mutex::new(HashSet::new());
+        Arc::new(Self {
+            network,
+            security: settings.security.clone(),
+            metrics: settings.metrics.clone(),
+            reactor,
+            next: AtomicU32::new(0),
+            instances,
+            leaving,
+        })
+    }
+
+    /// Nobody is dialled any more.
+    pub(super) fn leave(&self) {
+        self.leaving.cancel();
+    }
+
+    /// Starts a worker in this process, and works with it.
+    pub(super) fn embed(self: &Arc<Self>, threads: NonZeroUsize) {
+        let members = Arc::clone(self);
+        tokio::spawn(async move {
+            match connect::embed(threads, members.leaving.clone()).await {
+                Ok(connection) => {
+                    members.tell(Message::Tried { name: EMBEDDED.into() });
+                    members.work(connection, None).await;
+                }
+                Err(error) => {
+                    members.tell(Message::Failed { place: EMBEDDED.into(), error });
+                    members.tell(Message::Tried { name: EMBEDDED.into() });
+                }
+            }
+            members.tell(Message::GaveUp);
+        });
+    }
+
+    /// Looks after all machines that a name stands for, now and later.
+    pub(super) fn follow(self: &Arc<Self>, name: String) {
+        let members = Arc::clone(self);
+        tokio::spawn(async move {
+            let leaving = members.leaving.clone();
+            tokio::select! {
+                () = leaving.cancelled() => {}
+                () = members.follow_until_cancelled(&name) => {}
+            }
+        });
+    }
+
+    async fn follow_until_cancelled(self: &Arc<Self>, name: &str) {
+        let mut keepers: HashMap<SocketAddr, Keeper> = HashMap::new();
+        let mut tried = Some(name.to_owned());
+        loop {
+            let mut new = vec![];
+            match timeout(CONNECT_TIMEOUT, self.network.resolve(name)).await {
+                Ok(Ok(sockets)) => {
+                    // What is not listed any more may finish its session, but is not dialled again.
+                    keepers.retain(|socket, keeper| {
+                        sockets.contains(socket) || {
+                            keeper.listed.cancel();
+                            false
+                        }
+                    });
+                    for socket in sockets {
+                        keepers.entry(socket).or_insert_with(|| {
+                            let (keeper, first_try) = self.keep(name, socket);
+                            new.push(first_try);
+                            keeper
+                        });
+                    }
+                    if keepers.is_empty() {
+                        self.fail(name, "the name has no address");
+                    }
+                }
+                Ok(Err(error)) => self.fail(name, &error.to_string()),
+                Err(_) => self.fail(name, "the name server does not answer"),
+            }
+            if let Some(name) = tried.take() {
+                for first_try in new {
+                    // Its end alone says that it was tried.
+                    let _ = first_try.await;
+                }
+                self.tell(Message::Tried { name });
+            }
+            // An address stands for itself for ever: once it is given up there is nothing left to do.
+            if name.parse::<SocketAddr>().is_ok() {
+                for keeper in keepers.into_values() {
+                    let _ = keeper.task.await;
+                }
+                self.tell(Message::GaveUp);
+                return;
+            }
+            sleep(LOOK_UP_INTERVAL).await;
+        }
+    }
+
+    fn fail(&self, name: &str, reason: &str) {
+        let error = ClusterError::Unreachable { address: name.into(), reason: reason.into() };
+        self.tell(Message::Failed { place: name.into(), error });
+    }
+
+    /// Starts to look after one machine. The receiver ends when it was dialled for the first time.
+    fn keep(self: &Arc<Self>, name: &str, socket: SocketAddr) -> (Keeper, oneshot::Receiver<()>) {
+        let (trying, first_try) = oneshot::channel();
+        let listed = self.leaving.child_token();
+        let (members, name, still_listed) = (Arc::clone(self), name.to_owned(), listed.clone());
+        let task = tokio::spawn(async move { members.look_after(&name, socket, still_listed, trying).await });
+        (Keeper { listed, task }, first_try)
+    }
+
+    /// Dials, works, and dials again, until the machine is at fault or not listed any more.
+    async fn look_after(
+        &self,
+        name: &str,
+        socket: SocketAddr,
+        listed: CancellationToken,
+        first_try: oneshot::Sender<()>,
+    ) {
+        let mut first_try = Some(first_try);
+        let mut delay = FIRST_DELAY;
+        loop {
+            let dialled = tokio::select! {
+                () = listed.cancelled() => return,
+                dialled = connect::dial(&self.network, &self.security, name, socket) => dialled,
+            };
+            let wait = match dialled {
+                Ok(connection) => match self.work(connection, first_try.take()).await {
+                    Parted::AtFault => return,
+                    Parted::KnownAlready => ALIAS_DELAY,
+                    Parted::Lost { useful } => {
+                        delay = if useful { FIRST_DELAY } else { (delay * 2).min(LONGEST_DELAY) };
+                        delay
+                    }
+                },
+                Err(error) => {
+                    let is_final = error.is_final();
+                    self.tell(Message::Failed { place: place(name, socket), error });
+                    if is_final {
+                        return;
+                    }
+                    delay = (delay * 2).min(LONGEST_DELAY);
+                    delay
+                }
+            };
+            first_try = None;
+            tokio::select! {
+                () = listed.cancelled() => return,
+                () = sleep(wait) => {}
+            }
+        }
+    }
+
+    /// Works with a worker until it is lost. This is the only place from which a loss is told.
+    async fn work(&self, connection: Connection, joined: Option<oneshot::Sender<()>>) -> Parted {
+        let Some(_claim) = self.claim(connection.hello.instance) else { return Parted::KnownAlready };
+        let worker = WorkerId(self.next.fetch_add(1, Ordering::Relaxed));
+        let (commands, inbox) = mpsc::unbounded_channel();
+        let bytes_sent = Arc::new(AtomicU64::new(0));
+        self.tell(Message::Joined(Joined {
+            worker,
+            address: connection.address.clone(),
+            hello: connection.hello.clone(),
+            commands,
+            bytes_sent: Arc::clone(&bytes_sent),
+        }));
+        drop(joined);
+        let useful = AtomicBool::new(false);
+        let tell = |news| self.tell(Message::News(worker, news));
+        let _counted = self.metrics.connected();
+        let metrics = self.metrics.clone();
+        let reason = session::run(connection, inbox, bytes_sent, metrics, |news| {
+            useful.fetch_or(matches!(news, News::Finished(_)), Ordering::Relaxed);
+            tell(news);
+        });
+        let reason = reason.await;
+        let parted = if reason.is_fault() {
+            Parted::AtFault
+        } else {
+            Parted::Lost { useful: useful.load(Ordering::Relaxed) }
+        };
+        tell(News::Lost(reason));
+        parted
+    }
+
+    fn claim(&self, instance: u64) -> Option<Claim<'_>> {
+        let is_new = self.instances.lock().unwrap_or_else(PoisonError::into_inner).insert(instance);
+        is_new.then_some(Claim { members: self, instance })
+    }
+
+    fn tell(&self, message: Message) {
+        // The reactor ends before its members only when the whole cluster does.
+        let _ = self.reactor.send(message);
+    }
+}
+
+/// How work with a machine ended.
+enum Parted {
+    /// It may come back; whether it had answered any job.
+    Lost { useful: bool },
+    /// It shall not come back.
+    AtFault,
+    /// The same worker is connected by another address.
+    KnownAlready,
+}
+
+/// A task that looks after one machine.
+struct Keeper {
+    listed: CancellationToken,
+    task: JoinHandle<()>,
+}
+
+/// A worker is connected as long as this lives.
+struct Claim<'a> {
+    members: &'a Members,
+    instance: u64,
+}
+
+impl Drop for Claim<'_> {
+    fn drop(&mut self) {
+        self.members.instances.lock().unwrap_or_else(PoisonError::into_inner).remove(&self.instance);
+    }
+}

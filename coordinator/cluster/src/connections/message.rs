@@ -1,0 +1,59 @@
+//! What the reactor is told.
+
+use std::sync::Arc;
+use std::sync::atomic::AtomicU64;
+
+use kernel::replica::{Digest, EncodedReplica};
+use protocol::worker::WorkerHello;
+use tokio::sync::{mpsc, oneshot};
+
+use super::request::Request;
+use super::session::{Command, News};
+use super::{ClusterCounts, ClusterError, WorkerSummary};
+use crate::scheduler::{JobId, WorkerId};
+
+/// What the reactor is told.
+pub(super) enum Message {
+    /// A replica that jobs may need from now on.
+    Publish(EncodedReplica),
+    /// A replica that no job needs any more.
+    Release(Digest),
+    /// More jobs.
+    Submit(Vec<(JobId, Request)>),
+    /// Jobs that nobody waits for any more.
+    Withdraw(Vec<JobId>),
+    /// Nobody waits for any job any more; the sender is dropped once none of them will be answered.
+    WithdrawAll(oneshot::Sender<()>),
+    /// What did each worker do?
+    Summarise(oneshot::Sender<(Vec<WorkerSummary>, ClusterCounts)>),
+    /// Say goodbye to all workers; the sender is dropped when all have answered.
+    Shutdown(oneshot::Sender<()>),
+    /// A worker said hello.
+    Joined(Joined),
+    /// From a session.
+    News(WorkerId, News),
+    /// A machine, or a name, could not be reached.
+    Failed {
+        /// The machine or the name.
+        place: String,
+        /// Why.
+        error: ClusterError,
+    },
+    /// All machines that a name stands for were dialled once.
+    Tried {
+        /// The name.
+        name: String,
+    },
+    /// Nobody can come from one of the addresses any more.
+    GaveUp,
+}
+
+/// A worker that said hello.
+pub(super) struct Joined {
+    pub worker: WorkerId,
+    pub address: String,
+    pub hello: WorkerHello,
+    pub commands: mpsc::UnboundedSender<Command>,
+    /// Counted by its session.
+    pub bytes_sent: Arc<AtomicU64>,
+}

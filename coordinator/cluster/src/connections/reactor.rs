@@ -1,0 +1,370 @@
+//! The one task that owns the scheduler: turns messages into its events, and carries out its actions.
+
+use std::collections::{BTreeMap, HashMap};
+use std::sync::Arc;
+use std::sync::atomic::Ordering::Relaxed;
+
+use kernel::replica::{Digest, EncodedReplica};
+use protocol::worker::FailureReason;
+use tokio::sync::{mpsc, oneshot};
+use tokio::time::{Instant, Interval, interval, sleep_until};
+use tokio_util::sync::CancellationToken;
+
+use super::accounts::Accounts;
+use super::answer::Checked;
+use super::asynchronous::Connected;
+use super::members::Members;
+use super::message::{Joined, Message};
+use super::request::Request;
+use super::session::{Command, LostWorkerReason, News};
+use super::summary::Delivery;
+use super::waiting::{Ready, Waiting};
+use super::{ClusterCounts, ClusterError, ClusterSettings, Schedule};
+use crate::scheduler::{Action, Event, JobId, Policy, Scheduler, WorkerId};
+
+pub(super) type Result = std::result::Result<Delivery, ClusterError>;
+
+pub(super) struct Reactor {
+    settings: ClusterSettings,
+    members: Arc<Members>,
+    scheduler: Scheduler,
+    replicas: HashMap<Digest, EncodedReplica>,
+    requests: HashMap<JobId, Arc<Request>>,
+    sessions: BTreeMap<WorkerId, mpsc::UnboundedSender<Command>>,
+    accounts: Accounts,
+    /// Answers that were delivered, of jobs that another worker holds too, until it has answered or is lost.
+    delivered: HashMap<JobId, Delivered>,
+    /// Whoever has a session, for the driver.
+    connected: Arc<Connected>,
+    results: mpsc::UnboundedSender<Result>,
+    waiting: Waiting,
+    /// Held from the order to shut down until the last session is over.
+    shutdown: Option<oneshot::Sender<()>>,
+}
+
+/// The first answer to a job.
+struct Delivered {
+    /// Of what it holds.
+    digest: Digest,
+    /// Who sent it.
+    by: WorkerId,
+    /// Who holds the job too.
+    holder: WorkerId,
+}
+
+impl Reactor {
+    /// A reactor that waits for workers from so many names. Results of jobs go to `results`.
+    pub(super) fn new(
+        settings: ClusterSettings,
+        members: Arc<Members>,
+        names: usize,
+        results: mpsc::UnboundedSender<Result>,
+        connected: Arc<Connected>,
+        ready: Ready,
+    ) -> Self {
+        let policy = match settings.schedule {
+            Schedule::Finished => Policy::Finished,
+            Schedule::Periodic { .. } => Policy::Periodic,
+        };
+        Self {
+            settings,
+            members,
+            scheduler: Scheduler::new(policy),
+            replicas: HashMap::new(),
+            requests: HashMap::new(),
+            sessions: BTreeMap::new(),
+            connected,
+            accounts: Accounts::default(),
+            delivered: HashMap::new(),
+            results,
+            waiting: Waiting::new(names, ready),
+            shutdown: None,
+        }
+    }
+
+    /// Works until it is told to shut down and the last session is over, or `leaving` is cancelled.
+    pub(super) async fn run(
+        mut self,
+        mut inbox: mpsc::UnboundedReceiver<Message>,
+        leaving: CancellationToken,
+    ) {
+        let mut timer: Option<Interval> = match self.settings.schedule {
+            Schedule::Finished => None,
+            Schedule::Periodic { period } => Some(interval(period)),
+        };
+        loop {
+            let grace_ends = self.waiting.ends(self.settings.grace);
+            tokio::select! {
+                message = inbox.recv() => match message {
+                    Some(message) => self.take(message),
+                    None => return,
+                },
+                () = sleep_until(grace_ends.unwrap_or_else(Instant::now)), if grace_ends.is_some() => {
+                    self.end_grace();
+                }
+                () = tick(&mut timer) => self.on(Event::Tick),
+                // The driver left without a word.
+                () = leaving.cancelled(), if self.shutdown.is_none() => return,
+            }
+            self.show();
+            if self.shutdown.is_some() && self.sessions.is_empty() {
+                return;
+            }
+            #[cfg(test)]
+            if self.shutdown.is_none() {
+                crate::simulation::watch::held(
+                    self.requests.len(),
+                    self.sessions.len(),
+                    self.delivered.len(),
+                );
+            }
+        }
+    }
+
+    /// Shows what the scheduler holds and counted.
+    fn show(&self) {
+        let (metrics, scheduler) = (&self.settings.metrics, &self.scheduler);
+        metrics.unfinished(self.requests.len());
+        metrics.scheduled(scheduler.duplicates_sent(), scheduler.ignored_answers());
+    }
+
+    fn take(&mut self, message: Message) {
+        match message {
+            Message::Publish(replica) => {
+                self.replicas.insert(replica.digest, replica);
+            }
+            Message::Release(digest) => {
+                self.replicas.remove(&digest);
+                self.on(Event::Released { digest });
+            }
+            Message::Submit(requests) => {
+                let jobs = requests.iter().map(|(job, request)| (*job, request.needs())).collect();
+                self.requests.extend(requests.into_iter().map(|(job, request)| (job, Arc::new(request))));
+                self.on(Event::Submitted { jobs });
+            }
+            Message::Withdraw(jobs) => self.withdraw(jobs),
+            Message::WithdrawAll(done) => {
+                self.withdraw(self.requests.keys().copied().collect());
+                drop(done);
+            }
+            Message::Summarise(reply) => {
+                let counts = ClusterCounts {
+                    duplicates: self.scheduler.duplicates_sent(),
+                    ignored_answers: self.scheduler.ignored_answers(),
+                    lost_workers: self.accounts.losses(),
+                };
+                // Whoever asked may have left.
+                let _ = reply.send((self.accounts.summaries(), counts));
+            }
+            Message::Shutdown(done) => {
+                self.members.leave();
+                for worker in self.sessions.keys() {
+                    self.command(*worker, Command::Goodbye);
+                }
+                self.waiting.stop();
+                self.shutdown = Some(done);
+            }
+            Message::Joined(joined) => self.join(joined),
+            Message::News(worker, news) => self.hear(worker, news),
+            Message::Failed { place, error } => self.waiting.not_reached(place, error),
+            Message::Tried { name } => {
+                self.waiting.tried(&name, &self.accounts);
+                self.look_round();
+            }
+            Message::GaveUp => {
+                self.waiting.gave_up();
+                self.look_round();
+            }
+        }
+    }
+
+    fn withdraw(&mut self, mut jobs: Vec<JobId>) {
+        // In an order of their own, whatever that of the map.
+        jobs.sort_unstable();
+        for job in &jobs {
+            self.requests.remove(job);
+        }
+        self.on(Event::Withdrawn { jobs });
+    }
+
+    fn join(&mut self, Joined { worker, address, hello, commands, bytes_sent }: Joined) {
+        let threads = hello.threads as usize;
+        tracing::info!(worker = hello.name, address, threads, version = hello.software_version, "connected");
+        self.waiting.came(&address);
+        if self.accounts.open(worker, hello.name, address, threads, bytes_sent) {
+            self.settings.metrics.came_back();
+        }
+        if self.shutdown.is_some() {
+            // It came too late: without commands its session ends.
+            return;
+        }
+        self.sessions.insert(worker, commands);
+        self.connected.workers.fetch_add(1, Relaxed);
+        self.connected.threads.fetch_add(threads, Relaxed);
+        self.on(Event::WorkerConnected { worker, threads });
+        self.look_round();
+    }
+
+    /// Tells that the cluster is ready when it is, and gives up where nobody can come any more.
+    fn look_round(&mut self) {
+        if self.waiting.is_hopeless(!self.sessions.is_empty()) {
+            self.end_grace();
+        }
+    }
+
+    /// There was no worker for too long.
+    fn end_grace(&mut self) {
+        self.waiting.stop();
+        if let Some(threads) = self.settings.fallback.take() {
+            tracing::warn!(threads, "no worker came back in time: going on in this process");
+            self.waiting.hope_for_one_more();
+            self.members.embed(threads);
+        } else if let Some(error) = self.waiting.fail(&self.accounts) {
+            self.report(Err(error));
+        }
+    }
+
+    fn hear(&mut self, worker: WorkerId, news: News) {
+        match news {
+            News::Loaded(digest) => self.on(Event::ReplicaLoaded { worker, digest }),
+            News::Finished(answer) => self.finish(worker, answer),
+            News::Failed { job, reason, message } => {
+                // There is nothing to compare with any more.
+                self.delivered.remove(&job);
+                let event = match reason {
+                    FailureReason::UnknownReplica => Event::ForgotReplica { worker, job },
+                    FailureReason::InvalidJob => Event::Refused { worker, job },
+                    FailureReason::Cancelled => Event::Cancelled { worker, job },
+                    FailureReason::Internal | FailureReason::Unspecified => {
+                        tracing::warn!(worker = self.accounts.name(worker), %job, message, "a job failed");
+                        Event::Failed { worker, job }
+                    }
+                };
+                let actions = self.decide(event);
+                self.carry_out(actions, &message);
+            }
+            News::Lost(reason) => self.lose(worker, &reason),
+        }
+    }
+
+    fn lose(&mut self, worker: WorkerId, reason: &LostWorkerReason) {
+        if self.sessions.remove(&worker).is_some() {
+            self.connected.workers.fetch_sub(1, Relaxed);
+            self.connected.threads.fetch_sub(self.accounts.threads(worker), Relaxed);
+        }
+        self.delivered.retain(|_, delivered| delivered.holder != worker);
+        if self.shutdown.is_some() {
+            self.accounts.close(worker);
+            return;
+        }
+        self.settings.metrics.lost();
+        let (name, address) = self.accounts.lose(worker, reason.to_string());
+        if reason.is_fault() {
+            tracing::warn!(worker = name, address, %reason, "lost a worker: it is not asked again");
+        } else {
+            tracing::warn!(worker = name, address, %reason, "lost a worker");
+        }
+        if self.sessions.is_empty() && self.waiting.is_alone() {
+            tracing::warn!(seconds = self.settings.grace.as_secs_f64(), "no worker is left: waiting for one");
+        }
+        let event = Event::WorkerLost { worker, orderly: reason.is_orderly() };
+        let actions = self.decide(event);
+        self.carry_out(actions, &format!("worker {name} was lost: {reason}"));
+        self.look_round();
+    }
+
+    fn finish(&mut self, worker: WorkerId, Checked { work, digest, bytes }: Checked) {
+        let job = work.job();
+        let actions = self.decide(Event::Finished { worker, job });
+        let is_first = actions.contains(&Action::Deliver { job });
+        self.accounts.count(worker, is_first, &work, bytes);
+        self.settings.metrics.answered(is_first, work.rows(), work.rays(), work.busy(), bytes);
+        if is_first {
+            let holder = actions.iter().find_map(|action| match action {
+                Action::Cancel { worker, job: cancelled } if *cancelled == job => Some(*worker),
+                _ => None,
+            });
+            if let Some(holder) = holder {
+                self.delivered.insert(job, Delivered { digest, by: worker, holder });
+            }
+            self.requests.remove(&job);
+            let by = self.accounts.who(worker);
+            self.report(Ok(Delivery { work, by, bytes }));
+        } else if let Some(first) = self.delivered.remove(&job)
+            && first.digest != digest
+        {
+            tracing::error!(
+                %job,
+                first = self.accounts.name(first.by),
+                second = self.accounts.name(worker),
+                "two workers gave different answers to the same job: one of them is broken, and the output is in doubt"
+            );
+        }
+        self.carry_out(actions, "");
+    }
+
+    /// Asks the scheduler what is to be done. Simulations watch.
+    fn decide(&mut self, event: Event) -> Vec<Action> {
+        #[cfg(test)]
+        let told = event.clone();
+        let actions = self.scheduler.handle(event);
+        #[cfg(test)]
+        crate::simulation::watch::scheduled(&told, &actions, &self.scheduler);
+        actions
+    }
+
+    fn on(&mut self, event: Event) {
+        let actions = self.decide(event);
+        self.carry_out(actions, "");
+    }
+
+    /// Does what the scheduler wants; `message` is what a worker said about the job that failed.
+    fn carry_out(&mut self, actions: Vec<Action>, message: &str) {
+        for action in actions {
+            match action {
+                Action::LoadReplica { worker, digest } => match self.replicas.get(&digest) {
+                    Some(replica) => self.command(worker, Command::Load(replica.clone())),
+                    None => self.report(Err(ClusterError::NotPublished(digest))),
+                },
+                Action::ReleaseReplica { worker, digest } => self.command(worker, Command::Release(digest)),
+                Action::Send { worker, job } => {
+                    if let Some(request) = self.requests.get(&job) {
+                        self.command(worker, Command::Job(job, Arc::clone(request)));
+                    }
+                }
+                Action::Cancel { worker, job } => {
+                    self.settings.metrics.taken_back();
+                    self.command(worker, Command::Cancel(job));
+                }
+                // Where the answer is.
+                Action::Deliver { .. } => {}
+                Action::Abandon { job, why } => {
+                    self.requests.remove(&job);
+                    self.report(Err(ClusterError::Abandoned { job, why, message: message.into() }));
+                }
+            }
+        }
+    }
+
+    fn command(&self, worker: WorkerId, command: Command) {
+        if let Some(session) = self.sessions.get(&worker) {
+            // A session that is over has told so, and its jobs come back with that news.
+            let _ = session.send(command);
+        }
+    }
+
+    fn report(&self, result: Result) {
+        // A driver that left needs no results.
+        let _ = self.results.send(result);
+    }
+}
+
+/// Waits for the timer to ring; for ever where there is none.
+async fn tick(timer: &mut Option<Interval>) {
+    match timer {
+        Some(timer) => {
+            timer.tick().await;
+        }
+        None => std::future::pending().await,
+    }
+}

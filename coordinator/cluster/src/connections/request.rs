@@ -1,0 +1,35 @@
+//! What a worker can be asked for.
+
+use kernel::picture::TileRequest;
+use kernel::replica::Digest;
+use kernel::row::RowRequest;
+use protocol::worker::coordinator_message::Body;
+
+use crate::scheduler::JobId;
+
+/// What a job asks for.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Request {
+    /// Rows of form factors.
+    Rows(RowRequest),
+    /// A tile of a picture.
+    Tile(TileRequest),
+}
+
+impl Request {
+    /// The replicas that it needs.
+    pub(super) fn needs(&self) -> Vec<Digest> {
+        match self {
+            Self::Rows(rows) => vec![rows.scene, rows.receivers],
+            Self::Tile(tile) => vec![tile.picture],
+        }
+    }
+
+    /// The job as it travels.
+    pub(super) fn to_body(&self, job: JobId) -> Body {
+        match self {
+            Self::Rows(rows) => Body::Job(rows.to_job(job.0)),
+            Self::Tile(tile) => Body::Tile(tile.to_job(job.0)),
+        }
+    }
+}

@@ -1,0 +1,253 @@
+//! One worker's session: commands in, news out. Whatever goes wrong ends it, and is told in one way: as the loss of the worker.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
+
+use kernel::replica::{Digest, EncodedReplica};
+use protocol::telemetry::Held;
+use protocol::worker::coordinator_message::Body as Outgoing;
+use protocol::worker::worker_message::Body as Incoming;
+use protocol::worker::{
+    CancelJob, CoordinatorMessage, FailureReason, Goodbye, JobFailed, KeepAlive, ReleaseReplica,
+    WorkerMessage,
+};
+use tokio::sync::mpsc;
+use tokio::task::JoinSet;
+use tokio::time::{MissedTickBehavior, interval};
+use tonic::Status;
+
+use super::answer::{Answer, Checked, check_tile};
+use super::connect::Connection;
+use super::error::words;
+use super::request::Request;
+use super::upload::{UploadFailure, upload};
+use crate::metrics::Metrics;
+use crate::scheduler::JobId;
+
+/// Time from one keep-alive of the session to the next. The only sign of life that is asked for: it goes the way of the jobs
+/// and answers, so whatever holds these up is noticed, be it the process, its machine or the network.
+const KEEP_ALIVE: Duration = Duration::from_millis(800);
+
+/// A worker that says nothing while so many keep-alives go out is lost: after four seconds at most. Counted rather than timed,
+/// so that a coordinator that was stopped for a while does not blame the worker.
+const MOST_UNANSWERED: u32 = 4;
+
+/// A worker that holds jobs and answers none of them during so many keep-alives is lost: after ten minutes. Jobs take
+/// milliseconds to seconds.
+const MOST_IDLE: u32 = 750;
+
+/// What a session is to do.
+pub(super) enum Command {
+    /// Have this computed.
+    Job(JobId, Arc<Request>),
+    /// Load a replica.
+    Load(EncodedReplica),
+    /// Tell the worker that nobody waits for a job any more.
+    Cancel(JobId),
+    /// Tell the worker that it may forget a replica.
+    Release(Digest),
+    /// No more jobs.
+    Goodbye,
+}
+
+/// What a session tells.
+pub(super) enum News {
+    /// A replica has arrived.
+    Loaded(Digest),
+    /// A job is done.
+    Finished(Checked),
+    /// A job was not done.
+    Failed {
+        /// The job.
+        job: JobId,
+        /// Decides what is done next.
+        reason: FailureReason,
+        /// The worker's words.
+        message: String,
+    },
+    /// The last news: the session is over.
+    Lost(LostWorkerReason),
+}
+
+/// Why a worker counts as lost.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum LostWorkerReason {
+    #[error("it left: {0}")]
+    Left(String),
+    #[error("it closed the session")]
+    Closed,
+    #[error("the connection broke: {0}")]
+    Broken(String),
+    #[error("it is silent")]
+    Silent,
+    #[error("it answers no job")]
+    Idle,
+    #[error("it sends garbage: {0}")]
+    Garbage(String),
+    #[error("replica {0} could not be loaded: {1}")]
+    Upload(Digest, UploadFailure),
+    #[error("the coordinator leaves")]
+    Leaving,
+}
+
+impl LostWorkerReason {
+    /// Whether the worker drained and said goodbye: its jobs had nothing to do with it.
+    pub(super) fn is_orderly(&self) -> bool {
+        matches!(self, Self::Left(_) | Self::Leaving)
+    }
+
+    /// Whether the worker is at fault, so that the same process is not asked again.
+    pub(super) fn is_fault(&self) -> bool {
+        matches!(self, Self::Garbage(_) | Self::Upload(_, UploadFailure::Refused(_)))
+    }
+}
+
+/// Talks to a worker until it is lost. Tells everything but the loss, which it returns.
+pub(super) async fn run(
+    connection: Connection,
+    mut commands: mpsc::UnboundedReceiver<Command>,
+    bytes_sent: Arc<AtomicU64>,
+    metrics: Metrics,
+    tell: impl Fn(News),
+) -> LostWorkerReason {
+    let Connection { mut inbound, outbound, uploads: upload_client, remote, .. } = connection;
+    let mut session = Session { outbound, under_way: HashMap::new(), idle: 0, bytes_sent, metrics, tell };
+    let mut uploads = JoinSet::new();
+    let mut unanswered = 0;
+    let mut keep_alive = interval(KEEP_ALIVE);
+    keep_alive.set_missed_tick_behavior(MissedTickBehavior::Delay);
+
+    loop {
+        let step = tokio::select! {
+            command = commands.recv() => match command {
+                Some(Command::Load(replica)) => {
+                    session.count_sent(replica.bytes.len());
+                    uploads.spawn(upload(upload_client.clone(), replica));
+                    Ok(())
+                }
+                Some(command) => session.obey(command),
+                None => Err(LostWorkerReason::Leaving),
+            },
+            message = inbound.message() => {
+                unanswered = 0;
+                session.hear(message)
+            }
+            Some(loaded) = uploads.join_next() => match loaded {
+                Ok((digest, Ok(()))) => {
+                    (session.tell)(News::Loaded(digest));
+                    Ok(())
+                }
+                Ok((digest, Err(failure))) => Err(LostWorkerReason::Upload(digest, failure)),
+                Err(error) => Err(LostWorkerReason::Broken(error.to_string())),
+            },
+            // A worker in this very process cannot be lost alone.
+            _ = keep_alive.tick(), if remote => {
+                unanswered += 1;
+                session.idle = if session.under_way.is_empty() { 0 } else { session.idle + 1 };
+                if unanswered > MOST_UNANSWERED {
+                    Err(LostWorkerReason::Silent)
+                } else if session.idle > MOST_IDLE {
+                    Err(LostWorkerReason::Idle)
+                } else {
+                    session.send(Outgoing::KeepAlive(KeepAlive { number: unanswered.into() }))
+                }
+            }
+        };
+        if let Err(reason) = step {
+            // Both halves are dropped here, and uploads with them.
+            return reason;
+        }
+    }
+}
+
+/// Rows where a tile was asked for, or the other way round.
+fn other_kind(job: u64) -> LostWorkerReason {
+    LostWorkerReason::Garbage(format!("an answer of another kind to job {job}"))
+}
+
+struct Session<T> {
+    outbound: mpsc::UnboundedSender<CoordinatorMessage>,
+    /// What the worker was asked and has not answered, each counted for as long as it is here.
+    under_way: HashMap<JobId, (Arc<Request>, Held)>,
+    /// Keep-alives since the last answer to a job.
+    idle: u32,
+    /// Length of the replicas and jobs sent.
+    bytes_sent: Arc<AtomicU64>,
+    metrics: Metrics,
+    tell: T,
+}
+
+impl<T: Fn(News)> Session<T> {
+    fn send(&self, body: Outgoing) -> Result<(), LostWorkerReason> {
+        self.outbound
+            .send(CoordinatorMessage { body: Some(body) })
+            .map_err(|_| LostWorkerReason::Broken("nothing can be sent any more".into()))
+    }
+
+    fn obey(&mut self, command: Command) -> Result<(), LostWorkerReason> {
+        match command {
+            Command::Job(job, request) => {
+                let body = request.to_body(job);
+                self.count_sent(body.encoded_len());
+                self.under_way.insert(job, (request, self.metrics.in_flight()));
+                self.send(body)
+            }
+            Command::Cancel(job) => self.send(Outgoing::Cancel(CancelJob { job_id: job.0 })),
+            Command::Release(digest) => {
+                self.send(Outgoing::Release(ReleaseReplica { digest: digest.to_bytes() }))
+            }
+            Command::Goodbye => self.send(Outgoing::Goodbye(Goodbye { reason: "the work is done".into() })),
+            // Uploads are started where they are awaited.
+            Command::Load(_) => Ok(()),
+        }
+    }
+
+    /// Takes in what the worker says. Any end of its stream, whatever its code, is the loss of the worker.
+    fn hear(&mut self, message: Result<Option<WorkerMessage>, Status>) -> Result<(), LostWorkerReason> {
+        let message = message
+            .map_err(|status| LostWorkerReason::Broken(words(&status)))?
+            .ok_or(LostWorkerReason::Closed)?;
+        match message.body {
+            Some(Incoming::Finished(finished)) => {
+                let request = self.answered(finished.job_id)?;
+                let Request::Rows(rows) = &*request else { return Err(other_kind(finished.job_id)) };
+                let answer = Answer::check(rows, &finished)
+                    .map_err(|error| LostWorkerReason::Garbage(error.to_string()))?;
+                (self.tell)(News::Finished(answer.into()));
+            }
+            Some(Incoming::Tile(finished)) => {
+                let request = self.answered(finished.job_id)?;
+                let Request::Tile(tile) = &*request else { return Err(other_kind(finished.job_id)) };
+                let answer = check_tile(tile, &finished)
+                    .map_err(|error| LostWorkerReason::Garbage(error.to_string()))?;
+                (self.tell)(News::Finished(answer));
+            }
+            Some(Incoming::Failed(JobFailed { job_id, reason, message })) => {
+                self.answered(job_id)?;
+                let reason = FailureReason::try_from(reason).unwrap_or_default();
+                (self.tell)(News::Failed { job: JobId(job_id), reason, message });
+            }
+            Some(Incoming::KeepAlive(_)) => {}
+            Some(Incoming::Goodbye(Goodbye { reason })) => return Err(LostWorkerReason::Left(reason)),
+            Some(Incoming::Hello(_)) | None => {
+                return Err(LostWorkerReason::Garbage("a second hello, or an unknown message".into()));
+            }
+        }
+        Ok(())
+    }
+
+    fn count_sent(&self, bytes: usize) {
+        self.bytes_sent.fetch_add(bytes as u64, Ordering::Relaxed);
+        self.metrics.sent(bytes as u64);
+    }
+
+    /// What an answered job asked for.
+    fn answered(&mut self, job: u64) -> Result<Arc<Request>, LostWorkerReason> {
+        self.idle = 0;
+        self.under_way.remove(&JobId(job)).map(|(request, _)| request).ok_or_else(|| {
+            LostWorkerReason::Garbage(format!("an answer to job {job}, which it does not hold"))
+        })
+    }
+}

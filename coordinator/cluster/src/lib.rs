@@ -1,0 +1,22 @@
+//! The cluster: rows and tiles by workers, in this process or elsewhere.
+//!
+//! In: replicas and requests, through the bake's [`bake::RowService`]. Out: finished rows, the same bits whoever computed them and
+//! whatever failed meanwhile. It must not know glTF, meshes or output files. Begin reading at [`scheduler`] (pure: events in, actions
+//! out), then [`connections`] (its effects).
+//!
+//! | module | what lives there |
+//! |---|---|
+//! | [`scheduler`] | which worker computes which job |
+//! | [`connections`] | members, sessions, uploads, and handles for one bake or several |
+//! | [`checkpoint`] | finished rows on disk, and a bake that resumes from them |
+//! | [`metrics`] | metrics of the cluster and of a bake, for Prometheus |
+//! | `simulation` | coordinator and workers over a simulated network, in tests |
+
+pub mod checkpoint;
+pub mod connections;
+pub mod metrics;
+pub mod scheduler;
+#[cfg(test)]
+mod simulation;
+
+pub use connections::*;

@@ -1,0 +1,102 @@
+use std::io;
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
+use std::pin::Pin;
+use std::sync::{Arc, Mutex};
+use std::task::{Context, Poll};
+
+use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
+use tokio::sync::mpsc;
+use tokio_stream::wrappers::ReceiverStream;
+use tonic::transport::server::Connected;
+use turmoil::net::{TcpListener, TcpStream};
+
+use crate::connections::network::{Answer, ByteStream, Network};
+
+/// Port of every worker.
+pub const PORT: u16 = 7070;
+
+/// The name that stands for all workers.
+pub const ALL: &str = "workers";
+
+/// Which workers the name server knows.
+#[derive(Clone, Default)]
+pub struct NameServer {
+    listed: Arc<Mutex<Vec<(String, IpAddr)>>>,
+}
+
+impl NameServer {
+    pub fn list(&self, name: &str, address: IpAddr) {
+        self.listed.lock().unwrap().push((name.into(), address));
+    }
+
+    pub fn remove(&self, name: &str) {
+        self.listed.lock().unwrap().retain(|(listed, _)| listed != name);
+    }
+}
+
+impl Network for NameServer {
+    fn resolve(&self, name: &str) -> Answer<Vec<SocketAddr>> {
+        let host = name.rsplit_once(':').map_or(name, |(host, _)| host);
+        let listed = self.listed.lock().unwrap();
+        let of_name = listed.iter().filter(|(listed, _)| host == ALL || host == listed);
+        let found: Vec<_> = of_name.map(|(_, address)| SocketAddr::new(*address, PORT)).collect();
+        Box::pin(async move {
+            if found.is_empty() { Err(io::Error::other("the name is not known")) } else { Ok(found) }
+        })
+    }
+
+    fn connect(&self, address: SocketAddr) -> Answer<Box<dyn ByteStream>> {
+        Box::pin(async move { Ok(Box::new(TcpStream::connect(address).await?) as Box<dyn ByteStream>) })
+    }
+}
+
+/// The connections of a worker.
+pub async fn listen() -> io::Result<ReceiverStream<io::Result<Accepted>>> {
+    let listener = TcpListener::bind((Ipv4Addr::UNSPECIFIED, PORT)).await?;
+    let (accepted, connections) = mpsc::channel(1);
+    tokio::spawn(async move {
+        loop {
+            let next = tokio::select! {
+                biased;
+                () = accepted.closed() => return,
+                next = listener.accept() => next,
+            };
+            // Nobody takes it where the worker has stopped meanwhile.
+            let _ = accepted.send(next.map(|(stream, _)| Accepted(stream))).await;
+        }
+    });
+    Ok(ReceiverStream::new(connections))
+}
+
+/// A worker's end of a connection.
+pub struct Accepted(TcpStream);
+
+impl Connected for Accepted {
+    type ConnectInfo = ();
+
+    fn connect_info(&self) {}
+}
+
+impl AsyncRead for Accepted {
+    fn poll_read(
+        mut self: Pin<&mut Self>,
+        cx: &mut Context<'_>,
+        buf: &mut ReadBuf<'_>,
+    ) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.0).poll_read(cx, buf)
+    }
+}
+
+impl AsyncWrite for Accepted {
+    fn poll_write(mut self: Pin<&mut Self>, cx: &mut Context<'_>, bytes: &[u8]) -> Poll<io::Result<usize>> {
+        Pin::new(&mut self.0).poll_write(cx, bytes)
+    }
+
+    fn poll_flush(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.0).poll_flush(cx)
+    }
+
+    fn poll_shutdown(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.0).poll_shutdown(cx)
+    }
+}

@@ -1,0 +1,273 @@
+//! What must hold after every event of a scheduler, told by what the events and actions say and not by what the scheduler holds.
+
+use std::cell::RefCell;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::time::Duration;
+
+use kernel::replica::Digest;
+
+use super::plan::Plan;
+use crate::scheduler::{Action, Event, JobId, Scheduler, WorkerId};
+
+/// A worker holds at most so many jobs for each of its threads, and as many again of fixed size.
+const MOST_JOBS_PER_THREAD: usize = 4;
+
+/// A job is with at most so many workers.
+const MOST_HOLDERS: usize = 2;
+
+thread_local! {
+    /// Of the simulation that this thread runs, if any.
+    static WATCH: RefCell<Option<Watch>> = const { RefCell::new(None) };
+}
+
+/// What went wrong and what was done about it.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Counts {
+    /// Workers that were lost.
+    pub lost_workers: u64,
+    /// Those of them that said goodbye.
+    pub orderly: u64,
+    /// Jobs sent to a second worker, or more often.
+    pub sent_again: u64,
+    /// Answers after the first one.
+    pub late: u64,
+    /// Jobs cancelled.
+    pub cancelled: u64,
+}
+
+impl fmt::Display for Counts {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { lost_workers, orderly, sent_again, late, cancelled } = self;
+        write!(f, "{lost_workers} {orderly} {sent_again} {late} {cancelled}")
+    }
+}
+
+impl Counts {
+    /// Reads what was printed.
+    pub fn parse(printed: &str) -> Option<Self> {
+        let mut numbers = printed.split_whitespace().map_while(|number| number.parse().ok());
+        let mut next = || numbers.next();
+        Some(Self {
+            lost_workers: next()?,
+            orderly: next()?,
+            sent_again: next()?,
+            late: next()?,
+            cancelled: next()?,
+        })
+    }
+
+    /// Adds those of another simulation.
+    pub fn add(&mut self, other: &Self) {
+        self.lost_workers += other.lost_workers;
+        self.orderly += other.orderly;
+        self.sent_again += other.sent_again;
+        self.late += other.late;
+        self.cancelled += other.cancelled;
+    }
+}
+
+/// What is known of the scheduler from outside.
+#[derive(Default)]
+pub struct Watch {
+    pub trace: Vec<String>,
+    /// The first thing that did not hold.
+    pub violation: Option<String>,
+    pub counts: Counts,
+    workers: BTreeMap<WorkerId, Known>,
+    submitted: BTreeSet<JobId>,
+    sent: BTreeSet<JobId>,
+    delivered: BTreeSet<JobId>,
+}
+
+struct Known {
+    threads: usize,
+    under_way: BTreeSet<JobId>,
+    /// Replicas, and whether they have arrived.
+    replicas: BTreeMap<Digest, bool>,
+}
+
+/// Starts to watch the simulation that this thread is about to run.
+pub fn begin(plan: &Plan) {
+    let trace = vec![format!("{plan:?}")];
+    WATCH.set(Some(Watch { trace, ..Watch::default() }));
+}
+
+/// Stops to watch.
+pub fn end() -> Watch {
+    WATCH.take().unwrap_or_default()
+}
+
+/// Whether something did not hold.
+pub fn is_violated() -> bool {
+    WATCH.with_borrow(|watch| watch.as_ref().is_some_and(|watch| watch.violation.is_some()))
+}
+
+/// Puts a line into the trace.
+pub fn note(time: Duration, line: String) {
+    with(|watch| watch.trace.push(format!("{:8.3} {line}", time.as_secs_f64())));
+}
+
+fn with(look: impl FnOnce(&mut Watch)) {
+    WATCH.with_borrow_mut(|watch| watch.as_mut().map(look));
+}
+
+/// A scheduler was told something, and wants something done.
+pub(crate) fn scheduled(event: &Event, actions: &[Action], scheduler: &Scheduler) {
+    if WATCH.with_borrow(Option::is_none) {
+        return;
+    }
+    let time = turmoil::sim_elapsed().unwrap_or_default();
+    note(time, format!("{event:?} -> {actions:?}"));
+    with(|watch| {
+        let checked = watch.hear(event, actions).and_then(|()| {
+            // It panics where it finds something.
+            catch_unwind(AssertUnwindSafe(|| scheduler.sanity_check())).map_err(|panic| {
+                let words = panic.downcast_ref::<String>().cloned();
+                words
+                    .or_else(|| panic.downcast_ref::<&str>().map(|words| words.to_string()))
+                    .unwrap_or_default()
+            })
+        });
+        if let Err(violation) = checked {
+            watch.violation.get_or_insert(violation);
+        }
+    });
+}
+
+/// What a reactor holds between two messages: requests of jobs, sessions, and digests of answers that may come twice.
+pub(crate) fn held(requests: usize, sessions: usize, delivered: usize) {
+    with(|watch| {
+        let unfinished = watch.submitted.len() - watch.delivered.len();
+        let copies: usize = watch.workers.values().map(|worker| worker.under_way.len()).sum();
+        let checks = [
+            (
+                requests == unfinished,
+                format!("{requests} requests are held for {unfinished} unfinished jobs"),
+            ),
+            (
+                sessions == watch.workers.len(),
+                format!("{sessions} sessions with {} workers", watch.workers.len()),
+            ),
+            (
+                delivered <= copies,
+                format!("{delivered} digests are held, and {copies} answers can still come"),
+            ),
+        ];
+        for (holds, words) in checks {
+            if !holds {
+                watch.violation.get_or_insert(words);
+            }
+        }
+    });
+}
+
+/// Fails with these words unless it holds.
+fn ensure(holds: bool, words: impl FnOnce() -> String) -> Result<(), String> {
+    if holds { Ok(()) } else { Err(words()) }
+}
+
+impl Watch {
+    fn hear(&mut self, event: &Event, actions: &[Action]) -> Result<(), String> {
+        let mut finished = None;
+        match event {
+            Event::WorkerConnected { worker, threads } => {
+                let known =
+                    Known { threads: *threads, under_way: BTreeSet::new(), replicas: BTreeMap::new() };
+                ensure(self.workers.insert(*worker, known).is_none(), || {
+                    format!("{worker:?} connected twice")
+                })?;
+            }
+            Event::WorkerLost { worker, orderly } => {
+                self.counts.lost_workers += 1;
+                self.counts.orderly += u64::from(*orderly);
+                ensure(self.workers.remove(worker).is_some(), || {
+                    format!("{worker:?} was lost and not there")
+                })?;
+            }
+            Event::Submitted { jobs } => {
+                for (job, _) in jobs {
+                    ensure(self.submitted.insert(*job), || format!("{job:?} submitted twice"))?;
+                }
+            }
+            Event::ReplicaLoaded { worker, digest } => {
+                if let Some(loaded) =
+                    self.workers.get_mut(worker).and_then(|known| known.replicas.get_mut(digest))
+                {
+                    *loaded = true;
+                }
+            }
+            Event::Finished { worker, job } => {
+                self.answered(*worker, *job)?;
+                finished = Some(*job);
+            }
+            Event::Cancelled { worker, job } => self.answered(*worker, *job)?,
+            Event::ForgotReplica { worker, job } => {
+                self.answered(*worker, *job)?;
+                if let Some(known) = self.workers.get_mut(worker) {
+                    known.replicas.retain(|_, loaded| !*loaded);
+                }
+            }
+            Event::Failed { .. } | Event::Refused { .. } => {
+                return Err("a worker failed at a job, and none is broken".into());
+            }
+            Event::Withdrawn { .. } => return Err("jobs were withdrawn, and all are wanted".into()),
+            Event::Released { .. } | Event::Tick => {}
+        }
+        let mut is_delivered = false;
+        for action in actions {
+            match action {
+                Action::LoadReplica { worker, digest } => {
+                    let known = self.known(*worker)?;
+                    ensure(known.replicas.insert(*digest, false).is_none(), || {
+                        format!("{digest} loaded twice")
+                    })?;
+                }
+                Action::ReleaseReplica { worker, digest } => {
+                    let known = self.known(*worker)?;
+                    ensure(known.replicas.remove(digest).is_some(), || {
+                        format!("{digest} released, and not there")
+                    })?;
+                }
+                Action::Send { worker, job } => self.send(*worker, *job)?,
+                Action::Deliver { job } => {
+                    is_delivered = true;
+                    ensure(finished == Some(*job), || format!("{job:?} delivered without an answer"))?;
+                    ensure(self.submitted.contains(job), || format!("{job:?} delivered unasked"))?;
+                    ensure(self.delivered.insert(*job), || format!("{job:?} delivered twice"))?;
+                }
+                Action::Abandon { job, why } => return Err(format!("{job:?} abandoned: {why}")),
+                Action::Cancel { worker, job } => {
+                    self.counts.cancelled += 1;
+                    let known = self.known(*worker)?;
+                    ensure(known.under_way.contains(job), || format!("{job:?} cancelled where it is not"))?;
+                }
+            }
+        }
+        self.counts.late += u64::from(finished.is_some() && !is_delivered);
+        ensure(finished.is_none_or(|job| self.delivered.contains(&job)), || "an answer got lost".into())
+    }
+
+    fn known(&mut self, worker: WorkerId) -> Result<&mut Known, String> {
+        self.workers.get_mut(&worker).ok_or_else(|| format!("an action for {worker:?}, which is not there"))
+    }
+
+    /// A worker answers each job that it was sent, once.
+    fn answered(&mut self, worker: WorkerId, job: JobId) -> Result<(), String> {
+        let was_held = self.known(worker)?.under_way.remove(&job);
+        ensure(was_held, || format!("{worker:?} answers {job:?}, which it does not hold"))
+    }
+
+    fn send(&mut self, worker: WorkerId, job: JobId) -> Result<(), String> {
+        ensure(self.submitted.contains(&job), || format!("{job:?} sent unasked"))?;
+        ensure(!self.delivered.contains(&job), || format!("{job:?} sent although it is delivered"))?;
+        self.counts.sent_again += u64::from(!self.sent.insert(job));
+        let known = self.known(worker)?;
+        ensure(known.under_way.insert(job), || format!("{job:?} sent twice to {worker:?}"))?;
+        let (held, threads) = (known.under_way.len(), known.threads);
+        ensure(held <= MOST_JOBS_PER_THREAD * (threads + 1), || format!("{worker:?} holds {held} jobs"))?;
+        let holders = self.workers.values().filter(|known| known.under_way.contains(&job)).count();
+        ensure(holders <= MOST_HOLDERS, || format!("{job:?} is with {holders} workers"))
+    }
+}

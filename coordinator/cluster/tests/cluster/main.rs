@@ -1,0 +1,222 @@
+//! A driver against real and faked workers.
+
+mod bakery;
+mod names;
+mod server;
+mod sharing;
+
+use std::time::Duration;
+
+use cluster::scheduler::Abandonment;
+use cluster::{Cluster, ClusterError, ClusterSettings, JobId, Workers};
+use kernel::replica::Digest;
+use kernel::row::RowRequest;
+use protocol::worker::worker_message::Body;
+use protocol::worker::{FailureReason, Finished, JobFailed, RowJob, RowStatistics, digest_of_rows};
+
+use bakery::{Bakery, submit_all, take_all};
+use server::Server;
+
+/// A cluster of these servers, which knows the replicas.
+fn cluster(servers: &[&Server], bakery: &Bakery) -> Cluster {
+    let cluster = Cluster::start(&settings(servers.iter().map(|server| server.address.clone()))).unwrap();
+    bakery.publish(&cluster);
+    cluster
+}
+
+/// A cluster of these workers that does not wait long for lost ones.
+fn settings(addresses: impl Iterator<Item = String>) -> ClusterSettings {
+    ClusterSettings { grace: Duration::from_millis(600), ..Workers::Remote(addresses.collect()).into() }
+}
+
+fn start_error(addresses: &[&str]) -> ClusterError {
+    Cluster::start(&settings(addresses.iter().map(ToString::to_string))).err().unwrap()
+}
+
+#[test]
+fn embedded_and_remote_workers_give_the_rows_of_the_engine() {
+    let bakery = Bakery::new();
+    let expected = bakery.rows();
+
+    let mut embedded = Cluster::start(&Workers::Embedded { threads: 2 }.into()).unwrap();
+    bakery.publish(&embedded);
+    submit_all(&embedded, &bakery);
+    assert_eq!(take_all(&mut embedded, &bakery), expected);
+
+    let servers = [Server::real(), Server::real()];
+    let mut remote = cluster(&[&servers[0], &servers[1]], &bakery);
+    submit_all(&remote, &bakery);
+    assert_eq!(take_all(&mut remote, &bakery), expected);
+
+    for cluster in [embedded, remote] {
+        let summaries = cluster.workers();
+        assert_eq!(summaries.iter().map(|worker| worker.part.jobs).sum::<u64>(), expected.len() as u64);
+        assert!(summaries.iter().all(|worker| (worker.part.jobs > 0) == (worker.part.bytes_received > 0)));
+        assert!(summaries.iter().all(|worker| worker.lost.is_none()));
+        cluster.shutdown();
+    }
+}
+
+#[test]
+fn a_wrong_address_is_named_with_the_cure() {
+    // Bound but not listened on by anybody: nobody else gets the port meanwhile.
+    let closed = tokio::net::TcpSocket::new_v4().unwrap();
+    closed.bind("127.0.0.1:0".parse().unwrap()).unwrap();
+    let address = closed.local_addr().unwrap().to_string();
+    let error = start_error(&[&address]);
+    assert!(matches!(error, ClusterError::Unreachable { .. }), "{error}");
+    assert!(error.to_string().contains(&address) && error.to_string().contains("worker --listen"), "{error}");
+
+    for malformed in ["127.0.0.1", "worker", ":7070", "http://worker:7070", "worker:70700"] {
+        assert_eq!(start_error(&[malformed]), ClusterError::Address { address: malformed.into() });
+    }
+    assert_eq!(start_error(&[]), ClusterError::NoWorkers);
+    assert_eq!(
+        Cluster::start(&Workers::Embedded { threads: 0 }.into()).err().unwrap(),
+        ClusterError::NoWorkers
+    );
+}
+
+#[test]
+fn a_worker_of_another_version_is_refused() {
+    let server = Server::fake(99, |_| None);
+    let error = start_error(&[&server.address]);
+    let ClusterError::Version { theirs: 99, ours, .. } = &error else { panic!("{error}") };
+    assert_eq!(*ours, protocol::worker::PROTOCOL_VERSION);
+}
+
+#[test]
+fn somebody_who_is_no_worker_is_refused() {
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    let stranger = std::thread::spawn(move || {
+        use std::io::Write;
+        let (mut caller, _) = listener.accept().unwrap();
+        caller.write_all(b"HTTP/1.0 400 Bad Request\r\n\r\n").unwrap();
+    });
+    let error = start_error(&[&address]);
+    assert!(error.to_string().contains(&address), "{error}");
+    stranger.join().unwrap();
+}
+
+#[test]
+fn a_worker_that_stops_hands_its_jobs_back() {
+    let bakery = Bakery::new();
+    let [stops, stays] = [Server::real(), Server::real()];
+    let mut cluster = cluster(&[&stops, &stays], &bakery);
+    submit_all(&cluster, &bakery);
+    stops.stop();
+    assert_eq!(take_all(&mut cluster, &bakery), bakery.rows());
+}
+
+#[test]
+fn all_workers_lost_is_an_error_and_stays_one() {
+    let bakery = Bakery::new();
+    // Takes jobs, and never answers them.
+    let mut servers = vec![Server::fake_worker(|_| None), Server::fake_worker(|_| None)];
+    let mut cluster = cluster(&[&servers[0], &servers[1]], &bakery);
+    submit_all(&cluster, &bakery);
+    servers.clear();
+    let Err(ClusterError::AllWorkersLost { reasons }) = cluster.next() else { panic!("not lost") };
+    assert_eq!(reasons.len(), 2);
+    submit_all(&cluster, &bakery);
+    assert!(matches!(cluster.next(), Err(ClusterError::AllWorkersLost { .. })));
+    assert!(cluster.workers().iter().all(|worker| worker.lost.is_some()));
+}
+
+#[test]
+fn a_worker_that_falls_silent_is_lost() {
+    let bakery = Bakery::new();
+    let server = Server::deaf();
+    let mut cluster = cluster(&[&server], &bakery);
+    submit_all(&cluster, &bakery);
+    let error = cluster.next().unwrap_err();
+    assert!(error.to_string().contains("silent"), "{error}");
+}
+
+#[test]
+fn garbage_costs_a_worker_its_place_and_no_job_its_rows() {
+    let bakery = Bakery::new();
+    let finished = |job_id, rows: Vec<_>, statistics| {
+        let digest = digest_of_rows(&rows).to_bytes();
+        Some(Body::Finished(Finished { job_id, rows, statistics, digest }))
+    };
+    let honest = Server::real();
+    let costs = |job: &RowJob| vec![RowStatistics::default(); job.shooters.len()];
+    let liars = [
+        // No row, a row with a byte too much, statistics missing, the answer to another job, a digest of other rows.
+        Server::fake_worker(move |job| finished(job.job_id, vec![], costs(job))),
+        Server::fake_worker(move |job| {
+            finished(job.job_id, vec![vec![0].into(); job.shooters.len()], costs(job))
+        }),
+        Server::fake_worker(move |job| finished(job.job_id, bakery::dark_rows(job), vec![])),
+        Server::fake_worker(move |job| finished(job.job_id + 1000, bakery::dark_rows(job), costs(job))),
+        Server::fake_worker(move |job| {
+            let (rows, digest) = (bakery::dark_rows(job), digest_of_rows(&[]).to_bytes());
+            Some(Body::Finished(Finished { job_id: job.job_id, rows, statistics: costs(job), digest }))
+        }),
+    ];
+    for liar in &liars {
+        let mut alone = cluster(&[liar], &bakery);
+        submit_all(&alone, &bakery);
+        let error = alone.next().unwrap_err();
+        assert!(matches!(error, ClusterError::AllWorkersLost { .. }), "{error}");
+        assert!(error.to_string().contains("garbage"), "{error}");
+
+        let mut both = cluster(&[liar, &honest], &bakery);
+        submit_all(&both, &bakery);
+        assert_eq!(take_all(&mut both, &bakery), bakery.rows());
+    }
+}
+
+#[test]
+fn a_replica_that_a_worker_forgot_is_loaded_again() {
+    let bakery = Bakery::new();
+    let server = Server::real();
+    let mut cluster = cluster(&[&server], &bakery);
+    for _ in 0..2 {
+        submit_all(&cluster, &bakery);
+        assert_eq!(take_all(&mut cluster, &bakery), bakery.rows());
+        server.forget(&bakery.digests());
+    }
+    assert_eq!(cluster.workers()[0].lost, None);
+}
+
+#[test]
+fn a_released_replica_can_be_published_again() {
+    let bakery = Bakery::new();
+    let mut cluster = Cluster::start(&Workers::Embedded { threads: 1 }.into()).unwrap();
+    for _ in 0..2 {
+        bakery.publish(&cluster);
+        submit_all(&cluster, &bakery);
+        assert_eq!(take_all(&mut cluster, &bakery), bakery.rows());
+        bakery.digests().into_iter().for_each(|digest| cluster.release(digest));
+    }
+}
+
+#[test]
+fn a_job_that_cannot_be_done_is_reported() {
+    let bakery = Bakery::new();
+    let failing = Server::fake_worker(|job| {
+        let reason = FailureReason::Internal.into();
+        Some(Body::Failed(JobFailed { job_id: job.job_id, reason, message: "out of luck".into() }))
+    });
+    let mut failing = cluster(&[&failing], &bakery);
+    failing.submit(vec![(JobId(1), bakery.requests()[0].clone())]);
+    let why = Abandonment::FailedTooOften;
+    let error = ClusterError::Abandoned { job: JobId(1), why, message: "out of luck".into() };
+    assert_eq!(failing.next(), Err(error));
+
+    let mut cluster = Cluster::start(&Workers::Embedded { threads: 1 }.into()).unwrap();
+    bakery.publish(&cluster);
+    let beyond = RowRequest { receiver_count: 1 << 20, ..bakery.requests()[0].clone() };
+    cluster.submit(vec![(JobId(1), beyond)]);
+    let Err(ClusterError::Abandoned { why: Abandonment::Refused, message, .. }) = cluster.next() else {
+        panic!("not refused")
+    };
+    assert!(message.contains("do not exist"), "{message}");
+
+    let unknown = Digest::of(b"never published");
+    cluster.submit(vec![(JobId(2), RowRequest { scene: unknown, ..bakery.requests()[0].clone() })]);
+    assert_eq!(cluster.next(), Err(ClusterError::NotPublished(unknown)));
+}

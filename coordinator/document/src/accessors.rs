@@ -1,0 +1,107 @@
+//! Checks an accessor before it is read: the crate's readers trust counts, strides, formats and offsets.
+
+use gltf::accessor::{DataType, Dimensions};
+use gltf::{Accessor, buffer};
+
+use super::error::ImportProblem;
+
+/// Formats that an attribute may have.
+pub struct Format {
+    data_types: &'static [DataType],
+    dimensions: &'static [Dimensions],
+    words: &'static str,
+}
+
+/// POSITION and NORMAL.
+pub const VECTOR: Format =
+    Format { data_types: &[DataType::F32], dimensions: &[Dimensions::Vec3], words: "VEC3 of floats" };
+
+/// TEXCOORD_n.
+pub const TEXTURE_COORDINATES: Format = Format {
+    data_types: &[DataType::F32, DataType::U8, DataType::U16],
+    dimensions: &[Dimensions::Vec2],
+    words: "VEC2 of floats, unsigned bytes or unsigned shorts",
+};
+
+/// COLOR_n.
+pub const COLOUR: Format = Format {
+    data_types: &[DataType::F32, DataType::U8, DataType::U16],
+    dimensions: &[Dimensions::Vec3, Dimensions::Vec4],
+    words: "VEC3 or VEC4 of floats, unsigned bytes or unsigned shorts",
+};
+
+/// _COLOR_0.
+pub const TINT: Format = Format {
+    data_types: &[DataType::F32],
+    dimensions: &[Dimensions::Vec3, Dimensions::Vec4],
+    words: "VEC3 or VEC4 of floats",
+};
+
+/// Vertex indices.
+pub const INDICES: Format = Format {
+    data_types: &[DataType::U8, DataType::U16, DataType::U32],
+    dimensions: &[Dimensions::Scalar],
+    words: "SCALAR of unsigned integers",
+};
+
+/// What the checks need to know besides the accessor.
+pub struct Context<'a> {
+    /// Node and primitive, for messages.
+    pub place: &'a str,
+    /// The bytes of every buffer.
+    pub buffers: &'a [Vec<u8>],
+    /// Bytes that an accessor without data (a sparse one over zeros) may expand to.
+    pub max_bytes: u64,
+}
+
+/// Checks that `accessor` has one of the formats, at least one element, and all its bytes within its buffers.
+pub fn check(
+    accessor: &Accessor,
+    attribute: &str,
+    format: &Format,
+    context: &Context,
+) -> Result<(), ImportProblem> {
+    let place = context.place.to_owned();
+    let (attribute, index) = (attribute.to_owned(), accessor.index());
+    if !format.data_types.contains(&accessor.data_type())
+        || !format.dimensions.contains(&accessor.dimensions())
+    {
+        let found = format!("{:?} of {:?}", accessor.dimensions(), accessor.data_type());
+        let expected = format.words;
+        return Err(ImportProblem::AccessorFormat { place, accessor: index, attribute, found, expected });
+    }
+    if accessor.count() == 0 || accessor.sparse().is_some_and(|sparse| sparse.count() == 0) {
+        return Err(ImportProblem::AccessorEmpty { place, accessor: index, attribute });
+    }
+    if is_within_bounds(accessor, context) {
+        return Ok(());
+    }
+    Err(ImportProblem::AccessorOutOfBounds { place, accessor: index, attribute })
+}
+
+/// Whether all bytes of an accessor that has elements lie within its buffers.
+pub fn is_within_bounds(accessor: &Accessor, context: &Context) -> bool {
+    let (size, count) = (accessor.size() as u64, accessor.count() as u64);
+    let base = match accessor.view() {
+        Some(view) => fits(&view, accessor.offset(), count, size, context.buffers),
+        None => count.checked_mul(size).is_some_and(|bytes| bytes <= context.max_bytes),
+    };
+    let Some(sparse) = accessor.sparse() else { return base };
+    let (indices, values) = (sparse.indices(), sparse.values());
+    let (replaced, index_size) = (sparse.count() as u64, indices.index_type().size() as u64);
+    base && replaced <= count
+        && fits(&indices.view(), indices.offset(), replaced, index_size, context.buffers)
+        && fits(&values.view(), values.offset(), replaced, size, context.buffers)
+}
+
+/// Whether `count` elements of `size` bytes from `offset` on lie within the view, and the view within its buffer.
+fn fits(view: &buffer::View, offset: usize, count: u64, size: u64, buffers: &[Vec<u8>]) -> bool {
+    let stride = view.stride().map_or(size, |stride| stride as u64);
+    let end =
+        (count - 1).checked_mul(stride).and_then(|end| end.checked_add(size)?.checked_add(offset as u64));
+    let view_end = (view.offset() as u64).checked_add(view.length() as u64);
+    let held = buffers.get(view.buffer().index()).map_or(0, |bytes| bytes.len() as u64);
+    stride >= size
+        && end.is_some_and(|end| end <= view.length() as u64)
+        && view_end.is_some_and(|end| end <= held)
+}

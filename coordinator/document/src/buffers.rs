@@ -1,0 +1,149 @@
+//! The bytes of every buffer: binary chunk, data URI, or a file next to the glTF.
+
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::{Component, Path, PathBuf};
+
+use base64::Engine;
+use base64::alphabet;
+use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
+use gltf::json::Root;
+use percent_encoding::percent_decode_str;
+
+use super::error::ImportProblem;
+
+/// Writers differ in whether they pad; both decode to one thing.
+const BASE64: GeneralPurpose = GeneralPurpose::new(
+    &alphabet::STANDARD,
+    GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent),
+);
+
+/// Longest part of a URI that a message repeats.
+const SHOWN_URI: usize = 80;
+
+/// Reads a whole file, or says that it is longer than `limit`. Never allocates for more than that.
+pub fn read_file(path: &Path, limit: u64) -> io::Result<Option<Vec<u8>>> {
+    let mut bytes = Vec::new();
+    File::open(path)?.take(limit.saturating_add(1)).read_to_end(&mut bytes)?;
+    Ok((bytes.len() as u64 <= limit).then_some(bytes))
+}
+
+/// Resolves the buffers of the document that are needed (others stay empty), each cut to the length that it announces.
+///
+/// `folder` is where relative references start; without one, references to files are refused. `budget` is the number of
+/// bytes that external files may have together, out of `limit`.
+pub fn resolve(
+    root: &Root,
+    needed: impl Fn(usize) -> bool,
+    mut blob: Option<Vec<u8>>,
+    folder: Option<&Path>,
+    mut budget: u64,
+    limit: u64,
+) -> Result<Vec<Vec<u8>>, ImportProblem> {
+    let mut buffers = Vec::new();
+    for (index, buffer) in root.buffers.iter().enumerate() {
+        if !needed(index) {
+            buffers.push(Vec::new());
+            continue;
+        }
+        let mut bytes = match &buffer.uri {
+            // Only the first buffer may stand for the binary chunk.
+            None => (index == 0)
+                .then(|| blob.take())
+                .flatten()
+                .ok_or(ImportProblem::BufferMissing { buffer: index })?,
+            Some(uri) => match uri.strip_prefix("data:") {
+                Some(data) => decode_data_uri(data, index)?,
+                None => {
+                    let bytes = read_external(uri, folder, index, budget)?
+                        .ok_or(ImportProblem::TooLarge { limit })?;
+                    budget -= bytes.len() as u64;
+                    bytes
+                }
+            },
+        };
+        let (declared, actual) = (buffer.byte_length.0, bytes.len() as u64);
+        if actual < declared {
+            return Err(ImportProblem::BufferTooShort { buffer: index, declared, actual });
+        }
+        bytes.truncate(declared as usize);
+        buffers.push(bytes);
+    }
+    Ok(buffers)
+}
+
+/// Bytes that were read from files beside the document.
+pub fn bytes_beside(root: &Root, buffers: &[Vec<u8>]) -> u64 {
+    let is_beside = |uri: &Option<String>| uri.as_ref().is_some_and(|uri| !uri.starts_with("data:"));
+    let beside = root.buffers.iter().zip(buffers).filter(|(own, _)| is_beside(&own.uri));
+    beside.map(|(_, bytes)| bytes.len() as u64).sum()
+}
+
+fn decode_data_uri(data: &str, buffer: usize) -> Result<Vec<u8>, ImportProblem> {
+    let refused = |why| refuse(&format!("data:{data}"), buffer, why);
+    data_uri_bytes(data).map_err(refused)
+}
+
+/// The bytes of a data URI, given without its scheme.
+pub fn data_uri_bytes(data: &str) -> Result<Vec<u8>, &'static str> {
+    let (_, encoded) = data.split_once(";base64,").ok_or("only base64 data URIs are read")?;
+    BASE64.decode(encoded).map_err(|_| "its base64 is damaged")
+}
+
+/// Reads a file by its relative reference; `None` if it is larger than `budget`.
+fn read_external(
+    uri: &str,
+    folder: Option<&Path>,
+    buffer: usize,
+    budget: u64,
+) -> Result<Option<Vec<u8>>, ImportProblem> {
+    let Some(folder) = folder else {
+        return Err(refuse(uri, buffer, "a scene that did not come from a file may not refer to files"));
+    };
+    let path = folder.join(relative_path(uri).map_err(|why| refuse(uri, buffer, why))?);
+    read_file(&path, budget).map_err(|error| ImportProblem::ExternalFile { buffer, uri: shorten(uri), error })
+}
+
+/// Reads what a relative reference names in this folder or below, or says why not.
+pub fn read_beside(folder: &Path, uri: &str, limit: u64) -> Result<Vec<u8>, String> {
+    let path = folder.join(relative_path(uri)?);
+    let bytes = read_file(&path, limit).map_err(|error| error.to_string())?;
+    bytes.ok_or_else(|| format!("it has more than {limit} bytes"))
+}
+
+/// What a URI of an image stands for: data of its own, or a file in this folder or below; or why there is nothing, or more than
+/// `limit` bytes.
+pub fn read_uri(uri: &str, folder: Option<&Path>, limit: u64) -> Result<Vec<u8>, String> {
+    if let Some(data) = uri.strip_prefix("data:") {
+        return data_uri_bytes(data).map_err(str::to_owned);
+    }
+    let folder = folder.ok_or("a scene that did not come from a file may not refer to files")?;
+    read_beside(folder, uri, limit).map_err(|why| format!("{}: {why}", shorten(uri)))
+}
+
+/// The path that a relative reference names, never outside the folder of the glTF.
+fn relative_path(uri: &str) -> Result<PathBuf, &'static str> {
+    let decoded = percent_decode_str(uri).decode_utf8().map_err(|_| "it is not UTF-8")?;
+    if uri.split('/').next().is_some_and(|start| start.contains(':')) {
+        return Err("only files next to the glTF are read, no other scheme");
+    }
+    // A backslash separates folders on one system and belongs to the name on another.
+    if decoded.contains(['\\', '\0']) {
+        return Err("it contains a backslash or a zero byte");
+    }
+    let path = PathBuf::from(decoded.as_ref());
+    let inside = path.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
+    if inside { Ok(path) } else { Err("it leads outside the folder of the glTF") }
+}
+
+fn refuse(uri: &str, buffer: usize, why: &'static str) -> ImportProblem {
+    ImportProblem::RefusedUri { buffer, uri: shorten(uri), why }
+}
+
+/// A URI as messages show it.
+fn shorten(uri: &str) -> String {
+    match uri.char_indices().nth(SHOWN_URI) {
+        Some((end, _)) => format!("{}...", &uri[..end]),
+        None => uri.to_owned(),
+    }
+}

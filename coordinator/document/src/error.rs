@@ -1,0 +1,272 @@
+//! What can be wrong with a file, in words that name the place and the cure.
+
+use std::io;
+
+/// Why a glTF could not be imported.
+#[derive(Debug, thiserror::Error)]
+#[error("{file}: {problem}")]
+pub struct ImportError {
+    /// The file, or what stands for it where the bytes came from elsewhere.
+    pub file: String,
+    /// What is wrong with it.
+    pub problem: Box<ImportProblem>,
+}
+
+impl ImportError {
+    /// An error of this file.
+    #[must_use]
+    pub fn new(file: &str, problem: ImportProblem) -> Self {
+        Self { file: file.to_owned(), problem: Box::new(problem) }
+    }
+}
+
+/// What is wrong with a glTF. Places are given as `node "name"` or, without a name, `node 3`.
+#[derive(Debug, thiserror::Error)]
+pub enum ImportProblem {
+    /// The file cannot be opened or read.
+    #[error("cannot be read: {0}; check the path and the permissions")]
+    Unreadable(io::Error),
+    /// File and external buffers together exceed [`super::ImportOptions::max_bytes`].
+    #[error(
+        "is larger than the limit of {limit} bytes, external buffers included; raise the limit or split the scene"
+    )]
+    TooLarge {
+        /// The limit.
+        limit: u64,
+    },
+    /// Neither GLB nor JSON.
+    #[error("is not a glTF: it starts neither like a GLB nor like JSON; export the scene as .glb or .gltf")]
+    NotGltf,
+    /// glTF 1.0, or a version from the future.
+    #[error("is glTF {version}, but only glTF 2 is read; export it as glTF 2.0")]
+    Version {
+        /// The version found.
+        version: String,
+    },
+    /// The file ends too early.
+    #[error("is truncated: {detail}; copy or export it again")]
+    Truncated {
+        /// What is missing.
+        detail: String,
+    },
+    /// The container or the JSON is malformed.
+    #[error("is not valid glTF: {detail}; check it with gltf-validator and export it again")]
+    Malformed {
+        /// What the parser says.
+        detail: String,
+    },
+    /// An index in the JSON refers to nothing.
+    #[error(
+        "{path} refers to something that is not in the file; check it with gltf-validator and export it again"
+    )]
+    DanglingIndex {
+        /// Path in the JSON.
+        path: String,
+    },
+    /// Any other required extension.
+    #[error("requires {extension}, which is not supported; export it without that extension")]
+    ExtensionRequired {
+        /// Name of the extension.
+        extension: String,
+    },
+    /// Compressed, quantized, instanced or posed geometry that does not hold what it should.
+    #[error("{place}: cannot be decoded: {detail}; the file is damaged, export it again")]
+    Undecodable {
+        /// What stands where.
+        place: String,
+        /// What is wrong.
+        detail: String,
+    },
+    /// A buffer in a file of its own cannot be read.
+    #[error(
+        "buffer {buffer}: external file `{uri}` cannot be read: {error}; put it next to the glTF or export as .glb"
+    )]
+    ExternalFile {
+        /// Index of the buffer.
+        buffer: usize,
+        /// Reference as it stands in the file.
+        uri: String,
+        /// What the system says.
+        error: io::Error,
+    },
+    /// A reference that is not followed, for safety.
+    #[error("buffer {buffer}: `{uri}` is not read: {why}; export as .glb, which holds its buffers itself")]
+    RefusedUri {
+        /// Index of the buffer.
+        buffer: usize,
+        /// Reference as it stands in the file, shortened.
+        uri: String,
+        /// Why it is not followed.
+        why: &'static str,
+    },
+    /// A buffer that refers to nothing.
+    #[error(
+        "buffer {buffer} has no data: no uri, and no binary chunk in the file; export the scene again as .glb"
+    )]
+    BufferMissing {
+        /// Index of the buffer.
+        buffer: usize,
+    },
+    /// Fewer bytes than announced.
+    #[error(
+        "buffer {buffer} has {actual} bytes of the {declared} that it announces; copy or export it again"
+    )]
+    BufferTooShort {
+        /// Index of the buffer.
+        buffer: usize,
+        /// Length that the JSON states.
+        declared: u64,
+        /// Length found.
+        actual: u64,
+    },
+    /// No scene of the name or index that was asked for.
+    #[error("has no scene `{wanted}`, but {scenes}; choose one of these with --scene")]
+    NoSuchScene {
+        /// What was asked for.
+        wanted: String,
+        /// The scenes that there are.
+        scenes: String,
+    },
+    /// Several scenes of the name that was asked for.
+    #[error("has several scenes `{wanted}` among {scenes}; choose one by its index with --scene")]
+    AmbiguousScene {
+        /// What was asked for.
+        wanted: String,
+        /// The scenes that there are.
+        scenes: String,
+    },
+    /// A node that is its own ancestor, or has two parents.
+    #[error(
+        "{node} is reached twice: the nodes form a cycle or share a child, but must form a tree; repair the hierarchy and export again"
+    )]
+    CyclicNodes {
+        /// The node.
+        node: String,
+    },
+    /// NaN, infinity or a zero quaternion in a transform.
+    #[error("{node}: its transform is not finite; reset or apply the transform and export again")]
+    NodeTransform {
+        /// The node.
+        node: String,
+    },
+    /// An accessor that reaches past its buffer.
+    #[error(
+        "{place}: accessor {accessor} ({attribute}) reaches outside its buffer; the file is damaged, export it again"
+    )]
+    AccessorOutOfBounds {
+        /// Node and primitive.
+        place: String,
+        /// Index of the accessor.
+        accessor: usize,
+        /// What it holds.
+        attribute: String,
+    },
+    /// An accessor of a component type or shape that the attribute may not have.
+    #[error(
+        "{place}: accessor {accessor} ({attribute}) is {found}, not {expected}; if the file is quantized, it must say so in extensionsRequired"
+    )]
+    AccessorFormat {
+        /// Node and primitive.
+        place: String,
+        /// Index of the accessor.
+        accessor: usize,
+        /// What it holds.
+        attribute: String,
+        /// Format found.
+        found: String,
+        /// Formats allowed.
+        expected: &'static str,
+    },
+    /// An accessor without elements.
+    #[error(
+        "{place}: accessor {accessor} ({attribute}) has no elements; remove the empty primitive and export again"
+    )]
+    AccessorEmpty {
+        /// Node and primitive.
+        place: String,
+        /// Index of the accessor.
+        accessor: usize,
+        /// What it holds.
+        attribute: String,
+    },
+    /// Attributes of one primitive that differ in length.
+    #[error(
+        "{place}: {attribute} has {found} elements for {expected} positions; the file is damaged, export it again"
+    )]
+    AttributeCount {
+        /// Node and primitive.
+        place: String,
+        /// Attribute.
+        attribute: String,
+        /// Its number of elements.
+        found: usize,
+        /// Number of positions.
+        expected: usize,
+    },
+    /// A vertex index beyond the primitive's vertices.
+    #[error(
+        "{place}: vertex index {index} is out of range, there are {count} vertices; the file is damaged, export it again"
+    )]
+    IndexOutOfRange {
+        /// Node and primitive.
+        place: String,
+        /// The index.
+        index: u32,
+        /// Number of vertices.
+        count: usize,
+    },
+    /// NaN or infinity among the positions.
+    #[error("{place}: vertex {vertex} has a position that is not finite; repair the mesh and export again")]
+    NonFinitePosition {
+        /// Node and primitive.
+        place: String,
+        /// Index of the vertex.
+        vertex: usize,
+    },
+    /// More triangles than [`super::ImportOptions::max_triangles`].
+    #[error(
+        "{place}: the scene has more than {limit} triangles up to here; raise the limit or simplify the scene"
+    )]
+    TooManyTriangles {
+        /// Node and primitive.
+        place: String,
+        /// The limit.
+        limit: usize,
+    },
+    /// A material or light factor that means nothing.
+    #[error("{place}: {factor} is {value}; it must be {expected}")]
+    Factor {
+        /// Material or light.
+        place: String,
+        /// Which factor.
+        factor: &'static str,
+        /// Its value.
+        value: f32,
+        /// What is allowed.
+        expected: &'static str,
+    },
+    /// A node that squeezes its mesh flat: no coordinates of its own could hold refined positions.
+    #[error("has {primitive} under a node with a scale of zero; give it a small scale in place of zero")]
+    FlatNode {
+        /// Node and primitive.
+        primitive: String,
+    },
+    /// Nothing to light.
+    #[error(
+        "has no triangles with an area in its scene; add a mesh, and check that its nodes are in the default scene and are not scaled to zero"
+    )]
+    NoTriangles,
+    /// Nothing that gives light.
+    #[error(
+        "has no light: no emissive material in use and no light; give a material an emissiveFactor, add a KHR_lights_punctual light, or give --sky"
+    )]
+    NoLight,
+    /// The scene cannot be scaled to a working size.
+    #[error(
+        "has a largest extent of {extent}, which cannot be scaled to a working size; check the scales of the nodes"
+    )]
+    Extent {
+        /// Largest side of the bounding box, file units.
+        extent: f64,
+    },
+}

@@ -1,0 +1,116 @@
+//! The images that materials in use need, decoded in parallel, each once.
+//!
+//! An image that cannot be read is worth a warning, not an error: the factors alone count where it is used.
+
+use std::borrow::Cow;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+use std::sync::Arc;
+
+use gltf::{Document, json};
+use rayon::prelude::*;
+
+use super::buffers::{data_uri_bytes, read_beside};
+use crate::texture::{self, Image};
+
+/// Most bytes of the texels of all images together: with what a mean over a polygon takes, half as much again.
+const MOST_BYTES: u64 = 2 << 30;
+
+/// Most bytes of texels for each byte that a file may have: where files must be small, what they unfold to must be, too.
+const BYTES_PER_FILE_BYTE: u64 = 64;
+
+/// Where images are read from.
+pub struct Sources<'a> {
+    /// The bytes of every buffer.
+    pub buffers: &'a [Vec<u8>],
+    /// Where relative references start; without one they are refused.
+    pub folder: Option<&'a Path>,
+    /// Most bytes of external image files together.
+    pub budget: u64,
+    /// Most bytes of the file and what is beside it.
+    pub max_bytes: u64,
+}
+
+/// Decoded images by their index.
+pub type Images = BTreeMap<usize, Arc<Image>>;
+
+/// The image that a texture shows: that of EXT_texture_webp where it has one, else its own.
+pub fn image_of(texture: &gltf::Texture) -> Option<usize> {
+    let webp = texture.extension_value("EXT_texture_webp").and_then(|webp| webp.get("source")?.as_u64());
+    webp.map(|index| index as usize).or_else(|| texture.source().map(|image| image.index()))
+}
+
+/// Decodes these images, as far as that can be done.
+pub fn decode(
+    document: &Document,
+    needed: &BTreeSet<usize>,
+    sources: &Sources,
+    warnings: &mut Vec<String>,
+) -> Images {
+    let images = &document.as_json().images;
+    let mut budget = sources.budget;
+    let most = MOST_BYTES.min(sources.max_bytes.saturating_mul(BYTES_PER_FILE_BYTE));
+    let mut room = most;
+    let mut refused = |index: usize, why: String| {
+        let name = images.get(index).and_then(|image| image.name.as_deref()).unwrap_or_default();
+        let label = if name.is_empty() { format!("image {index}") } else { format!("image \"{name}\"") };
+        warnings.push(format!("{label} is not read: {why}; the factors alone count where it is used"));
+    };
+    let mut encoded: Vec<(usize, Cow<[u8]>)> = vec![];
+    for &index in needed {
+        let bytes = match images.get(index) {
+            Some(image) => bytes(document, image, sources, &mut budget),
+            None => Err("there is no such image in the file".to_owned()),
+        };
+        let whole = bytes.and_then(|bytes| {
+            let (width, height) = texture::dimensions(&bytes).map_err(|error| error.to_string())?;
+            let taken = u64::from(width) * u64::from(height) * 4;
+            room = room.checked_sub(taken).ok_or_else(|| {
+                format!("all images together have more than {} MiB of texels; scale them down", most >> 20)
+            })?;
+            Ok(bytes)
+        });
+        match whole {
+            Ok(bytes) => encoded.push((index, bytes)),
+            Err(why) => refused(index, why),
+        }
+    }
+    let decoded: Vec<_> =
+        encoded.into_par_iter().map(|(index, bytes)| (index, texture::decode(&bytes))).collect();
+    let mut found = Images::new();
+    for (index, image) in decoded {
+        match image {
+            Ok(image) => {
+                found.insert(index, Arc::new(image));
+            }
+            Err(error) => refused(index, error.to_string()),
+        }
+    }
+    found
+}
+
+/// The encoded bytes of an image.
+fn bytes<'a>(
+    document: &Document,
+    image: &json::Image,
+    sources: &Sources<'a>,
+    budget: &mut u64,
+) -> Result<Cow<'a, [u8]>, String> {
+    if let Some(view) = image.buffer_view {
+        let outside = || "its buffer view reaches outside its buffer".to_owned();
+        let view = document.as_json().buffer_views.get(view.value()).ok_or_else(outside)?;
+        let start = view.byte_offset.map_or(0, |offset| offset.0);
+        let end = start.checked_add(view.byte_length.0).ok_or_else(outside)?;
+        let range = usize::try_from(start).ok().zip(usize::try_from(end).ok()).ok_or_else(outside)?;
+        let buffer = sources.buffers.get(view.buffer.value()).ok_or_else(outside)?;
+        return buffer.get(range.0..range.1).map(Cow::Borrowed).ok_or_else(outside);
+    }
+    let uri = image.uri.as_deref().ok_or_else(|| "it has neither a buffer view nor a uri".to_owned())?;
+    if let Some(data) = uri.strip_prefix("data:") {
+        return data_uri_bytes(data).map(Cow::Owned).map_err(str::to_owned);
+    }
+    let folder = sources.folder.ok_or("a scene that did not come from a file may not refer to files")?;
+    let bytes = read_beside(folder, uri, *budget)?;
+    *budget -= bytes.len() as u64;
+    Ok(Cow::Owned(bytes))
+}

@@ -1,0 +1,77 @@
+//! The walk over the nodes: world matrices in f64.
+
+use glam::{DAffine3, DMat3};
+use gltf::{Document, Node};
+
+use super::error::ImportProblem;
+use crate::placement::local_matrix;
+
+/// A node of the default scene and where it stands.
+pub struct PlacedNode<'a> {
+    /// The node.
+    pub node: Node<'a>,
+    /// Node to world.
+    pub world: DAffine3,
+}
+
+/// `node "name"`, or `node 3` for one without a name.
+pub fn node_label(node: &Node) -> String {
+    match node.name() {
+        Some(name) if !name.is_empty() => format!("node \"{name}\""),
+        _ => format!("node {}", node.index()),
+    }
+}
+
+/// All nodes of the default scene (else of the first; without scenes all nodes that have no parent and what is under
+/// them), parents first, in the order of the file.
+///
+/// Validation passes cyclic graphs: a visited set finds them, and no recursion overflows on a long chain.
+pub fn walk(document: &Document) -> Result<Vec<PlacedNode<'_>>, ImportProblem> {
+    let mut visited = vec![false; document.nodes().len()];
+    let mut stack: Vec<(Node, DAffine3)> =
+        roots(document)?.into_iter().map(|node| (node, DAffine3::IDENTITY)).collect();
+    stack.reverse();
+    let mut placed = Vec::new();
+    while let Some((node, parent)) = stack.pop() {
+        if std::mem::replace(&mut visited[node.index()], true) {
+            return Err(ImportProblem::CyclicNodes { node: node_label(&node) });
+        }
+        let world = parent * DAffine3::from_mat4(local_matrix(&node));
+        if !world.is_finite() {
+            return Err(ImportProblem::NodeTransform { node: node_label(&node) });
+        }
+        let first = stack.len();
+        stack.extend(node.children().map(|child| (child, world)));
+        stack[first..].reverse();
+        placed.push(PlacedNode { node, world });
+    }
+    Ok(placed)
+}
+
+fn roots(document: &Document) -> Result<Vec<Node<'_>>, ImportProblem> {
+    if let Some(scene) = document.default_scene().or_else(|| document.scenes().next()) {
+        return Ok(scene.nodes().collect());
+    }
+    let mut is_child = vec![false; document.nodes().len()];
+    for child in document.nodes().flat_map(|node| node.children()) {
+        is_child[child.index()] = true;
+    }
+    let roots: Vec<Node> = document.nodes().filter(|node| !is_child[node.index()]).collect();
+    match document.nodes().next() {
+        Some(node) if roots.is_empty() => Err(ImportProblem::CyclicNodes { node: node_label(&node) }),
+        _ => Ok(roots),
+    }
+}
+
+/// How normals transform: inverse transpose, up to a positive factor.
+///
+/// The matrix of cofactors is the inverse transpose times the determinant and exists for singular matrices too; the sign
+/// takes the mirroring out again, as the flipped winding does for the facets.
+pub fn normal_matrix(matrix: DMat3) -> DMat3 {
+    let cofactors = DMat3::from_cols(
+        matrix.y_axis.cross(matrix.z_axis),
+        matrix.z_axis.cross(matrix.x_axis),
+        matrix.x_axis.cross(matrix.y_axis),
+    );
+    if matrix.determinant() < 0.0 { -cofactors } else { cofactors }
+}

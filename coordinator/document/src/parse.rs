@@ -1,0 +1,204 @@
+//! From bytes to a validated glTF document.
+
+use std::borrow::Cow;
+
+use gltf::binary;
+use gltf::json::validation::{Checked, Error as Fault};
+use gltf::{Document, Semantic, json};
+use serde::Deserialize;
+use serde_json::Value;
+
+use super::error::ImportProblem;
+use super::{prepare, scene_choice};
+
+/// Extensions that change nothing here, or are understood.
+const UNDERSTOOD: [&str; 7] = [
+    WEBP,
+    "KHR_lights_punctual",
+    "KHR_materials_emissive_strength",
+    "KHR_materials_pbrSpecularGlossiness",
+    "KHR_materials_specular",
+    "KHR_materials_unlit",
+    "KHR_texture_transform",
+];
+
+/// Textures with an image in WebP: read here, but not known to the crate, whose validation refuses a document that requires it.
+const WEBP: &str = "EXT_texture_webp";
+
+/// Smallest GLB: its header.
+const GLB_HEADER: usize = 12;
+
+/// A document that is parsed, but not validated yet: compressed ones would not pass.
+pub struct Parsed<'a> {
+    /// The document.
+    pub root: json::Root,
+    /// Its JSON.
+    pub json: Cow<'a, [u8]>,
+    /// The binary chunk of a GLB.
+    pub blob: Option<Vec<u8>>,
+}
+
+/// Parses GLB or JSON. Images are not decoded, buffers not resolved.
+pub fn parse(bytes: &[u8]) -> Result<Parsed<'_>, ImportProblem> {
+    check_container(bytes)?;
+    let (json, blob) = if bytes.starts_with(b"glTF") {
+        let glb = binary::Glb::from_slice(bytes).map_err(problem)?;
+        (glb.json, glb.bin.map(Cow::into_owned))
+    } else {
+        (Cow::Borrowed(bytes), None)
+    };
+    let root = json::Root::from_slice(&json).or_else(|error| read_otherwise(&json, error))?;
+    check_version(&root.asset.version)?;
+    check_required_extensions(&root)?;
+    Ok(Parsed { root, json, blob })
+}
+
+/// A document that the crate does not read: of another version, or with a scene that states no nodes, as the specification
+/// allows and the crate does not.
+fn read_otherwise(json: &[u8], error: serde_json::Error) -> Result<json::Root, ImportProblem> {
+    #[derive(Deserialize)]
+    struct Asset {
+        /// Early files have a number.
+        version: Value,
+    }
+    #[derive(Deserialize)]
+    struct Versioned {
+        asset: Asset,
+    }
+    let failed = || problem(gltf::Error::Deserialize(error));
+    let Ok(Versioned { asset }) = serde_json::from_slice(json) else { return Err(failed()) };
+    check_version(&asset.version.as_str().map_or_else(|| asset.version.to_string(), str::to_owned))?;
+    let Ok(mut document) = serde_json::from_slice::<Value>(json) else { return Err(failed()) };
+    let scenes = document.get_mut("scenes").and_then(Value::as_array_mut).into_iter().flatten();
+    for scene in scenes.filter_map(Value::as_object_mut) {
+        scene.entry("nodes").or_insert_with(|| Value::Array(vec![]));
+    }
+    // The first error tells the place in the file.
+    json::Root::deserialize(document).map_err(|_| failed())
+}
+
+/// Validates a document, of which `scene` becomes the default scene.
+pub fn validate(mut root: json::Root, scene: Option<&str>) -> Result<Document, ImportProblem> {
+    check_position_accessors(&root)?;
+    scene_choice::choose(&mut root, scene)?;
+    root.extensions_required.retain(|name| name != WEBP);
+    Document::from_json(root).map_err(problem)
+}
+
+/// Says again that WebP is required, where a texture has no other image.
+pub fn require_webp(root: &mut json::Root) {
+    let is_empty = |texture: &json::Texture| texture.source.value() == u32::MAX as usize;
+    if root.extensions_used.iter().any(|name| name == WEBP) && root.textures.iter().any(is_empty) {
+        root.extensions_required.push(WEBP.to_owned());
+    }
+}
+
+/// One warning for all extensions that are in use and ignored.
+pub fn warn_ignored_extensions(root: &json::Root, warnings: &mut Vec<String>) {
+    let ignored: Vec<&str> =
+        root.extensions_used.iter().map(String::as_str).filter(|name| !UNDERSTOOD.contains(name)).collect();
+    if !ignored.is_empty() {
+        warnings.push(format!("extensions ignored: {}", ignored.join(", ")));
+    }
+}
+
+/// The parser subtracts the header's size from the length that a GLB states, whatever that is.
+fn check_container(bytes: &[u8]) -> Result<(), ImportProblem> {
+    if bytes.starts_with(b"glTF") {
+        let Some(length) = bytes.get(8..GLB_HEADER) else {
+            return Err(ImportProblem::Truncated {
+                detail: format!("{} bytes are no GLB header", bytes.len()),
+            });
+        };
+        // The first version has a shorter header, and says how long the file is, not the rest of it.
+        if bytes[4..8] == [1, 0, 0, 0] {
+            return Err(ImportProblem::Version { version: "1".to_owned() });
+        }
+        let stated = u32::from_le_bytes([length[0], length[1], length[2], length[3]]);
+        if (stated as usize) < GLB_HEADER {
+            return Err(ImportProblem::Malformed { detail: format!("its GLB header states {stated} bytes") });
+        }
+        return Ok(());
+    }
+    match bytes.iter().find(|byte| !byte.is_ascii_whitespace()) {
+        Some(b'{') => Ok(()),
+        _ => Err(ImportProblem::NotGltf),
+    }
+}
+
+fn check_version(version: &str) -> Result<(), ImportProblem> {
+    if version.split('.').next() == Some("2") {
+        return Ok(());
+    }
+    Err(ImportProblem::Version { version: version.to_owned() })
+}
+
+/// Done before validation, which would only say "unsupported".
+fn check_required_extensions(root: &json::Root) -> Result<(), ImportProblem> {
+    let is_read = |name: &&String| {
+        json::extensions::ENABLED_EXTENSIONS.contains(&name.as_str())
+            || prepare::UNDONE.contains(&name.as_str())
+            || *name == WEBP
+    };
+    match root.extensions_required.iter().find(|name| !is_read(name)) {
+        Some(extension) => Err(ImportProblem::ExtensionRequired { extension: extension.clone() }),
+        None => Ok(()),
+    }
+}
+
+/// The crate's validation follows the index of POSITION without a look at its range.
+fn check_position_accessors(root: &json::Root) -> Result<(), ImportProblem> {
+    for (mesh, primitive, attributes) in root.meshes.iter().enumerate().flat_map(|(mesh, value)| {
+        value
+            .primitives
+            .iter()
+            .enumerate()
+            .map(move |(primitive, value)| (mesh, primitive, &value.attributes))
+    }) {
+        let position = attributes.get(&Checked::Valid(Semantic::Positions));
+        if position.is_some_and(|index| index.value() >= root.accessors.len()) {
+            let path = format!("meshes[{mesh}].primitives[{primitive}].attributes.POSITION");
+            return Err(ImportProblem::DanglingIndex { path });
+        }
+    }
+    Ok(())
+}
+
+/// The crate's errors in our words.
+pub fn problem(error: gltf::Error) -> ImportProblem {
+    match error {
+        gltf::Error::Binary(error) => container_problem(&error),
+        gltf::Error::Deserialize(error) if error.is_eof() => {
+            ImportProblem::Truncated { detail: format!("the JSON ends early, {error}") }
+        }
+        gltf::Error::Deserialize(error) => ImportProblem::Malformed { detail: error.to_string() },
+        gltf::Error::Io(error) => ImportProblem::Unreadable(error),
+        gltf::Error::Validation(faults) => match faults.first() {
+            Some((path, Fault::IndexOutOfBounds)) => ImportProblem::DanglingIndex { path: path.to_string() },
+            Some((path, Fault::Missing)) => ImportProblem::Malformed { detail: format!("{path} is missing") },
+            Some((path, Fault::Oversize)) => {
+                ImportProblem::Malformed { detail: format!("{path} is too large") }
+            }
+            Some((path, _)) => ImportProblem::Malformed { detail: format!("{path} has an invalid value") },
+            None => ImportProblem::Malformed { detail: "validation failed".to_owned() },
+        },
+    }
+}
+
+fn container_problem(error: &binary::Error) -> ImportProblem {
+    let truncated = |detail: String| ImportProblem::Truncated { detail };
+    match error {
+        binary::Error::Version(version) => ImportProblem::Version { version: version.to_string() },
+        binary::Error::Magic(_) => ImportProblem::NotGltf,
+        binary::Error::Length { length, length_read } => {
+            truncated(format!("{length_read} of {length} bytes follow the GLB header"))
+        }
+        binary::Error::ChunkLength { length, length_read, .. } => {
+            truncated(format!("a GLB chunk has {length_read} of {length} bytes"))
+        }
+        binary::Error::Io(_) => truncated("a GLB chunk header is cut off".to_owned()),
+        binary::Error::ChunkType(_) | binary::Error::UnknownChunkType(_) => ImportProblem::Malformed {
+            detail: "its GLB chunks are not JSON and BIN, in this order".to_owned(),
+        },
+    }
+}

@@ -1,0 +1,107 @@
+//! Makes a plain document out of one that compresses, quantizes, instances or poses its geometry, before the `gltf` crate
+//! looks at it: everything downstream, export included, sees valid glTF without these extensions.
+//!
+//! | module | what it does |
+//! |---|---|
+//! | `extensions` | reads the extensions' objects, which the crate leaves out |
+//! | `storage` | one more buffer for what is decoded, within a limit |
+//! | `values` | an accessor's elements as numbers |
+//! | `meshopt` | EXT_meshopt_compression, KHR_meshopt_compression: buffer views decoded |
+//! | `draco` | KHR_draco_mesh_compression: primitives decoded |
+//! | `quantization` | KHR_mesh_quantization: integers become floats |
+//! | `instances` | EXT_mesh_gpu_instancing: instances become nodes |
+//! | `pose` | morph targets and skins as the file shows them without animation |
+//!
+//! Files that need none of it are left as they are.
+
+mod draco;
+mod extensions;
+mod instances;
+mod meshopt;
+mod pose;
+mod quantization;
+mod storage;
+mod values;
+
+use gltf::Document;
+use gltf::json::Root;
+
+pub(crate) use self::extensions::Extensions;
+use self::storage::Storage;
+use super::error::ImportProblem;
+
+/// Extensions that are undone here.
+pub const UNDONE: [&str; 5] = [
+    "EXT_meshopt_compression",
+    "KHR_meshopt_compression",
+    "KHR_draco_mesh_compression",
+    "KHR_mesh_quantization",
+    "EXT_mesh_gpu_instancing",
+];
+
+/// Whether a document has nothing that is undone or posed here.
+pub fn is_plain(root: &Root) -> bool {
+    let mut names = root.extensions_used.iter().chain(&root.extensions_required);
+    let mut primitives = root.meshes.iter().flat_map(|mesh| &mesh.primitives);
+    !names.any(|name| UNDONE.contains(&name.as_str()))
+        && root.skins.is_empty()
+        && primitives.all(|primitive| primitive.targets.is_none())
+}
+
+/// What decoding may take.
+#[derive(Clone, Copy)]
+pub struct Limits {
+    /// Bytes that may still be added, out of `max_bytes`.
+    pub bytes: u64,
+    /// Most bytes of all, for messages.
+    pub max_bytes: u64,
+    /// Most triangles of a primitive.
+    pub max_triangles: usize,
+}
+
+/// Undoes the extensions of a document that is not validated yet. What is decoded goes to a buffer of its own.
+pub fn undo(
+    root: &mut Root,
+    buffers: &mut Vec<Vec<u8>>,
+    extensions: &Extensions,
+    limits: Limits,
+) -> Result<(), ImportProblem> {
+    let mut storage = Storage::new(root, buffers, limits);
+    meshopt::decode(&mut storage, extensions)?;
+    draco::decode(&mut storage, extensions)?;
+    if storage
+        .root
+        .extensions_used
+        .iter()
+        .chain(&storage.root.extensions_required)
+        .any(|name| name == quantization::NAME)
+    {
+        quantization::undo(&mut storage)?;
+    }
+    instances::place(&mut storage, extensions)?;
+    storage.finish();
+    extensions::remove(root);
+    root.extensions_used.retain(|name| !UNDONE.contains(&name.as_str()));
+    root.extensions_required.retain(|name| !UNDONE.contains(&name.as_str()));
+    Ok(())
+}
+
+/// Bakes morph targets and skins of the default scene's nodes into meshes of their own.
+pub fn pose(
+    document: Document,
+    buffers: &mut Vec<Vec<u8>>,
+    limits: Limits,
+    warnings: &mut Vec<String>,
+) -> Result<Document, ImportProblem> {
+    let posed = pose::find(&document, warnings)?;
+    if posed.is_empty() {
+        return Ok(document);
+    }
+    let mut root = document.into_json();
+    let mut storage = Storage::new(&mut root, buffers, limits);
+    for node in &posed {
+        pose::bake(&mut storage, node)?;
+    }
+    storage.finish();
+    Document::from_json(root).map_err(crate::parse::problem)
+}

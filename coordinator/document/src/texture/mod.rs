@@ -1,0 +1,20 @@
+//! Images: decoding them, and looking up a point.
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `image` | PNG, JPEG and WebP to texels, within bounds of size and memory |
+//! | `encoding` | sRGB to linear |
+//! | `sampler` | what lies outside of an image, and between its texels |
+//! | `mapping` | from a vertex's texture coordinates to places on the image |
+//!
+//! Texture coordinates are as in glTF: (0, 0) is the upper left corner of the image, (1, 1) the lower right one, whatever its size.
+
+mod encoding;
+mod image;
+mod mapping;
+mod sampler;
+
+pub use encoding::{Encoding, srgb_to_linear};
+pub use image::{DecodeError, Image, MOST_BYTES, decode, dimensions};
+pub use mapping::Mapping;
+pub use sampler::{Filter, Sampler, Wrap};

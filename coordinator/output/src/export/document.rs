@@ -1,0 +1,283 @@
+//! Nodes, meshes and primitives of the output.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::mem;
+use std::path::Path;
+
+use gltf::Semantic;
+use gltf::json::animation::Property;
+use gltf::json::mesh::{Mode, Primitive};
+use gltf::json::validation::Checked::Valid;
+use gltf::json::{Index, Material, Mesh, Root};
+use serde_json::{Map, Value, json};
+
+use super::attributes::IRRADIANCE;
+use super::buffer::{self, NewData};
+use super::layers::Parts;
+use super::materials::{LitMaterials, complete_texture_transforms};
+use super::refined::{Placement, RefinedPrimitive, Show, refine};
+use super::{Domain, ExportError, ExportSettings, attributes, extensions, images, layers, materials};
+use bake::lit::LitMesh;
+use document::placement::world_matrices;
+use scene::{Scene, Side};
+
+/// The output before it is written.
+pub(super) struct Assembled {
+    pub(super) root: Root,
+    /// The bytes of its only buffer.
+    pub(super) binary: Vec<u8>,
+    /// Vertices of the lit primitives.
+    pub(super) vertices: usize,
+    /// Triangles of the lit primitives.
+    pub(super) triangles: usize,
+    /// What could not be kept, in words for the user.
+    pub(super) warnings: Vec<String>,
+}
+
+/// Lit sides, as indices into the scene's surfaces, by primitive.
+type LitPrimitives = BTreeMap<usize, Vec<usize>>;
+
+/// Puts the refined geometry into a copy of the input document.
+pub(super) fn assemble(
+    scene: &Scene,
+    lit: &LitMesh,
+    exposure: f64,
+    domain: Domain,
+    output: &Path,
+) -> Result<Assembled, ExportError> {
+    let mut assembler = Assembler::new(scene, lit, exposure, domain)?;
+    let lit_nodes = lit_nodes(scene, lit)?;
+    // A mesh that an unlit node shows as well must stay as it is.
+    let unlit = |(node, _): &(usize, &gltf::json::Node)| !lit_nodes.contains_key(node);
+    let nodes = scene.source.root.nodes.iter().enumerate().filter(unlit);
+    assembler.taken_meshes = nodes.filter_map(|(_, node)| node.mesh).map(|mesh| mesh.value()).collect();
+    for (&node, primitives) in &lit_nodes {
+        assembler.light_node(node, primitives)?;
+    }
+    assembler.settle_materials()?;
+    assembler.end_shape_animations(&lit_nodes);
+    complete_texture_transforms(&mut assembler.root);
+    let Assembler { mut root, mut new, vertices, triangles, .. } = assembler;
+    let warnings = images::embed(&mut root, &scene.source, output, &mut new)?;
+    let pinned = extensions::pinned(&scene.source.root)?;
+    let binary = buffer::gather(&mut root, &scene.source.buffers, new, pinned)?;
+    Ok(Assembled { root, binary, vertices, triangles, warnings })
+}
+
+/// The lit sides of each node. A side without triangles, which glTF cannot express, does not count.
+fn lit_nodes(scene: &Scene, lit: &LitMesh) -> Result<BTreeMap<usize, LitPrimitives>, ExportError> {
+    if scene.surfaces.len() != lit.surfaces.len() {
+        return Err(ExportError::Mismatch(format!(
+            "{} surfaces, {} of them lit",
+            scene.surfaces.len(),
+            lit.surfaces.len()
+        )));
+    }
+    let mut nodes: BTreeMap<usize, LitPrimitives> = BTreeMap::new();
+    for (index, (surface, triangles)) in scene.surfaces.iter().zip(&lit.surfaces).enumerate() {
+        if !triangles.is_empty() {
+            nodes.entry(surface.node).or_default().entry(surface.primitive).or_default().push(index);
+        }
+    }
+    Ok(nodes)
+}
+
+struct Assembler<'a> {
+    scene: &'a Scene,
+    lit: &'a LitMesh,
+    exposure: f64,
+    domain: Domain,
+    /// What the lit mesh has beside the whole light.
+    parts: Parts<'a>,
+    /// The input, to read from while the output changes.
+    document: gltf::Document,
+    world: Vec<glam::DMat4>,
+    root: Root,
+    new: NewData,
+    materials: LitMaterials,
+    /// Meshes of the input whose places are not free.
+    taken_meshes: BTreeSet<usize>,
+    vertices: usize,
+    triangles: usize,
+}
+
+impl<'a> Assembler<'a> {
+    fn new(scene: &'a Scene, lit: &'a LitMesh, exposure: f64, domain: Domain) -> Result<Self, ExportError> {
+        let root = scene.source.root.clone();
+        let document = gltf::Document::from_json_without_validation(root.clone());
+        Ok(Self {
+            scene,
+            lit,
+            exposure,
+            domain,
+            parts: layers::parts(lit)?,
+            world: world_matrices(&document),
+            document,
+            new: NewData::new(scene.source.buffers.len()),
+            root,
+            materials: LitMaterials::default(),
+            taken_meshes: BTreeSet::new(),
+            vertices: 0,
+            triangles: 0,
+        })
+    }
+
+    /// Gives the node a mesh of its own, with its light.
+    fn light_node(&mut self, node: usize, primitives: &LitPrimitives) -> Result<(), ExportError> {
+        let missing = || ExportError::Mismatch(format!("node {node} has no mesh"));
+        let input = &self.scene.source.root;
+        let source = input.nodes.get(node).and_then(|node| node.mesh).ok_or_else(missing)?;
+        let mut mesh: Mesh = input.get(source).ok_or_else(missing)?.clone();
+        // Pose and expression are those that the light was computed with.
+        mesh.weights = None;
+        for primitive in &mut mesh.primitives {
+            primitive.targets = None;
+            primitive
+                .attributes
+                .retain(|name, _| !matches!(name, Valid(Semantic::Joints(_) | Semantic::Weights(_))));
+        }
+        let mut further_sides = Vec::new();
+        for (&index, surfaces) in primitives {
+            let original =
+                mesh.primitives.get(index).cloned().ok_or_else(|| {
+                    ExportError::Mismatch(format!("mesh {source} has no primitive {index}"))
+                })?;
+            let mut sides = surfaces
+                .iter()
+                .map(|&surface| self.light_primitive(surface, source, &original))
+                .collect::<Result<Vec<_>, _>>()?
+                .into_iter();
+            if let Some(first) = sides.next() {
+                mesh.primitives[index] = first;
+            }
+            further_sides.extend(sides);
+        }
+        mesh.primitives.extend(further_sides);
+        // The first takes the place of the input's mesh: what names it by its index then means the lit one.
+        let place = if self.taken_meshes.insert(source.value()) {
+            self.root.meshes[source.value()] = mesh;
+            source
+        } else {
+            self.root.push(mesh)
+        };
+        let node = &mut self.root.nodes[node];
+        node.mesh = Some(place);
+        node.skin = None;
+        node.weights = None;
+        Ok(())
+    }
+
+    /// The primitive of one lit side.
+    fn light_primitive(
+        &mut self,
+        surface_index: usize,
+        mesh: Index<Mesh>,
+        original: &Primitive,
+    ) -> Result<Primitive, ExportError> {
+        let surface = &self.scene.surfaces[surface_index];
+        let source = self
+            .document
+            .meshes()
+            .nth(mesh.value())
+            .and_then(|mesh| mesh.primitives().nth(surface.primitive))
+            .ok_or_else(|| ExportError::Mismatch(format!("{} has no primitive", surface.name)))?;
+        let placement = Placement::new(self.scene.frame, self.world[surface.node])
+            .ok_or_else(|| ExportError::SingularNode(surface.name.clone()))?;
+        let attributes = attributes::read(&source, &self.scene.source.buffers)?;
+        let triangles = &self.lit.surfaces[surface_index];
+        let glows = materials::glows(self.lit, surface, triangles)?;
+        let diffuse =
+            materials::diffuse_part(original.material.and_then(|index| self.root.get(index)), glows);
+        let show = Show { exposure: self.exposure, diffuse, domain: self.domain };
+        let refined = refine(surface, triangles, self.lit, &self.parts, &placement, show, &attributes)?;
+        self.vertices += refined.positions.len();
+        self.triangles += triangles.len();
+        let one_side = self.scene.surfaces.iter().any(|other| {
+            other.side == Side::Back && (other.node, other.primitive) == (surface.node, surface.primitive)
+        });
+        let material = self.materials.lit(&mut self.root, original.material, one_side, glows)?;
+        Ok(self.store(refined, Primitive { material: Some(material), ..original.clone() }))
+    }
+
+    /// Puts geometry in place of the primitive's own.
+    fn store(&mut self, refined: RefinedPrimitive, primitive: Primitive) -> Primitive {
+        let vertices = refined.positions.len();
+        let colour_width = refined.colour_width();
+        let own = [
+            (Semantic::Positions, 3, refined.positions.into_flattened()),
+            (Semantic::Normals, 3, refined.normals.into_flattened()),
+            (Semantic::Colors(0), colour_width, refined.colours),
+            (Semantic::Extras(IRRADIANCE.into()), 3, refined.irradiances.into_flattened()),
+        ];
+        let names = self.parts.iter().map(|(semantic, _)| semantic.clone());
+        let parts = names.zip(refined.parts);
+        let attributes = own
+            .into_iter()
+            .chain(parts.map(|(semantic, values)| (semantic, 3, values.into_flattened())))
+            .chain(refined.further)
+            .map(|(semantic, width, values)| {
+                let accessor = self.new.push_attribute(&mut self.root, &semantic, width, &values);
+                (Valid(semantic), accessor)
+            })
+            .collect();
+        let indices = Some(self.new.push_indices(&mut self.root, &refined.indices, vertices));
+        Primitive { attributes, indices, mode: Valid(Mode::Triangles), targets: None, ..primitive }
+    }
+
+    /// Puts lit materials in the places of those that nothing else uses.
+    fn settle_materials(&mut self) -> Result<(), ExportError> {
+        let root = &mut self.root;
+        let inputs = self.scene.source.root.materials.len();
+        let mut used: Vec<&mut Index<Material>> = root
+            .meshes
+            .iter_mut()
+            .flat_map(|mesh| &mut mesh.primitives)
+            .filter_map(|p| p.material.as_mut())
+            .collect();
+        let mut taken: BTreeSet<usize> = used.iter().map(|index| index.value()).collect();
+        for (original, lit) in self.materials.lit_counterparts() {
+            if taken.insert(original) {
+                let lit_ones = used.iter_mut().filter(|index| index.value() == lit.value());
+                lit_ones.for_each(|index| **index = Index::new(original as u32));
+                root.materials.swap(original, lit.value());
+            }
+        }
+        let materials = mem::take(&mut root.materials);
+        root.materials = buffer::retain(materials, used, |material| material < inputs)?;
+        Ok(())
+    }
+
+    /// Removes what animated the shape of lit meshes.
+    fn end_shape_animations(&mut self, lit_nodes: &BTreeMap<usize, LitPrimitives>) {
+        for animation in &mut self.root.animations {
+            animation.channels.retain(|channel| {
+                channel.target.path != Valid(Property::MorphTargetWeights)
+                    || !lit_nodes.contains_key(&channel.target.node.value())
+            });
+        }
+        self.root.animations.retain(|animation| !animation.channels.is_empty());
+    }
+}
+
+/// Writes down who made the output and how, and which extensions it uses.
+pub(super) fn describe(
+    root: &mut Root,
+    lit: &LitMesh,
+    exposure: f64,
+    settings: &ExportSettings,
+) -> Result<(), ExportError> {
+    let mut halflight = match &settings.extras {
+        Value::Object(members) => members.clone(),
+        Value::Null => Map::new(),
+        other => Map::from_iter([("settings".to_owned(), other.clone())]),
+    };
+    halflight.insert("exposure".into(), json!(exposure));
+    halflight.insert("unit".into(), json!(settings.unit));
+    if !lit.layers.is_empty() {
+        halflight.insert("groups".into(), layers::describe(lit)?);
+    }
+    extensions::note(&mut root.asset.extras, halflight)?;
+    root.asset.generator = Some(concat!("Halflight ", env!("CARGO_PKG_VERSION")).into());
+
+    extensions::declare(root)
+}

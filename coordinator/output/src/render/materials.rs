@@ -1,0 +1,108 @@
+//! What materials show.
+
+use gltf::Material;
+use gltf::material::AlphaMode;
+use gltf::texture::Info;
+use kernel::picture::{Alpha, Texture, Wrap};
+
+use super::images::Images;
+use document::texture::{self, Filter, Mapping};
+
+/// glTF's cutoff where a file states none.
+const DEFAULT_CUTOFF: f32 = 0.5;
+
+/// How a material looks.
+#[derive(Debug, Clone)]
+pub(super) struct Appearance {
+    /// Base colour and opacity.
+    pub(super) base: [f32; 4],
+    pub(super) base_texture: Option<Mapped>,
+    /// The part of base colour that reflects diffusely: 1 - metallic factor. Where a texture says what is metal, or nothing says
+    /// what the material is, it is 1, as the exporter has it.
+    pub(super) diffuse: f32,
+    /// Emitted radiance.
+    pub(super) emission: [f32; 3],
+    pub(super) emission_texture: Option<Mapped>,
+    pub(super) alpha: Alpha,
+    pub(super) double_sided: bool,
+    /// Viewers show its colours as they are.
+    pub(super) unlit: bool,
+}
+
+/// A texture and how its coordinates are found.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Mapped {
+    pub(super) texture: Texture,
+    pub(super) mapping: Mapping,
+}
+
+impl Appearance {
+    /// The material of those that have none.
+    pub(super) fn default_material() -> Self {
+        Self {
+            base: [1.0; 4],
+            base_texture: None,
+            diffuse: 1.0,
+            emission: [0.0; 3],
+            emission_texture: None,
+            alpha: Alpha::Opaque,
+            double_sided: false,
+            unlit: false,
+        }
+    }
+
+    pub(super) fn new(material: &Material, images: &mut Images) -> Self {
+        let unlit = material.unlit();
+        let surface = material.pbr_metallic_roughness();
+        let base = surface.base_color_factor().map(positive);
+        // The exporter gives those without a material a default one.
+        let is_default = material.name().is_none()
+            && base == [1.0; 4]
+            && (surface.metallic_factor(), surface.roughness_factor()) == (1.0, 1.0)
+            && surface.base_color_texture().is_none();
+        let is_textured = surface.metallic_roughness_texture().is_some();
+        let diffuse = if is_default || is_textured { 1.0 } else { 1.0 - part(surface.metallic_factor()) };
+        let strength = positive(material.emissive_strength().unwrap_or(1.0));
+        let emission = material.emissive_factor().map(|value| positive(positive(value) * strength));
+        let mut mapped = |info: Info| {
+            let mapping = Mapping::new(&info);
+            let image = images.index(&info.texture())?;
+            let wrap = |wrap| match wrap {
+                texture::Wrap::Repeat => Wrap::Repeat,
+                texture::Wrap::Mirror => Wrap::Mirror,
+                texture::Wrap::Clamp => Wrap::Clamp,
+            };
+            let sampler = mapping.sampler;
+            let nearest = sampler.filter == Filter::Nearest;
+            let texture = Texture { image, wrap: [wrap(sampler.wrap_u), wrap(sampler.wrap_v)], nearest };
+            Some(Mapped { texture, mapping })
+        };
+        let base_texture = surface.base_color_texture().and_then(&mut mapped);
+        // An unlit material shows no emission, and black cannot be textured.
+        let shines = !unlit && emission != [0.0; 3];
+        let emission_texture = material.emissive_texture().filter(|_| shines).and_then(mapped);
+        Self {
+            base,
+            base_texture,
+            diffuse,
+            emission: if shines { emission } else { [0.0; 3] },
+            emission_texture,
+            alpha: match material.alpha_mode() {
+                AlphaMode::Opaque => Alpha::Opaque,
+                AlphaMode::Mask => Alpha::Mask(positive(material.alpha_cutoff().unwrap_or(DEFAULT_CUTOFF))),
+                AlphaMode::Blend => Alpha::Blend,
+            },
+            double_sided: material.double_sided(),
+            unlit,
+        }
+    }
+}
+
+/// A factor that can be: what is negative, infinite or no number is none.
+fn positive(value: f32) -> f32 {
+    if value.is_finite() { value.max(0.0) } else { 0.0 }
+}
+
+fn part(value: f32) -> f32 {
+    positive(value).min(1.0)
+}

@@ -1,0 +1,298 @@
+//! What varies over a surface: textures and vertex colours, and their means over polygons of it.
+//!
+//! A [`Pattern`] is what a material's textures say; an [`Appearance`] joins it with the texture coordinates and colours of a
+//! primitive's vertices. Both are affine over a facet, so that a polygon of it is a polygon on the image.
+//!
+//! Images of one mapping are multiplied texel by texel and averaged as a product. Between what does not share a mapping, and with vertex
+//! colours, the product of the means is taken: the patterns of two unrelated images, or of an image and a slow change from vertex to
+//! vertex, have nothing to do with each other.
+
+use std::sync::Arc;
+
+use glam::{DVec2, DVec3, DVec4};
+use kernel::geometry::area_vector;
+
+use crate::facet::{Facet, SourceTriangle};
+use crate::means::{AreaMeans, Composed, Opacity};
+use document::texture::Mapping;
+
+/// Largest reflectance. At 1 light would never be absorbed and nothing would converge in a closed scene.
+pub const MAX_REFLECTANCE: f64 = 0.999;
+
+/// A polygon that has no area on the image is sampled at the centres of so many triangles along each of its sides.
+const SAMPLES_ALONG_SIDE: usize = 4;
+
+/// Places on an image closer than this, in widths of the image, are one.
+const ONE_PLACE: f64 = 1e-9;
+
+/// An image and how it lies on surfaces.
+#[derive(Clone)]
+pub struct Layer {
+    /// The image, ready for means.
+    pub image: Arc<AreaMeans<Composed>>,
+    /// How it lies.
+    pub mapping: Mapping,
+}
+
+/// What the textures and factors of a material say.
+#[derive(Clone)]
+pub struct Pattern {
+    /// Reflected part without its factor, with the opacity in it and as fourth value.
+    pub reflecting: Option<Layer>,
+    /// What else dims the reflection, where it does not lie as the layer above does.
+    pub dimming: Option<Layer>,
+    /// Emission without its factor.
+    pub emitting: Option<Layer>,
+    /// True where the emission has the opacity in it already.
+    pub emitting_has_opacity: bool,
+    /// Factor of the reflected part.
+    pub reflectance: DVec3,
+    /// Factor of the emission: exitance.
+    pub exitance: DVec3,
+    /// What alpha means.
+    pub opacity: Opacity,
+}
+
+/// Values of a primitive's vertices, as far as the pattern needs them.
+#[derive(Debug, Clone, Default)]
+pub struct VertexValues {
+    /// TEXCOORD_n by n.
+    pub coordinates: Vec<(u32, Vec<[f32; 2]>)>,
+    /// COLOR_0, linear.
+    pub colours: Option<Vec<[f32; 4]>>,
+}
+
+impl VertexValues {
+    fn set(&self, set: u32) -> Option<&[[f32; 2]]> {
+        self.coordinates.iter().find(|(own, _)| *own == set).map(|(_, values)| values.as_slice())
+    }
+}
+
+/// What varies over the facets of a surface.
+pub struct Appearance {
+    pattern: Arc<Pattern>,
+    vertices: VertexValues,
+    /// The largest triangle of each facet: it tells best how values change over the facet.
+    largest: Vec<u32>,
+}
+
+impl std::fmt::Debug for Appearance {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter) -> std::fmt::Result {
+        write!(formatter, "Appearance({} facets)", self.largest.len())
+    }
+}
+
+impl Appearance {
+    /// The appearance of these facets. Values of vertices that are not there count as 0.
+    #[must_use]
+    pub fn new(pattern: Arc<Pattern>, vertices: VertexValues, facets: &[Facet]) -> Self {
+        let area = |triangle: &SourceTriangle| area_vector(&triangle.positions).length_squared();
+        let largest = |facet: &Facet| {
+            let best = (0..facet.triangles.len())
+                .reduce(|a, b| if area(&facet.triangles[b]) > area(&facet.triangles[a]) { b } else { a });
+            best.unwrap_or(0) as u32
+        };
+        Self { largest: facets.iter().map(largest).collect(), pattern, vertices }
+    }
+
+    /// Mean reflectance over a polygon of a facet.
+    #[must_use]
+    pub fn reflectance(&self, index: u32, facet: &Facet, polygon: &[DVec3]) -> DVec3 {
+        let Some(place) = self.place(index, facet, polygon) else { return DVec3::ZERO };
+        let (colour, opacity) = self.colour_and_opacity(&place);
+        let rest = self.pattern.dimming.as_ref().map_or(DVec3::ONE, |layer| place.mean(layer).truncate());
+        // The image's texels have their opacity in them; what the vertices bring is known apart from it.
+        (self.pattern.reflectance * colour * rest * opacity.of_vertices).min(DVec3::splat(MAX_REFLECTANCE))
+    }
+
+    /// Mean exitance over a polygon of a facet.
+    #[must_use]
+    pub fn exitance(&self, index: u32, facet: &Facet, polygon: &[DVec3]) -> DVec3 {
+        if self.pattern.exitance == DVec3::ZERO {
+            return DVec3::ZERO;
+        }
+        let Some(place) = self.place(index, facet, polygon) else { return DVec3::ZERO };
+        let emission =
+            self.pattern.emitting.as_ref().map_or(DVec3::ONE, |layer| place.mean(layer).truncate());
+        let opacity = match self.pattern.opacity {
+            Opacity::Opaque => 1.0,
+            _ => {
+                let (_, opacity) = self.colour_and_opacity(&place);
+                if self.pattern.emitting_has_opacity { opacity.of_vertices } else { opacity.all() }
+            }
+        };
+        self.pattern.exitance * emission * opacity
+    }
+
+    /// Mean opacity over a polygon of a facet.
+    #[must_use]
+    pub fn opacity(&self, index: u32, facet: &Facet, polygon: &[DVec3]) -> f64 {
+        if self.pattern.opacity == Opacity::Opaque {
+            return 1.0;
+        }
+        self.place(index, facet, polygon).map_or(1.0, |place| self.colour_and_opacity(&place).1.all())
+    }
+
+    /// True where the exitance is the same all over the surface.
+    #[must_use]
+    pub fn emits_evenly(&self) -> bool {
+        self.pattern.exitance == DVec3::ZERO
+            || (self.pattern.emitting.is_none() && self.pattern.opacity == Opacity::Opaque)
+    }
+
+    /// True where the surface reflects all channels alike, everywhere.
+    #[must_use]
+    pub fn reflects_grey(&self) -> bool {
+        let factor = self.pattern.reflectance;
+        let is_grey_layer = |layer: &Option<Layer>| layer.as_ref().is_none_or(|layer| layer.image.is_grey());
+        let is_grey_vertex = |[red, green, blue, _]: &[f32; 4]| red == green && red == blue;
+        factor == DVec3::splat(factor.x)
+            && is_grey_layer(&self.pattern.reflecting)
+            && self.vertices.colours.iter().flatten().all(is_grey_vertex)
+    }
+
+    /// True where all that the surface emits has one colour.
+    #[must_use]
+    pub fn emits_one_colour(&self) -> bool {
+        let is_grey = |layer: &Layer| layer.image.is_grey();
+        self.pattern.exitance == DVec3::ZERO || self.pattern.emitting.as_ref().is_none_or(is_grey)
+    }
+
+    /// Colour without its factor, with the image's opacity in it.
+    fn colour_and_opacity(&self, place: &Place) -> (DVec3, MeanOpacity) {
+        let image = self.pattern.reflecting.as_ref().map_or(DVec4::ONE, |layer| place.mean(layer));
+        let vertices = place.mean_colour();
+        let alpha = match self.pattern.reflecting {
+            Some(ref layer) if layer.image.raster().alpha.is_some() => Some(image.w),
+            _ => None,
+        };
+        let of_vertices = match (self.pattern.opacity, alpha) {
+            (Opacity::Opaque, _) => 1.0,
+            (Opacity::Blend { .. }, Some(_)) => vertices.w.clamp(0.0, 1.0),
+            // The image was decided texel by texel, and the vertices may take away what it left.
+            (Opacity::Mask { cutoff, .. }, Some(_)) => f64::from(u8::from(vertices.w >= cutoff)),
+            (opacity, None) => opacity.of(vertices.w),
+        };
+        (image.truncate() * vertices.truncate(), MeanOpacity { of_image: alpha.unwrap_or(1.0), of_vertices })
+    }
+
+    fn place<'a>(&'a self, index: u32, facet: &'a Facet, polygon: &'a [DVec3]) -> Option<Place<'a>> {
+        let triangle = facet.triangles.get(*self.largest.get(index as usize)? as usize)?;
+        Some(Place { vertices: &self.vertices, triangle, polygon })
+    }
+}
+
+/// Mean opacity of the image and of what the vertices and the factor bring.
+struct MeanOpacity {
+    of_image: f64,
+    of_vertices: f64,
+}
+
+impl MeanOpacity {
+    fn all(&self) -> f64 {
+        (self.of_image * self.of_vertices).min(1.0)
+    }
+}
+
+/// A polygon, and the triangle that tells what its points have.
+struct Place<'a> {
+    vertices: &'a VertexValues,
+    triangle: &'a SourceTriangle,
+    polygon: &'a [DVec3],
+}
+
+impl Place<'_> {
+    /// Weights of the triangle's corners at a point of its plane.
+    fn weights(&self, point: DVec3) -> DVec3 {
+        let [a, b, c] = self.triangle.positions;
+        let normal = (b - a).cross(c - a);
+        let way = point - a;
+        let second = (c - a).cross(normal).dot(way) / normal.length_squared();
+        let third = normal.cross(b - a).dot(way) / normal.length_squared();
+        DVec3::new(1.0 - second - third, second, third)
+    }
+
+    /// Place on the image at a point.
+    fn coordinates(&self, mapping: &Mapping, point: DVec3) -> DVec2 {
+        let Some(set) = self.vertices.set(mapping.set) else {
+            return mapping.transform.transform_point2(DVec2::ZERO);
+        };
+        let weights = self.weights(point).to_array();
+        let corner = |vertex: u32| set.get(vertex as usize).copied().unwrap_or_default().map(f64::from);
+        let own = self.triangle.vertices.into_iter().zip(weights);
+        mapping
+            .transform
+            .transform_point2(own.map(|(vertex, weight)| DVec2::from_array(corner(vertex)) * weight).sum())
+    }
+
+    /// Mean of an image over the polygon; of a single point, or a polygon that is none on the image, by points.
+    fn mean(&self, layer: &Layer) -> DVec4 {
+        let uv: Vec<DVec2> =
+            self.polygon.iter().map(|point| self.coordinates(&layer.mapping, *point)).collect();
+        let sampler = &layer.mapping.sampler;
+        if let Some(mean) = layer.image.over(&uv, sampler) {
+            return mean;
+        }
+        let Some(first) = uv.first() else { return DVec4::ZERO };
+        if uv.iter().all(|other| other.distance(*first) <= ONE_PLACE) {
+            return layer.image.at(*first, sampler);
+        }
+        let samples = samples(self.polygon);
+        let all: f64 = samples.iter().map(|(_, weight)| weight).sum();
+        let at = |point| layer.image.at(self.coordinates(&layer.mapping, point), sampler);
+        samples.into_iter().map(|(point, weight)| at(point) * (weight / all)).sum()
+    }
+
+    /// Mean of the vertex colours: that at the polygon's centre of gravity, since they are affine.
+    fn mean_colour(&self) -> DVec4 {
+        let Some(colours) = &self.vertices.colours else { return DVec4::ONE };
+        let weights = self.weights(centre_of_gravity(self.polygon)).to_array();
+        let corner = |vertex: u32| {
+            let colour = colours.get(vertex as usize).copied().unwrap_or([1.0; 4]);
+            DVec4::from_array(colour.map(f64::from))
+        };
+        let own = self.triangle.vertices.into_iter().zip(weights);
+        own.map(|(vertex, weight)| corner(vertex) * weight).sum::<DVec4>().max(DVec4::ZERO)
+    }
+}
+
+/// Triangles around the first corner, with their areas.
+fn fan(polygon: &[DVec3]) -> impl Iterator<Item = ([DVec3; 3], f64)> {
+    (2..polygon.len()).map(|i| {
+        let corners = [polygon[0], polygon[i - 1], polygon[i]];
+        (corners, area_vector(&corners).length())
+    })
+}
+
+fn centre_of_gravity(polygon: &[DVec3]) -> DVec3 {
+    let area: f64 = fan(polygon).map(|(_, area)| area).sum();
+    if area > 0.0 {
+        return fan(polygon)
+            .map(|(corners, area)| corners.into_iter().sum::<DVec3>() * (area / 3.0))
+            .sum::<DVec3>()
+            / area;
+    }
+    polygon.iter().sum::<DVec3>() / polygon.len().max(1) as f64
+}
+
+/// Points of a polygon with the area that each stands for.
+fn samples(polygon: &[DVec3]) -> Vec<(DVec3, f64)> {
+    if fan(polygon).all(|(_, area)| area == 0.0) {
+        return vec![(centre_of_gravity(polygon), 1.0)];
+    }
+    let step = 1.0 / SAMPLES_ALONG_SIDE as f64;
+    let in_triangle = |([a, b, c], area): ([DVec3; 3], f64)| {
+        let at = move |u: f64, v: f64| a + (b - a) * (u * step) + (c - a) * (v * step);
+        (0..SAMPLES_ALONG_SIDE).flat_map(move |row| {
+            let upright =
+                (0..SAMPLES_ALONG_SIDE - row).map(move |u| (u as f64 + 1.0 / 3.0, row as f64 + 1.0 / 3.0));
+            let turned = (0..SAMPLES_ALONG_SIDE - row - 1)
+                .map(move |u| (u as f64 + 2.0 / 3.0, row as f64 + 2.0 / 3.0));
+            upright.chain(turned).map(move |(u, v)| (at(u, v), area * step * step))
+        })
+    };
+    fan(polygon).flat_map(in_triangle).collect()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,36 @@
+//! Flat convex pieces of surfaces, with the triangles of the input that they join.
+
+use glam::DVec3;
+use kernel::geometry::PlaneId;
+
+/// A flat convex piece of a surface: one triangle, or several coplanar ones joined.
+#[derive(Debug, Clone)]
+pub struct Facet {
+    /// Plane that it lies in.
+    pub plane: PlaneId,
+    /// Unit normal on the lit side.
+    pub normal: DVec3,
+    /// Counter-clockwise seen from the lit side.
+    pub corners: Vec<Corner>,
+    /// The triangles that it is made of, as the primitive's vertex indices, in the facet's winding: for the exporter, which
+    /// interpolates the other vertex attributes in them.
+    pub triangles: Vec<SourceTriangle>,
+}
+
+/// A corner of a facet.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Corner {
+    /// Position in the frame.
+    pub position: DVec3,
+    /// Unit normal: the facet's, or the smooth one of the file where that differs.
+    pub normal: DVec3,
+}
+
+/// A triangle of the input, in the winding of its facet.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SourceTriangle {
+    /// Indices into the primitive's vertex attributes.
+    pub vertices: [u32; 3],
+    /// Positions in the frame.
+    pub positions: [DVec3; 3],
+}

@@ -1,0 +1,78 @@
+//! What a primitive's surfaces look like: the material's pattern, and what its vertices bring.
+
+use std::sync::Arc;
+
+use glam::{DVec3, DVec4};
+use kernel::geometry::area_vector;
+use rayon::prelude::*;
+
+use super::primitives::Geometry;
+use crate::appearance::{Appearance, Layer, MAX_REFLECTANCE, Pattern, VertexValues};
+use crate::facet::Facet;
+
+/// What a surface reflects, emits and takes: means over its area, and what varies.
+pub(super) struct Look {
+    pub(super) reflectance: DVec3,
+    pub(super) exitance: DVec3,
+    pub(super) opacity: f64,
+    pub(super) appearance: Option<Arc<Appearance>>,
+}
+
+/// The look of a primitive that is made of these facets.
+pub(super) fn look(pattern: &Arc<Pattern>, geometry: &Geometry, facets: &[Facet]) -> Look {
+    let layers = [&pattern.reflecting, &pattern.dimming, &pattern.emitting].map(Option::as_ref);
+    let is_plain = layers.iter().all(Option::is_none);
+    let colours = geometry.albedo();
+    let first = colours.as_ref().and_then(|colours| colours.first().copied()).unwrap_or([1.0; 4]);
+    let is_one_colour = colours.iter().flatten().all(|colour| *colour == first);
+    if is_plain && is_one_colour {
+        return uniform(pattern, DVec4::from_array(first.map(f64::from)));
+    }
+    let mut sets: Vec<u32> = layers.into_iter().flatten().map(|layer: &Layer| layer.mapping.set).collect();
+    sets.sort_unstable();
+    sets.dedup();
+    let coordinates = sets.into_iter().filter_map(|set| Some((set, geometry.attributes.coordinates(set)?)));
+    let vertices = VertexValues {
+        coordinates: coordinates.collect(),
+        colours: colours.filter(|_| !is_one_colour || first != [1.0; 4]),
+    };
+    let appearance = Appearance::new(pattern.clone(), vertices, facets);
+    let of_facet = |(index, facet): (usize, &Facet)| {
+        let corners: Vec<DVec3> = facet.corners.iter().map(|corner| corner.position).collect();
+        let (index, area) = (index as u32, area_vector(&corners).length());
+        let reflectance = appearance.reflectance(index, facet, &corners);
+        let exitance = appearance.exitance(index, facet, &corners);
+        (area, reflectance * area, exitance * area, appearance.opacity(index, facet, &corners) * area)
+    };
+    let facets: Vec<(f64, DVec3, DVec3, f64)> = facets.par_iter().enumerate().map(of_facet).collect();
+    // One after the other, whatever the threads: the same bits.
+    let (area, reflected, emitted, taken) = facets
+        .into_iter()
+        .reduce(|a, b| (a.0 + b.0, a.1 + b.1, a.2 + b.2, a.3 + b.3))
+        .unwrap_or((0.0, DVec3::ZERO, DVec3::ZERO, 0.0));
+    let area = area.max(f64::MIN_POSITIVE);
+    Look {
+        reflectance: (reflected / area).min(DVec3::splat(MAX_REFLECTANCE)),
+        exitance: emitted / area,
+        opacity: (taken / area).min(1.0),
+        appearance: Some(Arc::new(appearance)),
+    }
+}
+
+/// Texture coordinates that the pattern takes and the primitive does not have.
+pub(super) fn missing_set(pattern: &Pattern, geometry: &Geometry) -> Option<u32> {
+    let layers = [&pattern.reflecting, &pattern.dimming, &pattern.emitting];
+    let mut sets = layers.into_iter().flatten().map(|layer| layer.mapping.set);
+    sets.find(|set| !geometry.attributes.has_coordinates(*set))
+}
+
+fn uniform(pattern: &Pattern, colour: DVec4) -> Look {
+    let opacity = pattern.opacity.of(colour.w);
+    let reflectance = pattern.reflectance * colour.truncate() * opacity;
+    Look {
+        reflectance: reflectance.min(DVec3::splat(MAX_REFLECTANCE)),
+        exitance: pattern.exitance * opacity,
+        opacity,
+        appearance: None,
+    }
+}

@@ -1,0 +1,345 @@
+//! What materials reflect, emit and let through.
+//!
+//! | in the material | taken as |
+//! |---|---|
+//! | metallic-roughness | base colour x (1 - metallic) |
+//! | KHR_materials_pbrSpecularGlossiness | diffuse x (1 - largest channel of specular); it goes before metallic-roughness where both are there |
+//! | KHR_materials_unlit | base colour, and no emission: what a viewer shows is a colour of a surface, not light from it |
+//! | KHR_materials_specular | no change: what its coat mirrors is taken from diffuse light to a few percent only, as without it |
+//! | emission | pi x factor x strength x texture |
+//! | alpha MASK, BLEND | opacity, by which reflectance and exitance are multiplied |
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+use glam::DVec3;
+use gltf::Material;
+use gltf::material::AlphaMode;
+
+use super::tally::Tally;
+use crate::appearance::{Layer, MAX_REFLECTANCE, Pattern};
+use crate::means::{AreaMeans, Composed, Dimming, Opacity};
+use document::ImportProblem;
+use document::images::{Images, image_of};
+use document::texture::{Image, Mapping};
+
+/// Cutoff of a mask that states none.
+const CUTOFF: f32 = 0.5;
+
+/// A texture as materials name it: which, with which set, and placed how.
+struct Textured<'a> {
+    texture: gltf::Texture<'a>,
+    mapping: Mapping,
+}
+
+impl<'a> Textured<'a> {
+    fn new(info: &gltf::texture::Info<'a>) -> Self {
+        Self { texture: info.texture(), mapping: Mapping::new(info) }
+    }
+}
+
+/// The part of a material that counts, as its workflow states it.
+struct Looks<'a> {
+    /// Diffuse colour without metal or mirror.
+    base: [f32; 4],
+    base_texture: Option<Textured<'a>>,
+    dims: Dims,
+    dims_texture: Option<Textured<'a>>,
+    emits: bool,
+}
+
+/// What takes a part of the diffuse colour away.
+enum Dims {
+    Metal(f32),
+    Specular([f32; 3]),
+    Nothing,
+}
+
+impl<'a> Looks<'a> {
+    fn new(material: &Material<'a>) -> Self {
+        let plain = material.pbr_metallic_roughness();
+        if let Some(glossy) = material.pbr_specular_glossiness().filter(|_| !material.unlit()) {
+            return Self {
+                base: glossy.diffuse_factor(),
+                base_texture: glossy.diffuse_texture().as_ref().map(Textured::new),
+                dims: Dims::Specular(glossy.specular_factor()),
+                dims_texture: glossy.specular_glossiness_texture().as_ref().map(Textured::new),
+                emits: true,
+            };
+        }
+        let metal = plain.metallic_roughness_texture();
+        Self {
+            base: plain.base_color_factor(),
+            base_texture: plain.base_color_texture().as_ref().map(Textured::new),
+            dims: if material.unlit() { Dims::Nothing } else { Dims::Metal(plain.metallic_factor()) },
+            dims_texture: metal.filter(|_| !material.unlit()).as_ref().map(Textured::new),
+            emits: !material.unlit(),
+        }
+    }
+
+    /// The textures that matter, given the factors: base colour, what dims it, emission.
+    fn textures(&self, material: &Material<'a>) -> [Option<Textured<'a>>; 3] {
+        let copy = |textured: &Option<Textured<'a>>| {
+            textured.as_ref().map(|own| Textured { texture: own.texture.clone(), mapping: own.mapping })
+        };
+        let is_dimmed = match self.dims {
+            Dims::Metal(factor) => factor != 0.0,
+            Dims::Specular(factor) => factor != [0.0; 3],
+            Dims::Nothing => false,
+        };
+        let shines = self.emits && material.emissive_factor() != [0.0; 3];
+        let is_black = self.base[..3] == [0.0; 3];
+        [
+            copy(&self.base_texture).filter(|_| !is_black || material.alpha_mode() != AlphaMode::Opaque),
+            copy(&self.dims_texture).filter(|_| is_dimmed && !is_black),
+            material.emissive_texture().as_ref().map(Textured::new).filter(|_| shines),
+        ]
+    }
+}
+
+/// Images that a material needs.
+pub(super) fn needed_images(material: &Material) -> BTreeSet<usize> {
+    let textures = Looks::new(material).textures(material);
+    textures.iter().flatten().filter_map(|textured| image_of(&textured.texture)).collect()
+}
+
+/// Materials in use, each evaluated and warned about once.
+pub(super) struct Materials {
+    images: Images,
+    /// Images ready for means, each composition once.
+    composed: Vec<Arc<AreaMeans<Composed>>>,
+    by_index: BTreeMap<Option<usize>, Arc<Pattern>>,
+}
+
+impl Materials {
+    /// None yet; textures will show these images.
+    pub(super) fn new(images: Images) -> Self {
+        Self { images, composed: vec![], by_index: BTreeMap::new() }
+    }
+
+    /// What a material says, or which factor is out of range.
+    pub(super) fn pattern(
+        &mut self,
+        material: &Material,
+        tally: &mut Tally,
+        warnings: &mut Vec<String>,
+    ) -> Result<Arc<Pattern>, ImportProblem> {
+        if let Some(known) = self.by_index.get(&material.index()) {
+            return Ok(known.clone());
+        }
+        let factors = Factors::read(material, warnings)?;
+        let pattern = Arc::new(self.textured(material, &factors));
+        count(material, &pattern, tally);
+        self.by_index.insert(material.index(), pattern.clone());
+        Ok(pattern)
+    }
+
+    fn textured(&mut self, material: &Material, factors: &Factors) -> Pattern {
+        let looks = Looks::new(material);
+        let [base, dims, emission] = looks.textures(material).map(|textured| {
+            let textured = textured?;
+            let image = self.images.get(&image_of(&textured.texture)?)?.clone();
+            Some((image, textured.mapping))
+        });
+        let dimming = dims.map(|(image, mapping)| match looks.dims {
+            Dims::Specular(factor) => {
+                (Dimming::Specular(image, DVec3::from_array(factor.map(f64::from))), mapping)
+            }
+            Dims::Metal(factor) => (Dimming::Metal(image, f64::from(factor)), mapping),
+            Dims::Nothing => (Dimming::Metal(image, 0.0), mapping),
+        });
+        // The factor of what dims is in the texture's own values where there is one.
+        let rest = if dimming.is_some() { 1.0 } else { factors.rest };
+        let opacity = factors.opacity;
+        let alpha = |base: &Option<(Arc<Image>, Mapping)>| match (opacity, base) {
+            (Opacity::Opaque, _) | (_, None) => None,
+            (_, Some((image, _))) => Some(image.clone()),
+        };
+        let with_alpha = |alpha: &Option<Arc<Image>>| if alpha.is_some() { opacity } else { Opacity::Opaque };
+
+        let base_alpha = alpha(&base);
+        let base_mapping = base.as_ref().map(|(_, mapping)| *mapping);
+        let (joined, apart) = match (dimming, base_mapping) {
+            (Some((dimming, mapping)), Some(own)) if mapping != own => (None, Some((dimming, mapping))),
+            (dimming, _) => (dimming, None),
+        };
+        let mapping = base_mapping.or(joined.as_ref().map(|(_, mapping)| *mapping));
+        let reflecting = mapping.map(|mapping| {
+            let composed = Composed {
+                colour: base.as_ref().map(|(image, _)| image.clone()),
+                dimming: joined.map(|(dimming, _)| dimming),
+                opacity: with_alpha(&base_alpha),
+                alpha: base_alpha.clone(),
+            };
+            Layer { image: self.means(composed), mapping }
+        });
+        let dimming = apart.map(|(dimming, mapping)| {
+            let composed =
+                Composed { colour: None, dimming: Some(dimming), alpha: None, opacity: Opacity::Opaque };
+            Layer { image: self.means(composed), mapping }
+        });
+        let mut emitting_has_opacity = false;
+        let emitting = emission.map(|(image, mapping)| {
+            let alpha = base_alpha.filter(|_| base_mapping == Some(mapping));
+            emitting_has_opacity = alpha.is_some();
+            let composed =
+                Composed { colour: Some(image), dimming: None, opacity: with_alpha(&alpha), alpha };
+            Layer { image: self.means(composed), mapping }
+        });
+        let pattern = Pattern {
+            reflecting,
+            dimming,
+            emitting,
+            emitting_has_opacity,
+            reflectance: factors.base * rest,
+            exitance: factors.exitance,
+            opacity,
+        };
+        without_constants(pattern)
+    }
+
+    fn means(&mut self, composed: Composed) -> Arc<AreaMeans<Composed>> {
+        if let Some(known) = self.composed.iter().find(|known| known.raster().is(&composed)) {
+            return known.clone();
+        }
+        let means = Arc::new(AreaMeans::new(composed));
+        self.composed.push(means.clone());
+        means
+    }
+}
+
+/// Images of one colour become factors, so that the surface is uniform.
+fn without_constants(mut pattern: Pattern) -> Pattern {
+    let constant = |layer: &Option<Layer>| layer.as_ref().and_then(|layer| layer.image.constant());
+    if pattern.opacity == Opacity::Opaque
+        && let Some(colour) = constant(&pattern.reflecting)
+    {
+        pattern.reflectance *= colour.truncate();
+        pattern.reflecting = None;
+    }
+    if let Some(colour) = constant(&pattern.dimming) {
+        pattern.reflectance *= colour.truncate();
+        pattern.dimming = None;
+    }
+    if !pattern.emitting_has_opacity
+        && let Some(colour) = constant(&pattern.emitting)
+    {
+        pattern.exitance *= colour.truncate();
+        pattern.emitting = None;
+    }
+    pattern
+}
+
+/// Checked factors of a material.
+struct Factors {
+    base: DVec3,
+    /// What metal or mirror leave of it.
+    rest: f64,
+    exitance: DVec3,
+    opacity: Opacity,
+}
+
+impl Factors {
+    fn read(material: &Material, warnings: &mut Vec<String>) -> Result<Self, ImportProblem> {
+        let label = label(material);
+        let factor = |name, value: f32, max: f32, expected| {
+            if value.is_finite() && (0.0..=max).contains(&value) {
+                return Ok(f64::from(value));
+            }
+            Err(ImportProblem::Factor { place: label.clone(), factor: name, value, expected })
+        };
+        let colour = |name, value: [f32; 3]| {
+            let channel = |value| factor(name, value, f32::MAX, "finite and not negative");
+            Ok(DVec3::new(channel(value[0])?, channel(value[1])?, channel(value[2])?))
+        };
+        let looks = Looks::new(material);
+        let [red, green, blue, alpha] = looks.base;
+        let rest = match looks.dims {
+            Dims::Specular(specular) => 1.0 - colour("specularFactor", specular)?.max_element().min(1.0),
+            Dims::Metal(metallic) => 1.0 - factor("metallicFactor", metallic, 1.0, "from 0 to 1")?,
+            Dims::Nothing => 1.0,
+        };
+        let base_name =
+            if matches!(looks.dims, Dims::Specular(_)) { "diffuseFactor" } else { "baseColorFactor" };
+        let base = colour(base_name, [red, green, blue])?;
+        let strength = material.emissive_strength().unwrap_or(1.0);
+        let strength = factor("emissiveStrength", strength, f32::MAX, "finite and not negative")?;
+        let emission = PI * strength * colour("emissiveFactor", material.emissive_factor())?;
+        let exitance = if looks.emits { emission } else { DVec3::ZERO };
+        let opacity = match material.alpha_mode() {
+            AlphaMode::Opaque => Opacity::Opaque,
+            AlphaMode::Mask => {
+                let cutoff = material.alpha_cutoff().unwrap_or(CUTOFF);
+                let cutoff = factor("alphaCutoff", cutoff, f32::MAX, "finite and not negative")?;
+                Opacity::Mask { factor: factor(base_name, alpha, 1.0, "from 0 to 1 in its alpha")?, cutoff }
+            }
+            AlphaMode::Blend => {
+                Opacity::Blend { factor: factor(base_name, alpha, 1.0, "from 0 to 1 in its alpha")? }
+            }
+        };
+
+        let is_textured = looks.base_texture.is_some();
+        let reflectance = base * rest;
+        if reflectance.max_element() >= 1.0 && !is_textured || base.max_element() > 1.0 && is_textured {
+            warnings.push(format!(
+                "{label}: reflectance clamped from {:.3} to {MAX_REFLECTANCE}",
+                reflectance.max_element()
+            ));
+        }
+        let is_metal = matches!(looks.dims, Dims::Metal(1.0)) && looks.dims_texture.is_none();
+        if is_metal && base != DVec3::ZERO && exitance == DVec3::ZERO {
+            let default = if material.index().is_none() { ", as glTF's default material is" } else { "" };
+            warnings.push(format!(
+                "{label}: fully metallic{default}, so it reflects no diffuse light; set metallicFactor to 0 if it should"
+            ));
+        }
+        if material.unlit() && emission != DVec3::ZERO {
+            warnings.push(format!(
+                "{label}: unlit, so its emission is left out; remove KHR_materials_unlit if it is a light"
+            ));
+        }
+        Ok(Self { base, rest, exitance, opacity })
+    }
+}
+
+/// What of a material counts and what does not.
+fn count(material: &Material, pattern: &Pattern, tally: &mut Tally) {
+    let looks = Looks::new(material);
+    let is_glossy = matches!(looks.dims, Dims::Specular(_));
+    let named = looks.textures(material).map(|textured| textured.is_some());
+    let kinds = if is_glossy {
+        ["diffuse texture", "specular-glossiness texture (its specular colour)", "emissive texture"]
+    } else {
+        ["base colour texture", "metallic-roughness texture (its metal)", "emissive texture"]
+    };
+    kinds.into_iter().zip(named).filter(|(_, there)| *there).for_each(|(kind, _)| tally.modelled(kind));
+    match pattern.opacity {
+        Opacity::Opaque => {}
+        Opacity::Mask { .. } => tally.modelled("material with an alpha mask"),
+        Opacity::Blend { .. } => tally.modelled("material with alpha blending"),
+    }
+    if material.unlit() {
+        tally.modelled("unlit material, taken for its colour");
+    }
+    if material.normal_texture().is_some() {
+        tally.ignored("normal texture");
+    }
+    if material.occlusion_texture().is_some() {
+        tally.ignored("occlusion texture");
+    }
+    if material.specular().is_some() {
+        tally.ignored("material with KHR_materials_specular");
+    }
+    for name in material.extensions().into_iter().flatten().map(|(name, _)| name) {
+        tally.ignored(&format!("material with {name}"));
+    }
+}
+
+fn label(material: &Material) -> String {
+    match (material.name(), material.index()) {
+        (Some(name), _) if !name.is_empty() => format!("material \"{name}\""),
+        (_, Some(index)) => format!("material {index}"),
+        (_, None) => "the default material".to_owned(),
+    }
+}

@@ -1,0 +1,80 @@
+//! What of a file is modelled and what is not, in words.
+
+use crate::account::Account;
+use crate::model::{LightKind, Scene};
+
+/// Counts kinds of things, in the order in which they come first.
+#[derive(Default)]
+pub(super) struct Tally {
+    modelled: Vec<(String, usize)>,
+    ignored: Vec<(String, usize)>,
+}
+
+impl Tally {
+    /// One more thing that counts. The kind is in the singular.
+    pub(super) fn modelled(&mut self, kind: &str) {
+        count(&mut self.modelled, kind);
+    }
+
+    /// One more thing that is passed over.
+    pub(super) fn ignored(&mut self, kind: &str) {
+        count(&mut self.ignored, kind);
+    }
+
+    /// In words, with what the finished scene tells.
+    pub(super) fn account(&self, scene: &Scene) -> Account {
+        let mut modelled: Vec<String> = self.modelled.iter().map(in_words).collect();
+        let emissive = scene.surfaces.iter().filter(|s| s.exitance != glam::DVec3::ZERO).count();
+        let lights =
+            |kind: fn(&LightKind) -> bool| scene.lights.iter().filter(|light| kind(&light.kind)).count();
+        let sources = [
+            ("emissive surface", emissive),
+            ("point light", lights(|kind| matches!(kind, LightKind::Point { .. }))),
+            ("spot light", lights(|kind| matches!(kind, LightKind::Spot(_)))),
+            ("directional light", lights(|kind| matches!(kind, LightKind::Directional { .. }))),
+        ];
+        let found = sources.into_iter().filter(|(_, count)| *count > 0);
+        modelled.extend(found.map(|(kind, count)| in_words(&(kind.to_owned(), count))));
+        if scene.sky != glam::DVec3::ZERO {
+            modelled.push("a uniform sky".to_owned());
+        }
+        Account { modelled, ignored: self.ignored.iter().map(in_words).collect() }
+    }
+}
+
+fn count(kinds: &mut Vec<(String, usize)>, kind: &str) {
+    match kinds.iter_mut().find(|(known, _)| known == kind) {
+        Some((_, count)) => *count += 1,
+        None => kinds.push((kind.to_owned(), 1)),
+    }
+}
+
+/// The number and the kind; words before the first comma or parenthesis take the plural.
+fn in_words((kind, count): &(String, usize)) -> String {
+    let (noun, rest) = kind.split_at(kind.find([',', '(']).unwrap_or(kind.len()));
+    match count {
+        1 => format!("1 {kind}"),
+        _ => format!("{count} {}s{}{rest}", noun.trim_end(), if rest.starts_with('(') { " " } else { "" }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn kinds_are_counted_in_their_order() {
+        let mut tally = Tally::default();
+        [
+            "emissive texture",
+            "texture (its blue channel)",
+            "emissive texture",
+            "texture (its blue channel)",
+            "mask",
+        ]
+        .into_iter()
+        .for_each(|kind| tally.modelled(kind));
+        let words: Vec<String> = tally.modelled.iter().map(in_words).collect();
+        assert_eq!(words, ["2 emissive textures", "2 textures (its blue channel)", "1 mask"]);
+    }
+}

@@ -1,0 +1,16 @@
+//! Whole documents, from bytes to scene.
+
+mod bad_input;
+mod buffers;
+mod facets;
+mod files;
+mod fuzz;
+mod geometry;
+mod joining;
+mod lights;
+mod materials;
+mod planes;
+mod prepare;
+mod scene_choice;
+mod textures;
+mod weld;

@@ -1,0 +1,90 @@
+//! Damaged files: an error or a scene, within the limits.
+
+use std::fs;
+
+use serde_json::json;
+
+use super::{fixture, require};
+use crate::import::test_document::{TestDocument, limited};
+use crate::{ImportProblem, import_slice};
+use document::ReadOptions;
+
+#[test]
+fn any_byte_may_be_wrong() {
+    let options = limited(ReadOptions { max_bytes: 1 << 20, max_triangles: 2_000, ..ReadOptions::default() });
+    for name in ["meshopt_plain", "meshopt_filtered", "draco_edgebreaker", "draco_sequential"] {
+        let file = fs::read(fixture(name)).unwrap();
+        let json = u32::from_le_bytes(file[12..16].try_into().unwrap()) as usize;
+        let mut refused = 0;
+        for index in 20 + json..file.len() {
+            for change in [0x01, 0x80, 0xff] {
+                let mut bytes = file.clone();
+                bytes[index] ^= change;
+                refused += u32::from(import_slice(&bytes, &options).is_err());
+            }
+        }
+        assert!(refused > 0, "{name}");
+    }
+}
+
+#[test]
+fn what_is_damaged_is_named() {
+    let mut document = TestDocument::square();
+    require(&mut document, "EXT_meshopt_compression");
+    document.root["bufferViews"][0]["extensions"]["EXT_meshopt_compression"] =
+        json!({ "buffer": 0, "byteLength": 48, "byteStride": 12, "count": 4, "mode": "ATTRIBUTES" });
+    let message = document.problem().to_string();
+    assert!(message.contains("buffer view 0, compressed by meshoptimizer: cannot be decoded"), "{message}");
+
+    let mut document = TestDocument::square();
+    require(&mut document, "KHR_draco_mesh_compression");
+    document.root["meshes"][0]["primitives"][0]["extensions"]["KHR_draco_mesh_compression"] =
+        json!({ "bufferView": 0, "attributes": { "POSITION": 0 } });
+    let message = document.problem().to_string();
+    assert!(message.contains("mesh 0, primitive 0, compressed by Draco: cannot be decoded"), "{message}");
+}
+
+#[test]
+fn numbers_are_checked_before_anything_is_decoded() {
+    let cases = [
+        (json!({ "byteStride": 6 }), "stride or count"),
+        (json!({ "byteStride": 260 }), "stride or count"),
+        (json!({ "mode": "TRIANGLES", "byteStride": 4 }), "stride or count"),
+        (json!({ "mode": "INDICES", "byteStride": 8 }), "stride or count"),
+        (json!({ "filter": "OCTAHEDRAL" }), "filter"),
+        (json!({ "filter": "QUATERNION" }), "filter"),
+        (json!({ "filter": "EXPONENTIAL", "mode": "INDICES", "byteStride": 4 }), "filter"),
+        (json!({ "byteOffset": 1000 }), "outside their buffer"),
+        (json!({ "buffer": 7 }), "outside their buffer"),
+    ];
+    for (change, expected) in cases {
+        let mut document = TestDocument::square();
+        require(&mut document, "KHR_meshopt_compression");
+        let mut view =
+            json!({ "buffer": 0, "byteLength": 48, "byteStride": 12, "count": 4, "mode": "ATTRIBUTES" });
+        view.as_object_mut().unwrap().extend(change.as_object().unwrap().clone());
+        document.root["bufferViews"][0]["extensions"]["KHR_meshopt_compression"] = view;
+        let message = document.problem().to_string();
+        assert!(message.contains(expected), "{expected} is not in {message}");
+    }
+}
+
+#[test]
+fn nothing_is_allocated_beyond_the_limit() {
+    let mut document = TestDocument::square();
+    require(&mut document, "EXT_meshopt_compression");
+    document.root["bufferViews"][0]["extensions"]["EXT_meshopt_compression"] = json!(
+        { "buffer": 0, "byteLength": 48, "byteStride": 256, "count": 1_u64 << 40, "mode": "ATTRIBUTES" });
+    assert!(matches!(document.problem(), ImportProblem::TooLarge { .. }));
+
+    // Zeros, without a byte in the file.
+    let mut document = TestDocument::square();
+    require(&mut document, "EXT_mesh_gpu_instancing");
+    let places = document.push("accessors", json!({
+        "componentType": 5126, "type": "VEC3", "count": 1_u64 << 30,
+        "sparse": { "count": 1, "indices": { "bufferView": 1, "componentType": 5125 }, "values": { "bufferView": 0 } },
+    }));
+    document.root["nodes"][0]["extensions"]["EXT_mesh_gpu_instancing"] =
+        json!({ "attributes": { "TRANSLATION": places } });
+    assert!(matches!(document.problem(), ImportProblem::TooLarge { .. }));
+}

@@ -1,0 +1,175 @@
+//! The scene between import and export: surfaces made of flat convex facets, with their reflectance and exitance.
+//!
+//! Positions are in the *frame*: the scene centred and scaled by a power of two (see [`Frame`]), in f64. Colours are
+//! linear RGB.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use glam::DVec3;
+use kernel::row::Spot;
+
+use crate::account::Account;
+use crate::appearance::Appearance;
+use crate::facet::Facet;
+
+/// An imported scene.
+#[derive(Debug, Clone)]
+pub struct Scene {
+    /// What the exporter copies from.
+    pub source: SourceDocument,
+    /// One per node, primitive and lit side.
+    pub surfaces: Vec<Surface>,
+    /// KHR_lights_punctual lights, one for each node that holds one.
+    pub lights: Vec<Light>,
+    /// Radiance of the sky, the same from all directions, below the horizon too; zero for none.
+    pub sky: DVec3,
+    /// How frame coordinates relate to the file's.
+    pub frame: Frame,
+    /// Number of planes; plane ids are below it.
+    pub plane_count: u32,
+    /// What import changed or left out, in words for the user.
+    pub warnings: Vec<String>,
+    /// What of the file counts, and what is passed over.
+    pub account: Account,
+    /// Triangles dropped because they have no area.
+    pub degenerate_triangles: usize,
+}
+
+/// The glTF as it was read.
+#[derive(Debug, Clone)]
+pub struct SourceDocument {
+    /// The JSON part.
+    pub root: gltf::json::Root,
+    /// The bytes of every buffer.
+    pub buffers: Vec<Vec<u8>>,
+    /// Where the files lie that the document names; `None` where it did not come from a file.
+    pub folder: Option<PathBuf>,
+}
+
+/// Frame position = (world position - centre) / scale, world in the file's units (metres).
+///
+/// The scale is a power of two, so that no coordinate is rounded by it; the largest extent of the scene in the frame lies in
+/// [1024, 2048), which keeps f32 rays clear of absolute thresholds in the BVH whatever the scene's size.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Frame {
+    /// Centre of the scene's bounding box.
+    pub centre: DVec3,
+    /// File units per frame unit.
+    pub scale: f64,
+}
+
+impl Frame {
+    /// World position to frame position.
+    #[must_use]
+    pub fn to_frame(&self, world: DVec3) -> DVec3 {
+        (world - self.centre) / self.scale
+    }
+
+    /// Frame position to world position.
+    #[must_use]
+    pub fn to_world(&self, frame: DVec3) -> DVec3 {
+        frame * self.scale + self.centre
+    }
+}
+
+/// Which side of a primitive's triangles a surface is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Side {
+    /// The side that glTF calls front: counter-clockwise.
+    Front,
+    /// The other side of a `doubleSided` primitive.
+    Back,
+}
+
+/// One side of one primitive of one node.
+#[derive(Debug, Clone)]
+pub struct Surface {
+    /// Index of the node in the source document.
+    pub node: usize,
+    /// Index of the primitive within the node's mesh.
+    pub primitive: usize,
+    /// Which side.
+    pub side: Side,
+    /// For messages: node name or index, and the primitive.
+    pub name: String,
+    /// Diffuse reflectance, baseColor x (1 - metallic), in [0, 1): the mean over its area, times its opacity.
+    pub reflectance: DVec3,
+    /// Emitted exitance, pi x radiance, in W/m^2 or the scene's light unit: the mean over its area, times its opacity.
+    pub exitance: DVec3,
+    /// Mean part of the light that it takes, in [0, 1]; the other part passes through.
+    pub opacity: f64,
+    /// What varies over it; none where it is uniform.
+    pub appearance: Option<Arc<Appearance>>,
+    /// Its flat convex pieces. Together they cover the surface's triangles exactly, without overlap.
+    pub facets: Vec<Facet>,
+}
+
+impl Surface {
+    /// Mean reflectance over a polygon of one of its facets, frame positions; the value at a point where only one is given.
+    #[must_use]
+    pub fn mean_reflectance(&self, facet: u32, polygon: &[DVec3]) -> DVec3 {
+        let over = |appearance: &Arc<Appearance>| {
+            appearance.reflectance(facet, &self.facets[facet as usize], polygon)
+        };
+        self.appearance.as_ref().map_or(self.reflectance, over)
+    }
+
+    /// Mean exitance over a polygon of one of its facets, frame positions; the value at a point where only one is given.
+    #[must_use]
+    pub fn mean_exitance(&self, facet: u32, polygon: &[DVec3]) -> DVec3 {
+        let over =
+            |appearance: &Arc<Appearance>| appearance.exitance(facet, &self.facets[facet as usize], polygon);
+        self.appearance.as_ref().map_or(self.exitance, over)
+    }
+
+    /// Mean opacity over a polygon of one of its facets, frame positions; the value at a point where only one is given.
+    #[must_use]
+    pub fn mean_opacity(&self, facet: u32, polygon: &[DVec3]) -> f64 {
+        let over =
+            |appearance: &Arc<Appearance>| appearance.opacity(facet, &self.facets[facet as usize], polygon);
+        self.appearance.as_ref().map_or(self.opacity, over)
+    }
+}
+
+/// A light without an area.
+#[derive(Debug, Clone)]
+pub struct Light {
+    /// Index of the node in the source document.
+    pub node: usize,
+    /// For messages: node name or index.
+    pub name: String,
+    /// Where it is and where it shines.
+    pub kind: LightKind,
+    /// Radiant intensity, W/sr (or candela), of a point or spot light, in file units; of a directional one the irradiance, W/m^2
+    /// (or lux), of a surface across it.
+    pub intensity: DVec3,
+}
+
+/// The kinds of lights without an area.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum LightKind {
+    /// Shines into all directions alike.
+    Point {
+        /// Position in the frame.
+        position: DVec3,
+    },
+    /// Shines into a cone, with full intensity on its axis.
+    Spot(Spot),
+    /// Comes from infinitely far.
+    Directional {
+        /// Unit vector along which the light travels.
+        along: DVec3,
+    },
+}
+
+impl LightKind {
+    /// Where it stands, in the frame; `None` of one that is infinitely far.
+    #[must_use]
+    pub fn position(&self) -> Option<DVec3> {
+        match self {
+            Self::Point { position } | Self::Spot(Spot { position, .. }) => Some(*position),
+            Self::Directional { .. } => None,
+        }
+    }
+}

@@ -1,0 +1,246 @@
+//! What happens to a job. One change at a time: on the disk first, then in memory, so that nobody is told what a crash could take
+//! back.
+
+use std::io;
+use std::sync::Arc;
+use std::thread;
+use std::time::{Duration, Instant, SystemTime};
+
+use protocol::api::{Outcome, State};
+
+use crate::Office;
+use crate::job::{ClientName, JobId, Record};
+use crate::ledger::Entry;
+use crate::progress::{Live, lock};
+use crate::queue::{Action, Event};
+use crate::refusal::Refusal;
+use crate::run::{Ending, Means, run};
+use crate::store::{no_longer_kept, remove_file};
+
+/// How long a job waits in its place before it is tried again.
+const AGAIN: Duration = Duration::from_secs(10);
+
+/// How often a job that waits looks whether it should end.
+const LOOK: Duration = Duration::from_millis(50);
+
+/// Most characters of a failure or a warning, and most warnings, that are kept of a job: it must fit into a message.
+const MOST_WORDS: usize = 2000;
+const MOST_WARNINGS: usize = 100;
+
+impl Office {
+    /// Does what the queue says.
+    pub(super) fn perform(self: &Arc<Self>, actions: Vec<Action>) {
+        for action in actions {
+            match action {
+                Action::Stop(job) => {
+                    if let Some(live) = lock(&self.ledger).entry(job).and_then(|entry| entry.live.as_ref()) {
+                        live.stop();
+                    }
+                }
+                Action::Start(job) => self.start(job),
+            }
+        }
+        self.metrics.load(lock(&self.ledger).load());
+    }
+
+    fn start(self: &Arc<Self>, job: JobId) {
+        let begun = lock(&self.ledger)
+            .entry(job)
+            .and_then(|entry| Some((entry.record.clone(), entry.live.as_ref()?.begin())));
+        let Some((record, live)) = begun else {
+            // Deleted since it got its place.
+            let actions = lock(&self.ledger).tell_queue(Event::Left(job));
+            return self.perform(actions);
+        };
+        let office = Arc::clone(self);
+        let work = move || {
+            let means = Means { store: &office.store, workers: &office.workers, limits: &office.limits };
+            tracing::info!(job = %record.id, client = %record.client, "begins");
+            let ending = run(&means, &record, &live);
+            office.leave(&record, &live, ending);
+        };
+        if let Err(error) = thread::Builder::new().name("job".into()).spawn(work) {
+            tracing::error!(%error, "cannot start a thread for a job");
+            let actions = lock(&self.ledger).tell_queue(Event::Left(job));
+            self.perform(actions);
+        }
+    }
+
+    /// A job's thread has done what it could.
+    fn leave(self: &Arc<Self>, record: &Record, live: &Live, ending: Ending) {
+        let job = record.id;
+        let again = self.settle(record, ending);
+        if let Err(why) = &again {
+            if !why.is_empty() {
+                tracing::warn!(%job, why, "waits, and goes on where it was");
+            }
+            lock(&self.ledger).change(job, |entry| entry.record.state = State::Queued);
+            let until = Instant::now() + AGAIN;
+            while !live.is_stopped() && Instant::now() < until {
+                thread::sleep(LOOK);
+            }
+        }
+        let changing = lock(&self.changing);
+        let has_ended = lock(&self.ledger).entry(job).is_none_or(|entry| entry.record.has_ended());
+        if again.is_err() && has_ended {
+            // Cancelled or deleted while it waited.
+            self.remove_files(record);
+        }
+        let actions = {
+            let mut ledger = lock(&self.ledger);
+            ledger.change(job, |entry| entry.live = None);
+            ledger.tell_queue(if has_ended { Event::Left(job) } else { Event::PutBack(job) })
+        };
+        drop(changing);
+        self.perform(actions);
+    }
+
+    /// Keeps what came of a job. Why it must run again, where it must.
+    fn settle(&self, record: &Record, ending: Ending) -> Result<(), String> {
+        let _changing = lock(&self.changing);
+        let now = lock(&self.ledger).entry(record.id).map(|entry| entry.record.clone());
+        let Some(now) = now.filter(|now| !now.has_ended()) else {
+            // Cancelled or deleted meanwhile: nobody will ask for its files.
+            self.remove_files(record);
+            return Ok(());
+        };
+        let ended = match ending {
+            Ending::Done(outcome) => {
+                let warnings =
+                    outcome.warnings.iter().take(MOST_WARNINGS).map(|warning| shortened(warning)).collect();
+                now.ended(State::Done, String::new(), Some(Outcome { warnings, ..*outcome }))
+            }
+            Ending::Failed(why) => now.ended(State::Failed, shortened(&why), None),
+            // The service is ending, and the job goes on at the next start.
+            Ending::Stopped => return Err(String::new()),
+            Ending::Later(why) => return Err(why),
+        };
+        // The lit file is there: with its rows on the disk, to make it again takes little.
+        self.store.write(&ended).map_err(|error| format!("its record cannot be written: {error}"))?;
+        tracing::info!(job = %ended.id, state = ended.state.as_str_name(), failure = ended.failure, "ended");
+        self.metrics.ended(ended.state);
+        lock(&self.ledger).change(record.id, |entry| entry.record = ended);
+        if let Err(error) = remove_file(&self.store.checkpoint(record.id)) {
+            tracing::warn!(%error, "a checkpoint cannot be removed");
+        }
+        Ok(())
+    }
+
+    fn remove_files(&self, record: &Record) {
+        let mut gone = vec![self.store.checkpoint(record.id), self.store.result(record)];
+        // What a bake that did not end left behind is of no use to anybody.
+        if record.relit.is_none() || !lock(&self.ledger).uses_light(record.light(), record.id) {
+            gone.push(self.store.light(record.light()));
+        }
+        for path in gone {
+            if let Err(error) = remove_file(&path) {
+                tracing::warn!(%error, "a file of a job that is gone cannot be removed");
+            }
+        }
+        self.drop_scene(record);
+    }
+
+    /// Removes the scene of a job that is gone, unless others are of it.
+    pub(super) fn drop_scene(&self, record: &Record) {
+        if !lock(&self.ledger).has_any_of(record.scene) {
+            // A start would remove it as well.
+            let _ = remove_file(&self.store.scene(record.scene));
+        }
+    }
+
+    /// Ends a job, unless it has ended.
+    pub(super) fn cancel(self: &Arc<Self>, client: &ClientName, id: &str) -> Result<(), Refusal> {
+        let changing = lock(&self.changing);
+        let record = lock(&self.ledger).of_client(client, id)?.record.clone();
+        if record.has_ended() {
+            return Ok(());
+        }
+        let cancelled = record.ended(State::Cancelled, String::new(), None);
+        self.store.write(&cancelled)?;
+        tracing::info!(job = %record.id, %client, "cancelled");
+        self.metrics.ended(State::Cancelled);
+        let actions = {
+            let mut ledger = lock(&self.ledger);
+            ledger.change(record.id, |entry| entry.record = cancelled);
+            ledger.tell_queue(Event::Withdrawn(record.id))
+        };
+        if actions.iter().all(|action| *action != Action::Stop(record.id)) {
+            // It did not run: no thread will do it.
+            let _ = remove_file(&self.store.checkpoint(record.id));
+        }
+        drop(changing);
+        self.perform(actions);
+        Ok(())
+    }
+
+    /// Forgets a job.
+    pub(super) fn delete(self: &Arc<Self>, client: &ClientName, id: &str) -> Result<(), Refusal> {
+        let changing = lock(&self.changing);
+        let record = lock(&self.ledger).of_client(client, id)?.record.clone();
+        let actions = self.forget(&record)?;
+        drop(changing);
+        tracing::info!(job = %record.id, %client, "deleted");
+        self.perform(actions);
+        Ok(())
+    }
+
+    /// Forgets a job, while [`Self::changing`] is held.
+    fn forget(&self, record: &Record) -> Result<Vec<Action>, Refusal> {
+        let live = lock(&self.ledger).entry(record.id).and_then(|entry| entry.live.clone());
+        let runs = live.is_some_and(|live| live.has_begun());
+        // A job that runs needs its scene and light for a moment more; its thread removes what is left.
+        self.remove(record, runs)?;
+        let mut ledger = lock(&self.ledger);
+        // Told by its handle: from now on it is not found by name.
+        if let Some(live) = ledger.entry(record.id).and_then(|entry| entry.live.as_ref()) {
+            live.stop();
+        }
+        let actions = ledger.tell_queue(Event::Withdrawn(record.id));
+        ledger.remove(record.id);
+        Ok(actions)
+    }
+
+    /// Removes a job's files, while [`Self::changing`] is held; its scene and its light too, unless they are kept or others need them.
+    pub(super) fn remove(&self, record: &Record, keeps_both: bool) -> io::Result<()> {
+        let (keeps_scene, keeps_light) = {
+            let ledger = lock(&self.ledger);
+            (ledger.uses(record.scene, record.id), ledger.uses_light(record.light(), record.id))
+        };
+        self.store.remove(record, keeps_both || keeps_scene, keeps_both || keeps_light)
+    }
+
+    /// Forgets jobs that are kept no longer.
+    pub(super) fn tidy(self: &Arc<Self>) {
+        let _changing = lock(&self.changing);
+        let room = match self.store.room() {
+            Ok(room) => room,
+            Err(error) => return tracing::warn!(%error, "cannot look how much room there is"),
+        };
+        self.metrics.room(room.taken, room.free);
+        let ended: Vec<Record> = {
+            let ledger = lock(&self.ledger);
+            let has_left = |entry: &&Entry| entry.record.has_ended() && entry.live.is_none();
+            ledger.all().filter(has_left).map(|entry| entry.record.clone()).collect()
+        };
+        let sizes = ended
+            .iter()
+            .map(|record| (record.id, record.ended.unwrap_or(record.submitted), self.store.size_of(record)))
+            .collect();
+        let too_many = room.taken.saturating_sub(self.limits.keep_bytes);
+        let gone = no_longer_kept(sizes, SystemTime::now(), self.limits.keep_age, too_many);
+        for record in ended.iter().filter(|record| gone.contains(&record.id)) {
+            match self.forget(record) {
+                Ok(_) => tracing::info!(job = %record.id, "kept no longer"),
+                Err(error) => tracing::warn!(%error, "a job that is kept no longer cannot be removed"),
+            }
+        }
+    }
+}
+
+/// As much of a text as is kept.
+fn shortened(text: &str) -> String {
+    match text.char_indices().nth(MOST_WORDS) {
+        Some((end, _)) => format!("{} …", &text[..end]),
+        None => text.to_owned(),
+    }
+}

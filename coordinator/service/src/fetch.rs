@@ -1,0 +1,165 @@
+use std::io::SeekFrom;
+use std::pin::Pin;
+use std::sync::Arc;
+use std::task::{Context, Poll};
+use std::time::Duration;
+
+use bytes::Bytes;
+use protocol::api::{FetchResultRequest, FileHeader, Format, OutputOptions, State};
+use tokio::fs::File;
+use tokio::io::AsyncSeekExt;
+use tokio::time::{Instant, sleep};
+use tokio_stream::Stream;
+use tokio_util::io::ReaderStream;
+
+use crate::job::{ClientName, Record};
+use crate::metrics::Metrics;
+use crate::present::Stage;
+use crate::progress::{Live, lock};
+use crate::refusal::Refusal;
+use crate::run::digest;
+use crate::store::remove_file;
+use crate::{Service, blocking};
+use bake::lit::LitMesh;
+use output::export::export;
+
+/// Bytes that are read at once, when the last ones were taken.
+const READ_BYTES: usize = 256 << 10;
+
+/// How long a job is waited for that has no present state yet, and how often it is looked whether it has.
+const PATIENCE: Duration = Duration::from_secs(10);
+const LOOK: Duration = Duration::from_millis(50);
+
+/// Media type of binary glTF.
+const GLB: &str = "model/gltf-binary";
+
+/// Longest name of a file.
+const LONGEST_NAME: usize = 64;
+
+/// A file for a client.
+pub struct Fetched {
+    /// What it is.
+    pub header: FileHeader,
+    /// Its bytes, from where they were asked for.
+    pub bytes: FileBytes,
+}
+
+/// The bytes of a file, read as they are taken.
+pub struct FileBytes {
+    reader: ReaderStream<File>,
+    metrics: Metrics,
+}
+
+impl Stream for FileBytes {
+    type Item = Result<Bytes, Refusal>;
+
+    fn poll_next(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Option<Self::Item>> {
+        let next = Pin::new(&mut self.reader).poll_next(context);
+        if let Poll::Ready(Some(Ok(bytes))) = &next {
+            self.metrics.fetched(bytes.len());
+        }
+        next.map(|read| read.map(|bytes| bytes.map_err(Refusal::from)))
+    }
+}
+
+impl Service {
+    /// The lit file of a job that is done, or the present state of one that runs.
+    ///
+    /// # Errors
+    /// When the job is none of this client's, has no such file, or the disk fails.
+    pub async fn fetch(&self, client: &ClientName, request: &FetchResultRequest) -> Result<Fetched, Refusal> {
+        let record = lock(&self.office.ledger).of_client(client, &request.id)?.record.clone();
+        match (record.state, &record.outcome) {
+            (State::Done, Some(outcome)) => {
+                if request.offset > outcome.size {
+                    let should = format!("must be {} at most: that is the length of the file", outcome.size);
+                    return Err(Refusal::invalid("offset", should));
+                }
+                let (media_type, file_name) = named(&record);
+                let header = FileHeader {
+                    size: outcome.size,
+                    sha256: outcome.sha256.clone(),
+                    media_type,
+                    file_name,
+                    present: 0,
+                };
+                let mut file = File::open(self.office.store.result(&record)).await?;
+                file.seek(SeekFrom::Start(request.offset)).await?;
+                Ok(Fetched { header, bytes: self.bytes_of(file) })
+            }
+            (State::Running, _) if request.present => self.fetch_present(&record, request.offset).await,
+            _ if request.present => Err(Refusal::NotRunning(record.id)),
+            _ => Err(Refusal::NotDone(record.id)),
+        }
+    }
+
+    /// Writes the present state of a job that runs, where nobody else has to wait for it. The file has no name by the time that it is
+    /// sent: the system removes it when it is closed.
+    async fn fetch_present(&self, record: &Record, offset: u64) -> Result<Fetched, Refusal> {
+        if offset > 0 {
+            return Err(Refusal::invalid(
+                "offset",
+                "must be 0 for a present state: the next one is another file",
+            ));
+        }
+        let live = lock(&self.office.ledger).entry(record.id).and_then(|entry| entry.live.clone());
+        let live = live.ok_or(Refusal::NotRunning(record.id))?;
+        let (stage, lit, number) =
+            self.wait_for_present(&live).await.ok_or(Refusal::NotRunning(record.id))?;
+        // Each may take as much memory as the scene: one after the other.
+        let _turn = self.office.presenting.acquire().await;
+        let office = Arc::clone(&self.office);
+        let (file, size, sha256) = blocking(move || {
+            let path = office.store.passing("glb")?;
+            let written = export(&stage.scene, &lit, &stage.export, &path);
+            let opened = written.map_err(|error| Refusal::Failed(error.to_string())).and_then(|_| {
+                let (size, sha256) = digest(&path)?;
+                Ok((std::fs::File::open(&path)?, size, sha256))
+            });
+            remove_file(&path)?;
+            opened
+        })
+        .await?;
+        let header = FileHeader {
+            size,
+            sha256: sha256.to_vec().into(),
+            media_type: GLB.into(),
+            file_name: format!("{}-{number}.glb", stem(record)),
+            present: number,
+        };
+        Ok(Fetched { header, bytes: self.bytes_of(File::from_std(file)) })
+    }
+
+    /// The latest present state, or the first that comes soon: it is made when somebody asks.
+    async fn wait_for_present(&self, live: &Live) -> Option<(Stage, Arc<LitMesh>, u64)> {
+        let until = Instant::now() + PATIENCE;
+        loop {
+            match live.present.latest() {
+                Some(latest) => return Some(latest),
+                None if Instant::now() >= until || live.is_stopped() => return None,
+                None => sleep(LOOK).await,
+            }
+        }
+    }
+
+    fn bytes_of(&self, file: File) -> FileBytes {
+        let reader = ReaderStream::with_capacity(file, READ_BYTES);
+        FileBytes { reader, metrics: self.office.metrics.clone() }
+    }
+}
+
+/// Media type and name of a job's lit file.
+fn named(record: &Record) -> (String, String) {
+    let stem = stem(record);
+    match record.header.output.as_ref().map(OutputOptions::format) {
+        Some(Format::Ply) => ("application/octet-stream".into(), format!("{stem}-lit.ply")),
+        _ => (GLB.into(), format!("{stem}-lit.glb")),
+    }
+}
+
+/// What a job's files are called: nothing of the client's that could be more than a name.
+fn stem(record: &Record) -> String {
+    let is_plain = |character: &char| character.is_ascii_alphanumeric() || matches!(character, '-' | '_');
+    let stem: String = record.header.name.chars().filter(is_plain).take(LONGEST_NAME).collect();
+    if stem.is_empty() { "scene".into() } else { stem }
+}

@@ -1,0 +1,301 @@
+//! What survives: the data folder.
+//!
+//! | module | what lives there |
+//! |---|---|
+//! | `record` | a job as a file |
+//! | `upload` | a scene on its way in |
+//! | `room` | how much room there is, and what is kept no longer |
+//!
+//! ```text
+//! DATA/layout            "halflight service data, layout 1"
+//! DATA/lock              held by the one service that uses the folder
+//! DATA/jobs/ID           a record for each job
+//! DATA/scenes/SHA256     the files that were submitted, each once
+//! DATA/results/ID.glb    lit files (or .ply)
+//! DATA/light/ID          the light of each source, for jobs that light the same scene otherwise
+//! DATA/checkpoints/ID    finished rows of jobs under way
+//! DATA/passing/          what nobody misses after a restart: uploads on their way, present states
+//! ```
+//!
+//! Every file appears under its name when all of it is on the disk, and a record is written last and removed first: so whatever the
+//! moment at which the power fails, a record names only what is there. Files that no record names are removed at the start. No name
+//! comes from a client: they are made of random bits and digests.
+
+mod record;
+mod room;
+#[cfg(test)]
+mod tests;
+mod upload;
+
+use std::collections::BTreeSet;
+use std::fs::{self, File, TryLockError};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use atomic_write_file::AtomicWriteFile;
+use protocol::api::Format;
+
+pub use room::{Room, no_longer_kept};
+pub use upload::Upload;
+
+use super::job::{JobId, Record, SceneDigest};
+
+/// What the file `layout` says.
+const LAYOUT: &str = "halflight service data, layout 1\n";
+
+/// Folders of the data folder.
+const FOLDERS: [&str; 6] = ["jobs", "scenes", "results", "light", "checkpoints", "passing"];
+
+/// Why a data folder cannot be used. Nothing of it is lost.
+#[derive(Debug, thiserror::Error)]
+pub enum StoreError {
+    /// The system refuses.
+    #[error("data folder {} cannot be used: {error}; choose another --data", path.display())]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// What the system says.
+        error: io::Error,
+    },
+    /// Another service has it.
+    #[error("data folder {} is in use by another service: stop that one, or choose another --data", path.display())]
+    InUse {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// It is of another release, or something else.
+    #[error(
+        "data folder {} says {found:?} in its file `layout`, and this release knows {LAYOUT:?}: use the release that \
+         wrote it, or choose another --data",
+        path.display()
+    )]
+    Layout {
+        /// The folder.
+        path: PathBuf,
+        /// What it says.
+        found: String,
+    },
+    /// There are files in it and no layout.
+    #[error("data folder {} has files that are no service's: choose another --data", path.display())]
+    Foreign {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// A record of a release to come.
+    #[error(
+        "job record {} is of version {theirs}, this release reads up to {ours}: use the release that wrote it",
+        path.display()
+    )]
+    RecordVersion {
+        /// The file.
+        path: PathBuf,
+        /// Its version.
+        theirs: u32,
+        /// That of this release.
+        ours: u32,
+    },
+}
+
+/// The data folder of one service.
+#[derive(Debug)]
+pub struct Store {
+    root: PathBuf,
+    /// Held until the process ends, however it ends.
+    _lock: File,
+}
+
+/// What a data folder held.
+#[derive(Debug)]
+pub struct Opened {
+    /// The folder.
+    pub store: Store,
+    /// Its jobs.
+    pub records: Vec<Record>,
+    /// Records that cannot be read, which lie where they were.
+    pub damaged: Vec<PathBuf>,
+}
+
+impl Store {
+    /// Opens a data folder, or makes one. What was left half done is removed.
+    ///
+    /// # Errors
+    /// When it is in use, of another release, something else, or cannot be read and written.
+    pub fn open(root: &Path) -> Result<Opened, StoreError> {
+        let failed = |path: &Path| {
+            let path = path.to_owned();
+            move |error| StoreError::Io { path, error }
+        };
+        fs::create_dir_all(root).map_err(failed(root))?;
+        let layout = root.join("layout");
+        let found = match fs::read_to_string(&layout) {
+            Ok(found) => Some(found),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => None,
+            Err(error) => return Err(failed(&layout)(error)),
+        };
+        match found {
+            Some(found) if found == LAYOUT => {}
+            Some(found) => return Err(StoreError::Layout { path: root.to_owned(), found }),
+            None => {
+                let is_ours = |name: &std::ffi::OsStr| {
+                    name.to_str().is_some_and(|name| name == "lock" || name.starts_with(".layout"))
+                };
+                let mut entries = fs::read_dir(root).map_err(failed(root))?;
+                if entries.any(|entry| entry.map_or(true, |entry| !is_ours(&entry.file_name()))) {
+                    return Err(StoreError::Foreign { path: root.to_owned() });
+                }
+            }
+        }
+        let path = root.join("lock");
+        let mut options = fs::OpenOptions::new();
+        let options = options.read(true).write(true).create(true).truncate(false);
+        let lock = options.open(&path).map_err(failed(&path))?;
+        lock.try_lock().map_err(|error| match error {
+            TryLockError::WouldBlock => StoreError::InUse { path: root.to_owned() },
+            TryLockError::Error(error) => failed(&path)(error),
+        })?;
+        write_whole(&layout, LAYOUT.as_bytes()).map_err(failed(&layout))?;
+        for folder in FOLDERS {
+            let folder = root.join(folder);
+            fs::create_dir_all(&folder).map_err(failed(&folder))?;
+        }
+        sync_folder(root).map_err(failed(root))?;
+        let store = Self { root: root.to_owned(), _lock: lock };
+        store.read_all()
+    }
+
+    fn read_all(self) -> Result<Opened, StoreError> {
+        let failed = |path: &Path, error| StoreError::Io { path: path.to_owned(), error };
+        let folder = self.root.join("jobs");
+        let (mut records, mut damaged) = (vec![], vec![]);
+        for path in files(&folder).map_err(|error| failed(&folder, error))? {
+            let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+            let Ok(id) = name.parse::<JobId>() else {
+                // A record on its way when the power failed: nobody was told of it.
+                fs::remove_file(&path).map_err(|error| failed(&path, error))?;
+                continue;
+            };
+            let bytes = fs::read(&path).map_err(|error| failed(&path, error))?;
+            match record::decode(id, &bytes) {
+                Ok(record) => records.push(record),
+                Err(record::RecordError::Version { theirs }) => {
+                    return Err(StoreError::RecordVersion { path, theirs, ours: record::VERSION });
+                }
+                Err(record::RecordError::Damaged) => damaged.push(path),
+            }
+        }
+        records.sort_by_key(|record| record.sequence);
+        // Where a record cannot be read, nobody knows which files it names.
+        self.sweep(&records, damaged.is_empty()).map_err(|error| failed(&self.root, error))?;
+        Ok(Opened { store: self, records, damaged })
+    }
+
+    /// Removes files that no record names.
+    fn sweep(&self, records: &[Record], all_known: bool) -> io::Result<()> {
+        files(&self.root.join("passing"))?.iter().try_for_each(fs::remove_file)?;
+        if !all_known {
+            return Ok(());
+        }
+        let mut named = BTreeSet::new();
+        for record in records {
+            named.insert(self.scene(record.scene));
+            named.insert(self.checkpoint(record.id));
+            named.insert(self.result(record));
+            named.insert(self.light(record.light()));
+        }
+        for folder in ["scenes", "results", "light", "checkpoints"] {
+            let files = files(&self.root.join(folder))?;
+            files.iter().filter(|path| !named.contains(*path)).try_for_each(fs::remove_file)?;
+        }
+        Ok(())
+    }
+
+    /// Writes a job's record, on the disk when this returns.
+    ///
+    /// # Errors
+    /// What the system says; the record is then as it was.
+    pub fn write(&self, record: &Record) -> io::Result<()> {
+        write_whole(&self.record(record.id), &record::encode(record))
+    }
+
+    /// Forgets a job and its files; its scene and its light too, unless another job needs them.
+    ///
+    /// # Errors
+    /// What the system says. The job may be forgotten and files of it still be there, until the next start.
+    pub fn remove(&self, record: &Record, scene_is_used: bool, light_is_used: bool) -> io::Result<()> {
+        remove_file(&self.record(record.id))?;
+        sync_folder(&self.root.join("jobs"))?;
+        remove_file(&self.result(record))?;
+        remove_file(&self.checkpoint(record.id))?;
+        if !light_is_used {
+            remove_file(&self.light(record.light()))?;
+        }
+        if scene_is_used { Ok(()) } else { remove_file(&self.scene(record.scene)) }
+    }
+
+    /// Where a job's record is.
+    fn record(&self, job: JobId) -> PathBuf {
+        self.root.join("jobs").join(job.to_string())
+    }
+
+    /// Where a scene is, if it is there.
+    #[must_use]
+    pub fn scene(&self, scene: SceneDigest) -> PathBuf {
+        self.root.join("scenes").join(scene.to_string())
+    }
+
+    /// Where a job's lit file goes.
+    #[must_use]
+    pub fn result(&self, record: &Record) -> PathBuf {
+        let extension = match record.header.output.as_ref().map(protocol::api::OutputOptions::format) {
+            Some(Format::Ply) => "ply",
+            _ => "glb",
+        };
+        self.root.join("results").join(format!("{}.{extension}", record.id))
+    }
+
+    /// Where the light is that the bake of a job left behind, if it did.
+    #[must_use]
+    pub fn light(&self, baked: JobId) -> PathBuf {
+        self.root.join("light").join(baked.to_string())
+    }
+
+    /// Where a job's finished rows are.
+    #[must_use]
+    pub fn checkpoint(&self, job: JobId) -> PathBuf {
+        self.root.join("checkpoints").join(job.to_string())
+    }
+
+    /// A place for a file that nobody misses after a restart.
+    ///
+    /// # Errors
+    /// When the system has no random bits.
+    pub fn passing(&self, extension: &str) -> io::Result<PathBuf> {
+        let name = JobId::random().map_err(io::Error::other)?;
+        Ok(self.root.join("passing").join(format!("{name}.{extension}")))
+    }
+}
+
+/// Writes a file that is whole or not there, and on the disk when this returns: the library flushes the file and its folder.
+fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let mut file = AtomicWriteFile::open(path)?;
+    file.write_all(bytes)?;
+    file.commit()
+}
+
+/// Makes sure that names which came to a folder or left it are on the disk.
+fn sync_folder(folder: &Path) -> io::Result<()> {
+    File::open(folder)?.sync_all()
+}
+
+/// Removes a file that may not be there.
+pub(crate) fn remove_file(path: &Path) -> io::Result<()> {
+    match fs::remove_file(path) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
+        _ => Ok(()),
+    }
+}
+
+/// The files of a folder.
+fn files(folder: &Path) -> io::Result<Vec<PathBuf>> {
+    fs::read_dir(folder)?.map(|entry| entry.map(|entry| entry.path())).collect()
+}

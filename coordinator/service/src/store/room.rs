@@ -1,0 +1,94 @@
+use std::fs;
+use std::io;
+use std::path::Path;
+use std::time::{Duration, SystemTime};
+
+use super::{Store, files};
+use crate::job::{JobId, Record};
+
+/// How much room there is and is taken.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Room {
+    /// Bytes of all files of the data folder.
+    pub taken: u64,
+    /// Bytes that the disk has left.
+    pub free: u64,
+}
+
+impl Store {
+    /// How much room there is now.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub fn room(&self) -> io::Result<Room> {
+        let mut taken = 0;
+        for folder in super::FOLDERS {
+            taken += files(&self.root.join(folder))?.iter().map(|path| size(path)).sum::<u64>();
+        }
+        Ok(Room { taken, free: self.free()? })
+    }
+
+    /// Bytes that the disk has left.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub fn free(&self) -> io::Result<u64> {
+        let disk = rustix::fs::statvfs(&self.root)?;
+        Ok(disk.f_bavail.saturating_mul(disk.f_frsize))
+    }
+
+    /// Bytes that go when this job does, its scene aside, if no other needs its light.
+    #[must_use]
+    pub fn size_of(&self, record: &Record) -> u64 {
+        let own =
+            [self.record(record.id), self.result(record), self.checkpoint(record.id), self.light(record.id)];
+        own.iter().map(|path| size(path)).sum()
+    }
+}
+
+/// A file that has gone meanwhile has none.
+fn size(path: &Path) -> u64 {
+    fs::metadata(path).map_or(0, |file| file.len())
+}
+
+/// Which jobs are kept no longer: those that ended before `keep_age`, and the oldest others until so many bytes are gone. Pure;
+/// `ended` has jobs with when they ended and what they take.
+#[must_use]
+pub fn no_longer_kept(
+    mut ended: Vec<(JobId, SystemTime, u64)>,
+    now: SystemTime,
+    keep_age: Duration,
+    mut too_many_bytes: u64,
+) -> Vec<JobId> {
+    ended.sort_by_key(|(_, time, _)| *time);
+    let mut gone = vec![];
+    for (job, time, bytes) in ended {
+        let age = now.duration_since(time).unwrap_or_default();
+        if age <= keep_age && too_many_bytes == 0 {
+            continue;
+        }
+        too_many_bytes = too_many_bytes.saturating_sub(bytes);
+        gone.push(job);
+    }
+    gone
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_oldest_go_first_and_no_more_than_must() {
+        let now = SystemTime::UNIX_EPOCH + Duration::from_secs(1000);
+        let at = |second| SystemTime::UNIX_EPOCH + Duration::from_secs(second);
+        let ended = || vec![(JobId(3), at(900), 10), (JobId(1), at(100), 10), (JobId(2), at(800), 10)];
+        let gone = |age, bytes| no_longer_kept(ended(), now, Duration::from_secs(age), bytes);
+        assert_eq!(gone(2000, 0), []);
+        assert_eq!(gone(500, 0), [JobId(1)]);
+        assert_eq!(gone(2000, 11), [JobId(1), JobId(2)]);
+        assert_eq!(gone(500, 11), [JobId(1), JobId(2)]);
+        assert_eq!(gone(0, 0), [JobId(1), JobId(2), JobId(3)]);
+        // A clock that went back makes nobody old.
+        assert_eq!(no_longer_kept(vec![(JobId(1), at(2000), 1)], now, Duration::ZERO, 0), []);
+    }
+}

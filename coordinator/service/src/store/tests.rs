@@ -1,0 +1,177 @@
+use std::fs;
+use std::path::Path;
+use std::time::SystemTime;
+
+use protocol::api::{OutputOptions, SceneOptions, State, SubmitSceneHeader};
+use tempfile::TempDir;
+
+use super::*;
+use crate::job::{ClientName, Relit, Sequence};
+
+fn record(id: u128, scene: u8) -> Record {
+    Record {
+        id: JobId(id),
+        client: ClientName("ann".into()),
+        sequence: Sequence(id as u64),
+        header: SubmitSceneHeader { name: "a room".into(), ..SubmitSceneHeader::default() },
+        scene: SceneDigest([scene; 32]),
+        relit: None,
+        state: State::Queued,
+        failure: String::new(),
+        submitted: SystemTime::UNIX_EPOCH,
+        started: None,
+        ended: None,
+        outcome: None,
+        revision: 7,
+    }
+}
+
+fn open(folder: &TempDir) -> Opened {
+    Store::open(folder.path()).unwrap()
+}
+
+fn exists(path: impl AsRef<Path>) -> bool {
+    path.as_ref().exists()
+}
+
+#[test]
+fn records_are_read_as_they_were_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let relit =
+        Relit { baked: JobId(1), options: SceneOptions { weld: Some(0.5), ..SceneOptions::default() } };
+    let written = [
+        record(1, 1),
+        record(2, 1).ended(State::Failed, "no light".into(), None),
+        Record { relit: Some(relit), ..record(3, 1) },
+    ];
+    let Opened { store, records, .. } = open(&folder);
+    assert!(records.is_empty());
+    written.iter().rev().for_each(|record| store.write(record).unwrap());
+    drop(store);
+    let Opened { records, damaged, .. } = open(&folder);
+    assert_eq!(records, written);
+    assert!(damaged.is_empty());
+}
+
+#[test]
+fn two_services_do_not_share_a_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let first = open(&folder);
+    assert!(matches!(Store::open(folder.path()), Err(StoreError::InUse { .. })));
+    drop(first);
+    open(&folder);
+}
+
+#[test]
+fn other_folders_and_other_releases_are_left_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("letter.txt"), "dear").unwrap();
+    assert!(matches!(Store::open(folder.path()), Err(StoreError::Foreign { .. })));
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    let folder = tempfile::tempdir().unwrap();
+    drop(open(&folder));
+    fs::write(folder.path().join("layout"), "halflight service data, layout 2\n").unwrap();
+    let refused = Store::open(folder.path()).unwrap_err();
+    assert!(refused.to_string().contains("layout 2"), "{refused}");
+}
+
+/// The moments at which the power may fail, as the folder then looks.
+#[test]
+fn what_was_left_half_done_is_removed() {
+    let folder = tempfile::tempdir().unwrap();
+    let Opened { store, .. } = open(&folder);
+    let kept = record(1, 1);
+    store.write(&kept).unwrap();
+    let at = |path: &str| folder.path().join(path);
+    fs::write(store.scene(kept.scene), "scene").unwrap();
+    fs::write(store.checkpoint(kept.id), "rows").unwrap();
+    let (other, half) = (record(2, 2), at("jobs").join(".00000000000000000000000000000003.a1b2c3"));
+    // A record on its way; a scene whose record never came; a lit file and rows whose record is gone; an upload.
+    fs::write(&half, "half").unwrap();
+    fs::write(store.scene(other.scene), "scene").unwrap();
+    fs::write(store.result(&other), "lit").unwrap();
+    fs::write(store.checkpoint(other.id), "rows").unwrap();
+    fs::write(at("passing/x.upload"), "part").unwrap();
+    drop(store);
+    let Opened { store, records, .. } = open(&folder);
+    assert_eq!(records, std::slice::from_ref(&kept));
+    for gone in [half, store.scene(other.scene), store.result(&other), store.checkpoint(other.id)] {
+        assert!(!exists(&gone), "{}", gone.display());
+    }
+    assert!(!exists(at("passing/x.upload")));
+    assert!(exists(store.scene(kept.scene)) && exists(store.checkpoint(kept.id)));
+}
+
+#[test]
+fn a_damaged_record_costs_nobody_a_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let Opened { store, .. } = open(&folder);
+    let (whole, torn) = (record(1, 1), record(2, 2));
+    [&whole, &torn].into_iter().for_each(|record| store.write(record).unwrap());
+    fs::write(store.scene(torn.scene), "scene").unwrap();
+    let path = store.record(torn.id);
+    let bytes = fs::read(&path).unwrap();
+    drop(store);
+    let mut flipped = bytes.clone();
+    *flipped.last_mut().unwrap() ^= 1;
+    for damage in [&bytes[..0], &bytes[..10], &bytes[..bytes.len() - 1], &flipped] {
+        fs::write(&path, damage).unwrap();
+        let Opened { store, records, damaged } = open(&folder);
+        assert_eq!(records, std::slice::from_ref(&whole));
+        assert_eq!(damaged, std::slice::from_ref(&path));
+        assert!(exists(store.scene(torn.scene)) && exists(&path));
+    }
+    fs::write(&path, bytes).unwrap();
+    assert_eq!(open(&folder).records, [whole, torn]);
+}
+
+#[test]
+fn a_record_of_a_release_to_come_stops_the_service() {
+    let bytes = record::encode(&record(1, 1));
+    assert!(record::decode(JobId(1), &bytes).is_ok());
+    let later = record::encode_as(&record(1, 1), record::VERSION + 1);
+    let folder = tempfile::tempdir().unwrap();
+    let Opened { store, .. } = open(&folder);
+    fs::write(store.record(JobId(1)), later).unwrap();
+    drop(store);
+    let refused = Store::open(folder.path()).unwrap_err();
+    assert!(matches!(refused, StoreError::RecordVersion { theirs: 2, ours: 1, .. }), "{refused}");
+}
+
+#[test]
+fn a_job_goes_with_its_files_and_its_scene_when_no_other_has_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let Opened { store, .. } = open(&folder);
+    let mut ply = record(1, 1);
+    ply.header.output = Some(OutputOptions { format: Format::Ply.into(), ..OutputOptions::default() });
+    store.write(&ply).unwrap();
+    for path in
+        [store.scene(ply.scene), store.result(&ply), store.checkpoint(ply.id), store.light(ply.light())]
+    {
+        fs::write(path, "bytes").unwrap();
+    }
+    assert!(store.result(&ply).to_string_lossy().ends_with(".ply"));
+    assert_eq!(store.size_of(&ply), 15 + fs::metadata(store.record(ply.id)).unwrap().len());
+    store.remove(&ply, true, true).unwrap();
+    assert!(exists(store.scene(ply.scene)) && exists(store.light(ply.id)) && !exists(store.result(&ply)));
+    store.remove(&ply, false, false).unwrap();
+    assert_eq!(store.room().unwrap().taken, 0);
+}
+
+#[test]
+fn an_upload_has_its_place_when_it_is_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let Opened { store, .. } = open(&folder);
+    let mut upload = store.begin_upload().unwrap();
+    upload.write(b"ab").unwrap();
+    upload.write(b"c").unwrap();
+    let digest = upload.digest();
+    assert_eq!(upload.received(), 3);
+    assert!(digest.to_string().starts_with("ba7816bf8f01cfea"), "{digest}");
+    assert!(!exists(store.scene(digest)));
+    store.finish_upload(&upload).unwrap();
+    drop(upload);
+    assert_eq!(fs::read(store.scene(digest)).unwrap(), b"abc");
+    drop(store.begin_upload().unwrap());
+    assert_eq!(fs::read_dir(folder.path().join("passing")).unwrap().count(), 0);
+}

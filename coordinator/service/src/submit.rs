@@ -1,0 +1,273 @@
+use std::collections::{HashSet, hash_map};
+use std::sync::Arc;
+use std::time::SystemTime;
+
+use bytes::{Bytes, BytesMut};
+use protocol::api::submit_scene_header::Source;
+use protocol::api::{Job, State, SubmitSceneHeader};
+use tokio::time::{Instant, timeout, timeout_at};
+use tokio_stream::{Stream, StreamExt};
+
+use bake::{NewLight, listed};
+
+use crate::job::{ClientName, JobId, Record, Relit, SceneDigest, Sequence, next_revision};
+use crate::progress::lock;
+use crate::refusal::Refusal;
+use crate::store::Upload;
+use crate::{Office, Service, blocking};
+use pipeline::options::{Violations, new_light, wanted};
+
+/// Least bytes that are written at once: chunks may have one byte each.
+const WRITE_BYTES: usize = 256 << 10;
+
+/// Most bytes of a header.
+const HEADER_BYTES: usize = 256 << 10;
+
+/// Priorities that a client may choose.
+const PRIORITIES: std::ops::RangeInclusive<i32> = -100..=100;
+
+impl Service {
+    /// Takes in a job: what to do, and then the bytes of the scene, unless the service has them. The job is on the disk when this
+    /// returns. Chunks are taken as they can be written, and no further than the file that was announced.
+    ///
+    /// # Errors
+    /// When something of it is wrong, a limit is reached, or the scene's bytes are needed and do not come.
+    pub async fn submit<S>(
+        &self,
+        client: &ClientName,
+        header: SubmitSceneHeader,
+        chunks: S,
+    ) -> Result<Job, Refusal>
+    where
+        S: Stream<Item = Result<Bytes, Refusal>> + Send,
+    {
+        // First of all: what it needed may be gone by now.
+        let known = self.office.known(&lock(&self.office.ledger), client, &header)?;
+        if let Some(known) = known {
+            return self.get(client, &known.to_string());
+        }
+        let (draft, size) = self.office.draft(client, header)?;
+        let id = self.office.submit(draft, size, chunks).await?;
+        self.get(client, &id.to_string())
+    }
+}
+
+impl Office {
+    /// The job that would come of a submission, and the length of its scene.
+    fn draft(&self, client: &ClientName, header: SubmitSceneHeader) -> Result<(Record, u64), Refusal> {
+        let mut wrong = Violations::default();
+        let is_small = prost::Message::encoded_len(&header) <= HEADER_BYTES;
+        wrong.demand(is_small, "header", format!("must have {HEADER_BYTES} bytes at most"));
+        wrong.short(&header.name, "name");
+        wrong.short(&header.idempotency_key, "idempotency_key");
+        wrong.demand(PRIORITIES.contains(&header.priority), "priority", "must be from -100 to 100");
+        let groups = wanted(&header, &mut wrong).bake.groups;
+        let asked = header.bake.and_then(|bake| bake.max_vertices);
+        wrong.demand(
+            asked.is_none_or(|vertices| vertices <= self.limits.vertices),
+            "bake.max_vertices",
+            format!("must be {} at most: that is this service's limit", self.limits.vertices),
+        );
+        let mut source = None;
+        match &header.source {
+            Some(Source::File(scene)) => {
+                let digest = <[u8; 32]>::try_from(&*scene.sha256).ok();
+                wrong.demand(digest.is_some(), "file.sha256", "must have 32 bytes");
+                wrong.demand(
+                    scene.size > 0,
+                    "file.size",
+                    "must be the length of the file: there is no empty scene",
+                );
+                source = digest.map(|digest| (SceneDigest(digest), scene.size, None));
+            }
+            Some(Source::Relight(relight)) => {
+                let light = new_light(relight, &mut wrong);
+                // What is wrong by itself is not looked up.
+                wrong = wrong.check().map(|()| Violations::default())?;
+                let light = NewLight { groups, ..light };
+                let (scene, relit) = self.relit(client, &relight.job_id, &light, &mut wrong)?;
+                source = Some((scene, 0, Some(relit)));
+            }
+            None => wrong.demand(false, "source", "must be a file or a job to relight"),
+        }
+        wrong.check()?;
+        let (scene, size, relit) = source.ok_or_else(|| Refusal::invalid("source", "must be a file"))?;
+        if size > self.limits.upload_bytes {
+            return Err(Refusal::exhausted(
+                "upload",
+                format!(
+                    "the scene has {size} bytes, and this service takes {} at most: make its textures smaller, or ask its operator",
+                    self.limits.upload_bytes
+                ),
+            ));
+        }
+        let id = JobId::random().map_err(|error| Refusal::Failed(error.to_string()))?;
+        let record = Record {
+            id,
+            client: client.clone(),
+            sequence: Sequence::default(),
+            header,
+            scene,
+            relit,
+            state: State::Queued,
+            failure: String::new(),
+            submitted: SystemTime::now(),
+            started: None,
+            ended: None,
+            outcome: None,
+            revision: next_revision(0),
+        };
+        Ok((record, size))
+    }
+
+    /// What a relight takes over from the job whose light it changes.
+    fn relit(
+        &self,
+        client: &ClientName,
+        job: &str,
+        light: &NewLight,
+        wrong: &mut Violations,
+    ) -> Result<(SceneDigest, Relit), Refusal> {
+        let record = lock(&self.ledger).of_client(client, job)?.record.clone();
+        let outcome = record.outcome.as_ref().filter(|_| record.state == State::Done);
+        let outcome = outcome.ok_or(Refusal::NotDone(record.id))?;
+        if !outcome.can_be_relit {
+            return Err(Refusal::NoLight(record.id));
+        }
+        let known: HashSet<&String> = outcome.lights.iter().collect();
+        let changed = light.changes.iter().map(|change| ("relight.lights", &change.light));
+        let grouped = light.groups.iter().flat_map(|group| &group.lights);
+        let mut named = changed.chain(grouped.map(|light| ("output.groups", light)));
+        if let Some((field, unknown)) = named.find(|(_, light)| !known.contains(light)) {
+            let should = format!("must name the job's lights, not {unknown:?}: {}", listed(&outcome.lights));
+            wrong.demand(false, field, should);
+        }
+        let options = match &record.relit {
+            Some(relit) => relit.options.clone(),
+            None => record.header.scene.clone().unwrap_or_default(),
+        };
+        Ok((record.scene, Relit { baked: record.light(), options }))
+    }
+
+    async fn submit<S>(self: &Arc<Self>, draft: Record, size: u64, chunks: S) -> Result<JobId, Refusal>
+    where
+        S: Stream<Item = Result<Bytes, Refusal>> + Send,
+    {
+        let known = {
+            let ledger = lock(&self.ledger);
+            if let Some(known) = self.known(&ledger, &draft.client, &draft.header)? {
+                return Ok(known);
+            }
+            ledger.has_scene(&draft.client, draft.scene)
+        };
+        self.check_room(size).await?;
+        let upload = if known {
+            None
+        } else {
+            let _counted = self.count_upload(&draft.client)?;
+            let _shown = self.metrics.uploading();
+            let took_too_long = Refusal::Broken("it took longer than this service allows".into());
+            let receiving = self.receive(draft.scene, size, chunks);
+            Some(timeout(self.limits.upload_time, receiving).await.unwrap_or(Err(took_too_long))?)
+        };
+        let office = Arc::clone(self);
+        blocking(move || office.accept(draft, upload.as_ref())).await
+    }
+
+    async fn check_room(self: &Arc<Self>, size: u64) -> Result<(), Refusal> {
+        let office = Arc::clone(self);
+        let free = blocking(move || Ok(office.store.free()?)).await?;
+        if free < self.limits.free_bytes.saturating_add(size) {
+            return Err(Refusal::exhausted(
+                "disk",
+                "there is no room on the service's disk: delete jobs, or ask its operator",
+            ));
+        }
+        Ok(())
+    }
+
+    /// Takes a scene's bytes.
+    async fn receive<S>(self: &Arc<Self>, scene: SceneDigest, size: u64, chunks: S) -> Result<Upload, Refusal>
+    where
+        S: Stream<Item = Result<Bytes, Refusal>> + Send,
+    {
+        tokio::pin!(chunks);
+        let silence = || Instant::now() + self.limits.upload_silence;
+        let fell_silent = |_| Refusal::Broken("nothing came for longer than this service allows".into());
+        // Whether anything comes at all is known before a file is made for it.
+        let mut next = timeout_at(silence(), chunks.next()).await.map_err(fell_silent)?;
+        if next.is_none() {
+            return Err(Refusal::SceneMissing(scene));
+        }
+        let office = Arc::clone(self);
+        let mut upload = blocking(move || Ok(office.store.begin_upload()?)).await?;
+        let mut gathered = BytesMut::new();
+        loop {
+            let chunk = next.transpose()?;
+            let is_last = chunk.is_none();
+            gathered.extend_from_slice(&chunk.unwrap_or_default());
+            if upload.received() + gathered.len() as u64 > size {
+                return Err(Refusal::invalid(
+                    "file.size",
+                    "is less than what came: it must be the length of the file",
+                ));
+            }
+            if gathered.len() >= WRITE_BYTES || is_last {
+                self.metrics.received(gathered.len());
+                let bytes = gathered.split().freeze();
+                upload = blocking(move || {
+                    upload.write(&bytes)?;
+                    Ok(upload)
+                })
+                .await?;
+            }
+            if is_last {
+                break;
+            }
+            next = timeout_at(silence(), chunks.next()).await.map_err(fell_silent)?;
+        }
+        if upload.received() != size {
+            let should =
+                format!("is not what came, {} bytes: it must be the length of the file", upload.received());
+            return Err(Refusal::invalid("file.size", should));
+        }
+        if upload.digest() != scene {
+            return Err(Refusal::invalid(
+                "file.sha256",
+                "is not that of the bytes that came: send the file again",
+            ));
+        }
+        Ok(upload)
+    }
+
+    /// A place for an upload of this client, for as long as it is held.
+    fn count_upload(self: &Arc<Self>, client: &ClientName) -> Result<Counted, Refusal> {
+        let mut uploads = lock(&self.uploads);
+        let count = uploads.entry(client.clone()).or_default();
+        if *count >= self.limits.uploads_of_a_client {
+            let description = format!(
+                "{count} uploads of this client are under way, and it may have no more at the same time: try again"
+            );
+            return Err(Refusal::exhausted(format!("client:{client}"), description));
+        }
+        *count += 1;
+        Ok(Counted { office: Arc::clone(self), client: client.clone() })
+    }
+}
+
+/// An upload that counts among those of its client.
+struct Counted {
+    office: Arc<Office>,
+    client: ClientName,
+}
+
+impl Drop for Counted {
+    fn drop(&mut self) {
+        if let hash_map::Entry::Occupied(mut count) = lock(&self.office.uploads).entry(self.client.clone()) {
+            *count.get_mut() -= 1;
+            if *count.get() == 0 {
+                count.remove();
+            }
+        }
+    }
+}

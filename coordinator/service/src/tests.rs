@@ -1,0 +1,160 @@
+use std::path::PathBuf;
+use std::time::{Duration, SystemTime};
+
+use bytes::Bytes;
+use protocol::api::submit_scene_header::Source;
+use protocol::api::{Job, ListJobsRequest, SceneFile, State, SubmitSceneHeader};
+use sha2::{Digest, Sha256};
+use tempfile::TempDir;
+use tokio_stream::StreamExt;
+
+use crate::job::{SceneDigest, Sequence};
+use crate::queue::Places;
+use crate::*;
+use cluster::{ClusterSettings, Workers};
+
+const DAY: Duration = Duration::from_secs(24 * 3600);
+
+/// A service with one place and a worker that never comes: a job that begins does not end.
+fn service(folder: &TempDir, limits: Limits) -> Service {
+    let nobody = Workers::Remote(vec!["127.0.0.1:1".into()]);
+    let workers = ClusterSettings { grace: ClusterSettings::ENDLESS_GRACE, ..nobody.into() };
+    let workers = SharedCluster::start(&workers).unwrap();
+    let places = Places { all: 1, of_a_client: 1 };
+    let settings = ServiceSettings { data: folder.path().join("data"), places, limits };
+    Service::open(&settings, workers, Metrics::default()).unwrap()
+}
+
+fn everybody() -> ClientName {
+    ClientName::everybody()
+}
+
+/// A job that is submitted with the scene of the test.
+async fn submit(service: &Service) -> Job {
+    let path = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/scenes/cornell.glb"));
+    let scene = Bytes::from(std::fs::read(path).unwrap());
+    let file = SceneFile { sha256: Sha256::digest(&scene).to_vec().into(), size: scene.len() as u64 };
+    let header = SubmitSceneHeader { source: Some(Source::File(file)), ..SubmitSceneHeader::default() };
+    service.submit(&everybody(), header, tokio_stream::once(Ok(scene))).await.unwrap()
+}
+
+fn record(id: u128) -> Record {
+    Record {
+        id: JobId(id),
+        client: everybody(),
+        sequence: Sequence(id as u64),
+        header: SubmitSceneHeader::default(),
+        scene: SceneDigest([7; 32]),
+        relit: None,
+        state: State::Queued,
+        failure: String::new(),
+        submitted: SystemTime::now(),
+        started: None,
+        ended: None,
+        outcome: None,
+        revision: 0,
+    }
+}
+
+/// Puts a job into the data folder that ended so long ago, with its lit file.
+fn put_ended(folder: &TempDir, id: u128, age: Duration) {
+    let Opened { store, .. } = Store::open(&folder.path().join("data")).unwrap();
+    let ended = record(id).ended(State::Done, String::new(), None);
+    let ended = Record { ended: Some(SystemTime::now() - age), ..ended };
+    std::fs::write(store.scene(ended.scene), [0; 100]).unwrap();
+    std::fs::write(store.result(&ended), vec![0; 1 << 20]).unwrap();
+    store.write(&ended).unwrap();
+}
+
+/// Jobs, newest first.
+fn listed(service: &Service) -> Vec<Job> {
+    service.list(&everybody(), &ListJobsRequest::default()).unwrap().jobs
+}
+
+fn count(folder: &TempDir, of: &str) -> usize {
+    std::fs::read_dir(folder.path().join("data").join(of)).unwrap().count()
+}
+
+#[tokio::test(start_paused = true)]
+async fn nothing_but_the_next_state_is_kept_for_a_watcher_that_does_not_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let service = service(&folder, Limits::default());
+    let Job { id, .. } = submit(&service).await;
+    let watch = || service.watch(&everybody(), &id).unwrap();
+    let (mut slow, mut quick) = (watch(), watch());
+    let mut told = quick.next().await.unwrap().unwrap();
+    for _ in 0..100 {
+        lock(&service.office.ledger).change(id.parse().unwrap(), |_| {});
+        let next = quick.next().await.unwrap().unwrap();
+        assert!(next.revision > told.revision, "the slow one holds up the other");
+        told = next;
+    }
+    // What it was told at first waits for it, and then comes what is so now.
+    let first = slow.next().await.unwrap().unwrap();
+    assert!(first.revision < told.revision);
+    assert_eq!(slow.next().await.unwrap().unwrap().revision, told.revision);
+}
+
+#[tokio::test(start_paused = true)]
+async fn what_is_kept_no_longer_goes_while_the_service_runs() {
+    let folder = tempfile::tempdir().unwrap();
+    put_ended(&folder, 1, 40 * DAY);
+    put_ended(&folder, 2, 20 * DAY);
+    put_ended(&folder, 3, DAY);
+    let service = service(&folder, Limits { keep_bytes: 3 << 19, ..Limits::default() });
+    assert_eq!(listed(&service).len(), 3);
+    service.resume();
+    let (running, queued, cancelled) =
+        (submit(&service).await, submit(&service).await, submit(&service).await);
+    tokio::time::sleep(TIDY / 2).await;
+    // The first goes by its age, the second because there is room for one lit file and a half.
+    assert_eq!((count(&folder, "jobs"), count(&folder, "results")), (4, 1));
+    service.cancel(&everybody(), &cancelled.id).await.unwrap();
+    lock(&service.office.ledger).change(JobId(3), |entry| {
+        entry.record.ended = Some(SystemTime::now() - 31 * DAY);
+    });
+    tokio::time::sleep(TIDY).await;
+    let states =
+        |jobs: Vec<Job>| jobs.into_iter().map(|job| (job.id.clone(), job.state())).collect::<Vec<_>>();
+    let expected =
+        [(cancelled.id, State::Cancelled), (queued.id, State::Queued), (running.id, State::Running)];
+    assert_eq!(states(listed(&service)), expected);
+    assert_eq!((count(&folder, "results"), count(&folder, "scenes")), (0, 1));
+}
+
+/// However little may be kept, jobs that have not ended stay, and their scenes.
+#[tokio::test(start_paused = true)]
+async fn jobs_that_have_not_ended_are_kept_whatever_the_room() {
+    let folder = tempfile::tempdir().unwrap();
+    put_ended(&folder, 1, Duration::ZERO);
+    let service = service(&folder, Limits { keep_bytes: 0, keep_age: Duration::ZERO, ..Limits::default() });
+    service.resume();
+    let (running, queued) = (submit(&service).await, submit(&service).await);
+    let cancelled = submit(&service).await;
+    service.cancel(&everybody(), &cancelled.id).await.unwrap();
+    tokio::time::sleep(3 * TIDY).await;
+    let left: Vec<String> = listed(&service).into_iter().map(|job| job.id).collect();
+    assert_eq!(left, [queued.id, running.id]);
+    assert_eq!((count(&folder, "jobs"), count(&folder, "scenes"), count(&folder, "results")), (2, 1, 0));
+}
+
+#[test]
+fn a_job_on_its_way_to_the_disk_counts_and_is_not_seen() {
+    let mut ledger = Ledger::new(Places { all: 0, of_a_client: 0 });
+    let mut keyed = record(1);
+    keyed.header.idempotency_key = "monday".into();
+    let (first, second) = (ledger.announce(keyed.clone()), ledger.announce(record(2)));
+    assert_eq!((first.sequence, second.sequence), (Sequence(1), Sequence(2)));
+    assert_eq!(ledger.unfinished(&everybody()), 2);
+    assert!(ledger.has_any_of(first.scene) && ledger.uses(first.scene, JobId(9)));
+    assert!(ledger.is_arriving(&keyed) && !ledger.is_arriving(&record(2)), "no key is nobody's");
+    let asked = first.id.to_string();
+    assert!(ledger.view(&everybody(), &asked).is_err());
+    assert!(!ledger.has_scene(&everybody(), first.scene), "its scene may not be there yet");
+    ledger.dismiss(second.id);
+    ledger.insert(first);
+    assert!(!ledger.is_arriving(&keyed));
+    assert_eq!(ledger.view(&everybody(), &asked).unwrap().state(), State::Queued);
+    assert_eq!(ledger.unfinished(&everybody()), 1);
+    assert_eq!(ledger.announce(record(3)).sequence, Sequence(2));
+}

@@ -1,0 +1,74 @@
+use std::time::Duration;
+
+use protocol::api::{Job, State};
+use tokio::sync::mpsc;
+use tokio::time::sleep;
+use tokio_stream::wrappers::ReceiverStream;
+
+use crate::Service;
+use crate::job::ClientName;
+use crate::progress::lock;
+use crate::refusal::Refusal;
+
+/// Between two states of a job, at least.
+const INTERVAL: Duration = Duration::from_millis(200);
+
+impl Service {
+    /// The job at once, and whenever something of it has changed, until it has ended. Nothing is kept for a slow reader but what it
+    /// is about to take: it is told the latest state when it has.
+    ///
+    /// # Errors
+    /// When it is none of this client's.
+    pub fn watch(
+        &self,
+        client: &ClientName,
+        id: &str,
+    ) -> Result<ReceiverStream<Result<Job, Refusal>>, Refusal> {
+        let (mut job_news, mut queue_news) = lock(&self.office.ledger).news(client, id)?;
+        let (sender, receiver) = mpsc::channel(1);
+        let (service, client, id) = (self.clone(), client.clone(), id.to_owned());
+        let watching = self.office.metrics.watching();
+        tokio::spawn(async move {
+            let _watching = watching;
+            let mut told: Option<Job> = None;
+            // The state is looked up when there is room for it.
+            while let Ok(place) = sender.reserve().await {
+                job_news.mark_unchanged();
+                queue_news.mark_unchanged();
+                let job = match service.get(&client, &id) {
+                    Ok(job) => job,
+                    Err(gone) => return place.send(Err(gone)),
+                };
+                let (has_ended, waits) = (has_ended(&job), job.state() == State::Queued);
+                if told.as_ref() != Some(&job) {
+                    told = Some(job.clone());
+                    place.send(Ok(job));
+                } else {
+                    drop(place);
+                }
+                if has_ended {
+                    return;
+                }
+                tokio::select! {
+                    // Deleted: the next look says so.
+                    _ = job_news.changed() => {}
+                    Ok(()) = queue_news.changed(), if waits => {}
+                    () = service.office.ending.cancelled() => {
+                        if let Ok(place) = sender.reserve().await {
+                            place.send(Err(Refusal::Ending));
+                        }
+                        return;
+                    }
+                    () = sender.closed() => return,
+                }
+                sleep(INTERVAL).await;
+            }
+        });
+        Ok(ReceiverStream::new(receiver))
+    }
+}
+
+/// Whether nothing more will happen to a job.
+fn has_ended(job: &Job) -> bool {
+    matches!(job.state(), State::Done | State::Failed | State::Cancelled)
+}

@@ -1,0 +1,214 @@
+//! What a primitive looks like at a point: textures, colours of vertices, alpha.
+
+use std::collections::{BTreeSet, HashMap};
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+use glam::{DVec2, DVec3, DVec4};
+use gltf::accessor::Dimensions;
+use gltf::material::AlphaMode;
+use gltf::{Material, Node, Primitive, Semantic, Texture};
+
+use super::PlainError;
+use super::scene::PlainMaterial;
+use super::source::PlainDocument;
+use document::texture::{Encoding, Image, Mapping, Sampler, decode};
+
+/// Largest reflectance, as the bake has it: at 1 light in a closed scene would never be absorbed.
+pub(super) const MAX_REFLECTANCE: f64 = 0.999;
+
+/// Factors, textures and colours of a primitive.
+#[derive(Debug, Clone)]
+pub struct PlainAppearance {
+    base: DVec4,
+    metallic: f64,
+    /// Exitance where the emissive texture is white.
+    pub(super) exitance: DVec3,
+    alpha: Alpha,
+    double_sided: bool,
+    base_texture: Option<Layer>,
+    metallic_texture: Option<Layer>,
+    emissive_texture: Option<Layer>,
+    /// COLOR_0 of each vertex; empty where there is none.
+    colours: Vec<DVec4>,
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Alpha {
+    Opaque,
+    /// Holes where alpha is less.
+    Mask(f64),
+    Blend,
+}
+
+/// An image on a primitive.
+#[derive(Debug, Clone)]
+struct Layer {
+    image: Arc<Image>,
+    sampler: Sampler,
+    encoding: Encoding,
+    /// Place of each vertex on the image.
+    places: Vec<DVec2>,
+}
+
+/// Between the values of three vertices.
+fn between<T>(values: &[T], vertices: [usize; 3], weights: DVec3) -> T
+where
+    T: Copy + std::ops::Mul<f64, Output = T> + std::ops::Add<Output = T>,
+{
+    let [a, b, c] = vertices.map(|vertex| values[vertex]);
+    a * weights.x + b * weights.y + c * weights.z
+}
+
+impl Layer {
+    fn at(&self, vertices: [usize; 3], weights: DVec3) -> DVec4 {
+        self.sampler.look_up(&self.image, self.encoding, between(&self.places, vertices, weights))
+    }
+}
+
+impl PlainAppearance {
+    /// True where all points look alike.
+    pub(super) fn is_uniform(&self) -> bool {
+        let textures = [&self.base_texture, &self.metallic_texture, &self.emissive_texture];
+        self.colours.is_empty() && textures.iter().all(|texture| texture.is_none())
+    }
+
+    /// What the primitive is made of at a point of one of its triangles, given by vertices and barycentric coordinates.
+    pub(super) fn at(&self, vertices: [usize; 3], weights: DVec3) -> PlainMaterial {
+        let white =
+            |layer: &Option<Layer>| layer.as_ref().map_or(DVec4::ONE, |layer| layer.at(vertices, weights));
+        let colour =
+            if self.colours.is_empty() { DVec4::ONE } else { between(&self.colours, vertices, weights) };
+        let base = self.base * white(&self.base_texture) * colour;
+        let metallic = self.metallic * white(&self.metallic_texture).z;
+        PlainMaterial {
+            reflectance: (base.truncate() * (1.0 - metallic))
+                .clamp(DVec3::ZERO, DVec3::splat(MAX_REFLECTANCE)),
+            exitance: self.exitance * white(&self.emissive_texture).truncate(),
+            double_sided: self.double_sided,
+            opacity: match self.alpha {
+                Alpha::Opaque => 1.0,
+                Alpha::Mask(cutoff) => f64::from(u8::from(base.w >= cutoff)),
+                Alpha::Blend => base.w.clamp(0.0, 1.0),
+            },
+        }
+    }
+
+    /// What the factors alone say.
+    pub(super) fn plain(&self) -> PlainMaterial {
+        let bare = Self {
+            base_texture: None,
+            metallic_texture: None,
+            emissive_texture: None,
+            colours: vec![],
+            ..self.clone()
+        };
+        bare.at([0; 3], DVec3::X)
+    }
+}
+
+/// Reads appearances, each image once.
+#[derive(Default)]
+pub(super) struct Appearances {
+    images: HashMap<usize, Option<Arc<Image>>>,
+}
+
+impl Appearances {
+    /// The appearance of a primitive with so many vertices.
+    pub(super) fn read(
+        &mut self,
+        document: &PlainDocument,
+        node: &Node<'_>,
+        primitive: &Primitive<'_>,
+        vertices: usize,
+        warnings: &mut BTreeSet<String>,
+    ) -> Result<PlainAppearance, PlainError> {
+        let material = primitive.material();
+        let name = material_name(&material);
+        let pbr = material.pbr_metallic_roughness();
+        let strength = f64::from(material.emissive_strength().unwrap_or(1.0));
+        if material.normal_texture().is_some() || material.occlusion_texture().is_some() {
+            warnings.insert(format!("{name}: normal and occlusion textures ignored"));
+        }
+        let mut layer = |texture: Option<(Texture<'_>, Mapping)>, encoding| -> Result<_, PlainError> {
+            let Some((texture, mapping)) = texture else { return Ok(None) };
+            let semantic = Semantic::TexCoords(mapping.set);
+            let found = primitive.get(&semantic).zip(self.image(document, &texture));
+            let Some((accessor, image)) = found else {
+                warnings.insert(format!(
+                    "{name}: a texture ignored, its image or TEXCOORD_{} is missing",
+                    mapping.set
+                ));
+                return Ok(None);
+            };
+            let shapes = [Dimensions::Vec2];
+            document.check(node, &accessor, vertices, &shapes, "TEXCOORD")?;
+            let reader = primitive.reader(|buffer| document.bytes(&buffer));
+            let places = reader.read_tex_coords(mapping.set).map(|places| {
+                places
+                    .into_f32()
+                    .map(|uv| mapping.transform.transform_point2(DVec2::from_array(uv.map(f64::from))))
+                    .collect()
+            });
+            Ok(places.map(|places| Layer { image, sampler: mapping.sampler, encoding, places }))
+        };
+        let base_texture = layer(mapped(pbr.base_color_texture()), Encoding::Srgb)?;
+        let metallic_texture = layer(mapped(pbr.metallic_roughness_texture()), Encoding::Linear)?;
+        let emissive_texture = layer(mapped(material.emissive_texture()), Encoding::Srgb)?;
+        let colours = match primitive.get(&Semantic::Colors(0)) {
+            None => vec![],
+            Some(accessor) => {
+                document.check(
+                    node,
+                    &accessor,
+                    vertices,
+                    &[Dimensions::Vec3, Dimensions::Vec4],
+                    "COLOR_0",
+                )?;
+                let reader = primitive.reader(|buffer| document.bytes(&buffer));
+                let colours = reader.read_colors(0).map(|colours| {
+                    colours.into_rgba_f32().map(|rgba| DVec4::from_array(rgba.map(f64::from))).collect()
+                });
+                colours.unwrap_or_default()
+            }
+        };
+        Ok(PlainAppearance {
+            base: DVec4::from_array(pbr.base_color_factor().map(f64::from)),
+            metallic: f64::from(pbr.metallic_factor()),
+            exitance: DVec3::from_array(material.emissive_factor().map(f64::from)) * strength * PI,
+            alpha: match material.alpha_mode() {
+                AlphaMode::Opaque => Alpha::Opaque,
+                AlphaMode::Mask => Alpha::Mask(material.alpha_cutoff().map_or(0.5, f64::from)),
+                AlphaMode::Blend => Alpha::Blend,
+            },
+            double_sided: material.double_sided(),
+            base_texture,
+            metallic_texture,
+            emissive_texture,
+            colours,
+        })
+    }
+
+    fn image(&mut self, document: &PlainDocument, texture: &Texture<'_>) -> Option<Arc<Image>> {
+        let of_extension =
+            || texture.extensions()?.get("EXT_texture_webp")?.get("source")?.as_u64()?.try_into().ok();
+        let index = texture.source().map(|image| image.index()).or_else(of_extension)?;
+        let image = document.gltf.images().nth(index)?;
+        let read = || Some(Arc::new(decode(&document.image_bytes(&image)?).ok()?));
+        self.images.entry(index).or_insert_with(read).clone()
+    }
+}
+
+/// A texture with its mapping.
+fn mapped<'a>(info: Option<gltf::texture::Info<'a>>) -> Option<(Texture<'a>, Mapping)> {
+    info.map(|info| (info.texture(), Mapping::new(&info)))
+}
+
+/// What a material is called in messages.
+pub(super) fn material_name(material: &Material<'_>) -> String {
+    match (material.name(), material.index()) {
+        (Some(name), _) => format!("material {name}"),
+        (None, Some(index)) => format!("material {index}"),
+        (None, None) => "the default material".to_owned(),
+    }
+}

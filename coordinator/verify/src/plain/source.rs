@@ -1,0 +1,244 @@
+//! A document's primitives of triangles, in the order in which a walk of the scene's nodes meets them, and their vertex data.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use glam::{DMat4, DVec3};
+use gltf::accessor::{DataType, Dimensions, Iter};
+use gltf::json::validation::Checked;
+use gltf::mesh::Mode;
+use gltf::{Accessor, Document, Gltf, Node, Primitive, Semantic};
+
+use super::{PlainError, buffers};
+use document::accessors::{Context, is_within_bounds};
+use document::placement::world_matrices;
+use document::{ReadOptions, made_plain, scene_choice};
+
+/// A document with its buffers.
+pub(crate) struct PlainDocument {
+    path: PathBuf,
+    pub(super) gltf: Gltf,
+    buffers: Vec<Vec<u8>>,
+    world: Vec<DMat4>,
+}
+
+/// The geometry of one primitive at one node.
+pub(crate) struct Geometry {
+    /// World positions of its vertices.
+    pub(crate) positions: Vec<DVec3>,
+    /// Its triangles as existing vertices, counter-clockwise seen from the front.
+    pub(crate) triangles: Vec<[usize; 3]>,
+}
+
+impl PlainDocument {
+    /// Reads a .glb or .gltf file, of which `scene` is meant, or else the default scene.
+    pub(crate) fn open(path: &Path, scene: Option<&str>) -> Result<Self, PlainError> {
+        let bytes = fs::read(path).map_err(|error| PlainError::Read { path: path.to_owned(), error })?;
+        let invalid = |error| PlainError::Gltf { path: path.to_owned(), error };
+        if let Some(fault) = false_length(&bytes) {
+            return Err(invalid(fault));
+        }
+        let Gltf { document, blob } = Gltf::from_slice_without_validation(&bytes).map_err(invalid)?;
+        let mut root = document.into_json();
+        // The validation itself follows the index of POSITION without a look at its range.
+        if let Some(fault) = missing_positions(&root) {
+            return Err(invalid(gltf::Error::Validation(vec![fault])));
+        }
+        let wrong = |error| PlainError::Import { path: path.to_owned(), error: Box::new(error) };
+        scene_choice::choose(&mut root, scene).map_err(wrong)?;
+        let options = ReadOptions { scene: scene.map(str::to_owned), ..ReadOptions::default() };
+        let (gltf, buffers) = match made_plain(&bytes, path.parent(), &options).map_err(wrong)? {
+            Some(made) => (Gltf { document: made.document, blob: None }, made.buffers),
+            None => {
+                let mut gltf = Gltf { document: Document::from_json(root).map_err(invalid)?, blob };
+                let buffers = buffers::read(path, &mut gltf)?;
+                (gltf, buffers)
+            }
+        };
+        let world = world_matrices(&gltf);
+        Ok(Self { path: path.to_owned(), gltf, buffers, world })
+    }
+
+    /// The file.
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The nodes of the default scene (the first, where none is), parents before children.
+    pub(crate) fn nodes(&self) -> Vec<Node<'_>> {
+        let mut found = Vec::new();
+        let mut visited = vec![false; self.gltf.nodes().len()];
+        let scene = self.gltf.default_scene().or_else(|| self.gltf.scenes().next());
+        let mut stack: Vec<_> = scene.iter().flat_map(|scene| scene.nodes()).collect();
+        stack.reverse();
+        while let Some(node) = stack.pop() {
+            if std::mem::replace(&mut visited[node.index()], true) {
+                continue;
+            }
+            let children: Vec<_> = node.children().collect();
+            stack.extend(children.into_iter().rev());
+            found.push(node);
+        }
+        found
+    }
+
+    /// The primitives of triangles with their nodes: the order that references count in.
+    pub(crate) fn primitives(&self) -> Vec<(Node<'_>, Primitive<'_>)> {
+        let mut found = Vec::new();
+        for node in self.nodes() {
+            let primitives = node.mesh().into_iter().flat_map(|mesh| mesh.primitives());
+            found.extend(primitives.filter(has_triangles).map(|primitive| (node.clone(), primitive)));
+        }
+        found
+    }
+
+    /// Where a node stands.
+    pub(super) fn placement(&self, node: &Node) -> DMat4 {
+        self.world[node.index()]
+    }
+
+    /// Positions and triangles of a primitive; a transform that mirrors has the winding turned round.
+    pub(crate) fn geometry(&self, node: &Node, primitive: &Primitive<'_>) -> Result<Geometry, PlainError> {
+        let world = self.world[node.index()];
+        let positions: Vec<DVec3> = self
+            .vectors(node, primitive.get(&Semantic::Positions), "POSITION")?
+            .into_iter()
+            .map(|position| world.transform_point3(position))
+            .collect();
+        if !positions.iter().all(|position| position.is_finite()) {
+            let (path, place) = (self.path.clone(), label(node));
+            return Err(PlainError::Factor { path, place, what: "POSITION", signed: true });
+        }
+        let mirrored = world.determinant() < 0.0;
+        let mut triangles = triangles(primitive.mode(), &self.indices(node, primitive, positions.len())?);
+        if mirrored {
+            triangles.iter_mut().for_each(|corners| corners.swap(1, 2));
+        }
+        Ok(Geometry { positions, triangles })
+    }
+
+    /// The rows of a float VEC3 accessor.
+    pub(crate) fn vectors(
+        &self,
+        node: &Node,
+        accessor: Option<Accessor<'_>>,
+        what: &'static str,
+    ) -> Result<Vec<DVec3>, PlainError> {
+        let rows = accessor
+            .filter(|accessor| {
+                let typed =
+                    accessor.data_type() == DataType::F32 && accessor.dimensions() == Dimensions::Vec3;
+                typed && self.holds(accessor)
+            })
+            .and_then(|accessor| Iter::<[f32; 3]>::new(accessor, |buffer| self.bytes(&buffer)));
+        let rows = rows.ok_or_else(|| self.unreadable(node, what))?;
+        Ok(rows.map(|row| DVec3::from_array(row.map(f64::from))).collect())
+    }
+
+    /// The primitive's vertex indices, all of which exist.
+    fn indices(
+        &self,
+        node: &Node,
+        primitive: &Primitive<'_>,
+        vertices: usize,
+    ) -> Result<Vec<usize>, PlainError> {
+        let Some(accessor) = primitive.indices() else { return Ok((0..vertices).collect()) };
+        let typed = matches!(accessor.data_type(), DataType::U8 | DataType::U16 | DataType::U32)
+            && accessor.dimensions() == Dimensions::Scalar;
+        let reader = primitive.reader(|buffer| self.bytes(&buffer));
+        (typed && self.holds(&accessor))
+            .then(|| reader.read_indices())
+            .flatten()
+            .map(|indices| indices.into_u32().map(|index| index as usize).collect())
+            .filter(|indices: &Vec<usize>| indices.iter().all(|&index| index < vertices))
+            .ok_or_else(|| self.unreadable(node, "indices"))
+    }
+
+    /// Whether an accessor has elements, all of them inside its buffers: the glTF reader trusts counts and strides.
+    fn holds(&self, accessor: &Accessor<'_>) -> bool {
+        let context =
+            Context { place: "", buffers: &self.buffers, max_bytes: ReadOptions::default().max_bytes };
+        accessor.count() > 0
+            && accessor.sparse().is_none_or(|sparse| sparse.count() > 0)
+            && is_within_bounds(accessor, &context)
+    }
+
+    /// Refuses an accessor of a vertex attribute that holds other than parts of 1 of these shapes, one for each vertex.
+    pub(super) fn check(
+        &self,
+        node: &Node,
+        accessor: &Accessor<'_>,
+        vertices: usize,
+        shapes: &[Dimensions],
+        what: &'static str,
+    ) -> Result<(), PlainError> {
+        let numbers = matches!(accessor.data_type(), DataType::F32 | DataType::U8 | DataType::U16);
+        let fits = numbers && shapes.contains(&accessor.dimensions()) && accessor.count() == vertices;
+        if fits && self.holds(accessor) { Ok(()) } else { Err(self.unreadable(node, what)) }
+    }
+
+    /// The bytes of an image.
+    pub(super) fn image_bytes(&self, image: &gltf::Image<'_>) -> Option<Vec<u8>> {
+        match image.source() {
+            gltf::image::Source::View { view, .. } => {
+                let end = view.offset().checked_add(view.length())?;
+                Some(self.bytes(&view.buffer())?.get(view.offset()..end)?.to_vec())
+            }
+            gltf::image::Source::Uri { uri, .. } => {
+                buffers::from_uri(uri, self.path.parent().unwrap_or(Path::new(""))).ok()
+            }
+        }
+    }
+
+    pub(super) fn bytes(&self, buffer: &gltf::Buffer<'_>) -> Option<&[u8]> {
+        self.buffers.get(buffer.index()).map(Vec::as_slice)
+    }
+
+    fn unreadable(&self, node: &Node, what: &'static str) -> PlainError {
+        PlainError::Data { path: self.path.clone(), node: label(node), what }
+    }
+}
+
+/// The node's name, or its number where it has none.
+pub(crate) fn label(node: &Node) -> String {
+    node.name().map_or_else(|| format!("node {}", node.index()), |name| format!("node {name}"))
+}
+
+/// Whether a primitive is made of triangles, rather than points or lines.
+pub(super) fn has_triangles(primitive: &Primitive<'_>) -> bool {
+    matches!(primitive.mode(), Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)
+}
+
+/// Triangles of a list, strip or fan, wound as glTF 2.0 section 3.7.2.1 defines.
+fn triangles(mode: Mode, indices: &[usize]) -> Vec<[usize; 3]> {
+    match mode {
+        Mode::TriangleStrip => {
+            let odd =
+                |(i, c): (usize, &[usize])| if i % 2 == 0 { [c[0], c[1], c[2]] } else { [c[0], c[2], c[1]] };
+            indices.windows(3).enumerate().map(odd).collect()
+        }
+        Mode::TriangleFan => {
+            let rim = indices.get(1..).unwrap_or_default();
+            rim.windows(2).map(|pair| [pair[0], pair[1], indices[0]]).collect()
+        }
+        _ => indices.as_chunks::<3>().0.to_vec(),
+    }
+}
+
+/// A GLB that states to be shorter than its header: the parser subtracts one from the other.
+fn false_length(bytes: &[u8]) -> Option<gltf::Error> {
+    let [b'g', b'l', b'T', b'F', _, _, _, _, length @ ..] = bytes else { return None };
+    let length = u32::from_le_bytes(*length.first_chunk::<4>()?);
+    let fault = gltf::binary::Error::Length { length, length_read: bytes.len() };
+    (length < 12).then_some(gltf::Error::Binary(fault))
+}
+
+/// The first POSITION that refers to no accessor.
+fn missing_positions(root: &gltf::json::Root) -> Option<(gltf::json::Path, gltf::json::validation::Error)> {
+    let primitives = root.meshes.iter().flat_map(|mesh| &mesh.primitives);
+    let mut positions =
+        primitives.filter_map(|primitive| primitive.attributes.get(&Checked::Valid(Semantic::Positions)));
+    let missing = positions.any(|index| index.value() >= root.accessors.len());
+    let path = || gltf::json::Path::new().field("meshes").field("POSITION");
+    missing.then(|| (path(), gltf::json::validation::Error::IndexOutOfBounds))
+}

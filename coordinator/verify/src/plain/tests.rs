@@ -1,0 +1,231 @@
+use std::f64::consts::PI;
+
+use glam::DVec3;
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+use super::*;
+use fixtures::{Builder, test_scene};
+
+/// A .gltf with one unit square under a node, changed before it is written.
+fn opened(change: impl Fn(&mut Value)) -> Result<PlainScene, PlainError> {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("square.gltf");
+    let (mut root, bytes) = square();
+    std::fs::write(folder.path().join("its data.bin"), bytes).unwrap();
+    change(&mut root);
+    std::fs::write(&path, root.to_string()).unwrap();
+    PlainScene::open(&path)
+}
+
+fn square() -> (Value, Vec<u8>) {
+    let mut builder = Builder::default();
+    let square = builder.square();
+    let (mut root, bytes) = builder.finish(json!({
+        "asset": { "version": "2.0" },
+        "scene": 0,
+        "scenes": [{ "nodes": [0] }],
+        "nodes": [{ "name": "sheet", "mesh": 0, "scale": [2.0, 1.0, 1.0] }],
+        "meshes": [{ "primitives": [square] }],
+        "materials": [{
+            "name": "paint",
+            "pbrMetallicRoughness": { "baseColorFactor": [0.5, 0.25, 1.0, 1.0], "metallicFactor": 0.5 },
+            "emissiveFactor": [1.0, 0.5, 0.0],
+            "extensions": { "KHR_materials_emissive_strength": { "emissiveStrength": 3.0 } },
+        }],
+    }));
+    root["meshes"][0]["primitives"][0]["material"] = json!(0);
+    root["buffers"][0]["uri"] = json!("its%20data.bin");
+    (root, bytes)
+}
+
+#[test]
+fn materials_and_triangles_are_those_of_the_file() {
+    let scene = opened(|_| ()).unwrap();
+    let [material] = scene.materials[..] else { panic!("{:?}", scene.materials) };
+    assert_eq!(material.reflectance, DVec3::new(0.25, 0.125, 0.5));
+    assert_eq!(material.exitance, DVec3::new(3.0 * PI, 1.5 * PI, 0.0));
+    let areas: Vec<_> = scene.triangles.iter().map(PlainTriangle::area_vector).collect();
+    assert_eq!(areas, [DVec3::Z, DVec3::Z]);
+    assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+}
+
+#[test]
+fn mirrored_nodes_keep_their_front() {
+    // A mirror across x turns the winding, not the side that faces +z.
+    let scene = opened(|root| root["nodes"][0]["scale"] = json!([-2.0, 1.0, 1.0])).unwrap();
+    let areas: Vec<_> = scene.triangles.iter().map(PlainTriangle::area_vector).collect();
+    assert_eq!(areas, [DVec3::Z, DVec3::Z]);
+}
+
+/// Around the square, its corners are a fan; as a strip the second triangle turns the other way.
+#[test]
+fn strips_and_fans_are_triangles_too() {
+    for (mode, second) in [(5, -DVec3::Z), (6, DVec3::Z)] {
+        let scene = opened(|root| {
+            let primitive = root["meshes"][0]["primitives"][0].as_object_mut().unwrap();
+            primitive.insert("mode".into(), json!(mode));
+            primitive.remove("indices");
+        });
+        let areas: Vec<_> = scene.unwrap().triangles.iter().map(PlainTriangle::area_vector).collect();
+        assert_eq!(areas, [DVec3::Z, second]);
+    }
+}
+
+#[test]
+fn repeated_triangles_and_those_without_area_are_left_out() {
+    let scene = opened(|root| {
+        let primitive = root["meshes"][0]["primitives"][0].clone();
+        root["meshes"][0]["primitives"] = json!([primitive, primitive]);
+        root["nodes"][0]["scale"] = json!([1.0, 1.0, 1.0]);
+    });
+    // Each primitive has its own.
+    assert_eq!(scene.unwrap().triangles.len(), 4);
+    let flat = opened(|root| root["nodes"][0]["scale"] = json!([0.0, 1.0, 1.0])).unwrap_err().to_string();
+    assert!(flat.contains("no triangles with an area"), "{flat}");
+}
+
+#[test]
+fn what_is_not_modelled_is_said() {
+    let scene = opened(|root| {
+        root["materials"][0]["alphaMode"] = json!("BLEND");
+        root["materials"][0]["pbrMetallicRoughness"] =
+            json!({ "baseColorFactor": [1.5, 0.0, 0.0, 1.0], "metallicFactor": 0.0, "baseColorTexture": { "index": 0 } });
+        root["images"] = json!([{ "uri": "picture.png" }]);
+        root["textures"] = json!([{ "source": 0 }]);
+        root["extensionsUsed"] = json!(["KHR_lights_punctual", "KHR_materials_clearcoat"]);
+        root["extensions"]["KHR_lights_punctual"]["lights"] =
+            json!([{ "type": "spot", "spot": {} }, { "type": "point", "intensity": 2.0, "color": [1.0, 0.5, 0.0] }]);
+        root["nodes"][0]["extensions"]["KHR_lights_punctual"]["light"] = json!(0);
+        root["nodes"][0]["children"] = json!([1]);
+        root["nodes"] = json!([root["nodes"][0], {
+            "translation": [1.0, 2.0, 3.0], "extensions": { "KHR_lights_punctual": { "light": 1 } }
+        }]);
+    })
+    .unwrap();
+    assert_eq!(
+        scene.warnings,
+        [
+            "extensions ignored: KHR_materials_clearcoat",
+            "material paint: a texture ignored, its image or TEXCOORD_0 is missing",
+            "material paint: reflectance clamped to 0.999",
+        ]
+    );
+    assert_eq!(scene.materials[0].reflectance, DVec3::new(0.999, 0.0, 0.0));
+    let kind = PlainLightKind::Point { position: DVec3::new(2.0, 2.0, 3.0) };
+    assert_eq!(scene.lights[1], PlainLight { kind, intensity: DVec3::new(2.0, 1.0, 0.0) });
+    let PlainLightKind::Spot { along, ramp, .. } = scene.lights[0].kind else { panic!("{:?}", scene.lights) };
+    assert_eq!(along, DVec3::NEG_Z);
+    // From the axis to an eighth of a turn, where the file has no cones.
+    assert!((ramp[0] + ramp[1] - 1.0).abs() <= 1e-6 && (ramp[0] * 0.5_f64.sqrt() + ramp[1]).abs() <= 1e-6);
+}
+
+#[test]
+fn wrong_files_are_refused_with_their_place() {
+    type Change = dyn Fn(&mut Value);
+    let cases: [(&Change, &str); 9] = [
+        (&|root| root["buffers"][0]["uri"] = json!("other.bin"), "buffer 0 cannot be read: other.bin"),
+        (&|root| root["buffers"][0]["uri"] = json!("../square.bin"), "is not next to the glTF"),
+        (&|root| root["buffers"][0]["uri"] = json!("data:;base64,AAAA"), "it has 3 bytes of"),
+        (&|root| root["accessors"][0]["count"] = json!(1_u64 << 40), "POSITION of node sheet cannot be read"),
+        (&|root| root["accessors"][0]["count"] = json!(2), "indices of node sheet cannot be read"),
+        (&|root| root["accessors"][1]["count"] = json!(0), "indices of node sheet cannot be read"),
+        (
+            &|root| root["meshes"][0]["primitives"][0]["attributes"]["POSITION"] = json!(7),
+            "is not a valid glTF",
+        ),
+        (&|root| root["extensionsRequired"] = json!(["EXT_unheard_of"]), "is not a valid glTF"),
+        (
+            &|root| root["materials"][0]["emissiveFactor"] = json!([-1.0, 0.0, 0.0]),
+            "emission of material paint must be finite and not negative",
+        ),
+    ];
+    for (change, expected) in cases {
+        let error = opened(change).unwrap_err().to_string();
+        assert!(error.contains(expected), "{expected:?} is missing in {error}");
+    }
+    let file = tempfile::NamedTempFile::new().unwrap();
+    for bytes in [&b"glTF"[..], b"glTF\x02\0\0\0\x01\0\0\0", b"", b"{"] {
+        std::fs::write(file.path(), bytes).unwrap();
+        let error = PlainScene::open(file.path()).unwrap_err().to_string();
+        assert!(error.contains("is not a valid glTF"), "{error}");
+    }
+    let missing = PlainScene::open(&test_scene("missing.glb")).unwrap_err().to_string();
+    assert!(missing.contains("missing.glb cannot be read"), "{missing}");
+}
+
+#[test]
+fn compressed_scenes_are_the_plain_one() {
+    let areas = |name: &str| {
+        let scene = PlainScene::open(&test_scene(&format!("../fixtures/compressed/{name}.glb"))).unwrap();
+        let area = |primitive: usize| {
+            let triangles = scene.triangles.iter().filter(|triangle| triangle.primitive == primitive);
+            triangles.map(PlainTriangle::area_vector).sum::<DVec3>()
+        };
+        (scene.triangles.len(), area(0), area(1))
+    };
+    let (count, sheet, lamp) = areas("plain");
+    for name in ["quantized", "meshopt_plain", "meshopt_filtered", "draco_edgebreaker", "draco_sequential"] {
+        let (found, first, second) = areas(name);
+        assert_eq!(found, count, "{name}");
+        assert!(
+            (first - sheet).length() < 5e-3 && (second - lamp).length() < 5e-3,
+            "{name}: {first} {second}"
+        );
+    }
+}
+
+/// Left half red and opaque, right half white with a quarter of alpha; texture coordinates go over the square once.
+fn with_picture(change: impl Fn(&mut Value)) -> PlainScene {
+    let mut builder = Builder::default();
+    let mut square = builder.square();
+    square["attributes"]["TEXCOORD_0"] =
+        json!(builder.floats(&[[0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]]));
+    square["attributes"]["COLOR_0"] =
+        json!(builder.floats(&[[1.0, 1.0, 1.0], [1.0, 1.0, 1.0], [0.5, 1.0, 0.0], [0.5, 1.0, 0.0]]));
+    square["material"] = json!(0);
+    let image = image::RgbaImage::from_raw(2, 1, vec![255, 0, 0, 255, 255, 255, 255, 64]).unwrap();
+    let mut png = std::io::Cursor::new(vec![]);
+    image.write_to(&mut png, image::ImageFormat::Png).unwrap();
+    let view = builder.view(&png.into_inner());
+    let (mut root, bytes) = builder.finish(json!({
+        "asset": { "version": "2.0" }, "scene": 0, "scenes": [{ "nodes": [0] }],
+        "nodes": [{ "mesh": 0, "scale": [2.0, 1.0, 1.0] }],
+        "meshes": [{ "primitives": [square] }],
+        "images": [{ "bufferView": view, "mimeType": "image/png" }],
+        "samplers": [{ "magFilter": 9728 }],
+        "textures": [{ "source": 0, "sampler": 0 }],
+        "materials": [{
+            "pbrMetallicRoughness": { "baseColorFactor": [0.8, 0.5, 0.25, 1.0], "metallicFactor": 0.0, "baseColorTexture": { "index": 0 } },
+        }],
+    }));
+    change(&mut root);
+    root["buffers"][0]["uri"] = json!("data.bin");
+    let folder = TempDir::new().unwrap();
+    std::fs::write(folder.path().join("data.bin"), bytes).unwrap();
+    let path = folder.path().join("square.gltf");
+    std::fs::write(&path, root.to_string()).unwrap();
+    PlainScene::open(&path).unwrap()
+}
+
+fn look(scene: &PlainScene, x: f64, y: f64) -> PlainMaterial {
+    // The square is two triangles, below and above its diagonal, twice as wide as high.
+    let triangle = &scene.triangles[usize::from(y > x / 2.0)];
+    scene.material_at(triangle, DVec3::new(x, y, 0.0))
+}
+
+#[test]
+fn textures_and_colours_are_those_of_the_point() {
+    let scene = with_picture(|_| ());
+    let near = |found: PlainMaterial, expected: DVec3| {
+        assert!(found.reflectance.abs_diff_eq(expected, 1e-7), "{}, not {expected}", found.reflectance);
+    };
+    near(look(&scene, 0.5, 0.0), DVec3::new(0.8, 0.0, 0.0));
+    near(look(&scene, 1.5, 0.0), DVec3::new(0.8, 0.5, 0.25));
+    near(look(&scene, 1.5, 0.6), DVec3::new(0.8 * 0.7, 0.5, 0.25 * 0.4));
+    near(look(&scene, 0.5, 0.6), DVec3::new(0.8 * 0.7, 0.0, 0.0));
+    assert_eq!(look(&scene, 1.5, 0.6).opacity, 1.0);
+    let mode = |mode: &str| with_picture(|root| root["materials"][0]["alphaMode"] = json!(mode));
+    assert_eq!([0.5, 1.5].map(|x| look(&mode("MASK"), x, 0.1).opacity), [1.0, 0.0]);
+    assert_eq!([0.5, 1.5].map(|x| look(&mode("BLEND"), x, 0.1).opacity), [1.0, 64.0 / 255.0]);
+}

@@ -1,0 +1,23 @@
+//! Pictures of lit scenes: what a picture is made of, and how tiles of it are asked for.
+//!
+//! | module | what lives there |
+//! |---|---|
+//! | `scene` | lit triangles with colours and textures |
+//! | `replica` | how they travel |
+//! | `camera` | from a place in the picture to a ray |
+//! | [`tracer`] | the pixels of a tile |
+//! | `tile` | one rectangle of a picture: request and answer |
+
+mod camera;
+mod replica;
+mod scene;
+mod tile;
+pub mod tracer;
+
+pub use camera::{Camera, Projection, Ray};
+pub use replica::{decode_picture, encode_picture};
+pub use scene::{Alpha, Image, Part, PictureScene, Texture, Wrap};
+pub use tile::{
+    FinishedTile, MOST_SAMPLES, MOST_SIDE, MOST_TILE_RAYS, Pixels, TileError, TileRequest, TileService,
+    decode_pixels, encode_pixels,
+};

@@ -1,0 +1,110 @@
+//! Shooters of very many polygons: a lamp's fine mesh, all of a sky.
+//!
+//! What such a shooter gives without occlusion is summed up exactly. What stands between is not looked at polygon by polygon: rays
+//! are dealt out among them by their form factors, and weigh their kernels as those of a single polygon do.
+
+use sobol_burley::sample_4d;
+
+use super::Panes;
+use crate::form_factor::PreparedPolygon;
+use crate::geometry::{area_vector, uniform_point};
+use crate::messages::RowStatistics;
+use crate::occluder::Occluder;
+use crate::replica::Receiver;
+use crate::row::Precision;
+
+/// From so many polygons on a shooter is one of many.
+pub const MANY_POLYGONS: usize = 32;
+
+/// Of the rays of a hemisphere, one in so many goes to a shooter that covers all of it.
+const PART: f64 = 0.25;
+
+/// Rays of a receiver to such a shooter, at least and at most; powers of two.
+const LEAST_RAYS: u32 = 64;
+const MOST_RAYS: u32 = 4096;
+
+/// The polygons of one shooter.
+pub struct ManyPolygons<'a> {
+    /// Each with its area.
+    polygons: Vec<(PreparedPolygon, f64)>,
+    occluder: &'a Occluder,
+    panes: Option<&'a Panes>,
+    precision: &'a Precision,
+    /// Of the receiver at hand: polygons that it sees before occlusion, and the sum of form factors up to each.
+    faced: Vec<(usize, f64)>,
+}
+
+impl<'a> ManyPolygons<'a> {
+    /// Among these occluders and panes.
+    #[must_use]
+    pub fn new(
+        polygons: Vec<PreparedPolygon>,
+        occluder: &'a Occluder,
+        panes: Option<&'a Panes>,
+        precision: &'a Precision,
+    ) -> Self {
+        let with_area = |polygon: PreparedPolygon| {
+            let area = area_vector(polygon.corners()).length();
+            (polygon, area)
+        };
+        let polygons = polygons.into_iter().map(with_area).collect();
+        Self { polygons, occluder, panes, precision, faced: vec![] }
+    }
+
+    /// The visible form factor from a receiver to all of them.
+    pub fn factor(&mut self, receiver: &Receiver, seed: u32, statistics: &mut RowStatistics) -> f64 {
+        let Receiver { position, normal, plane } = *receiver;
+        statistics.pairs += self.polygons.len() as u64;
+        self.faced.clear();
+        let mut all = 0.0;
+        for (index, (polygon, _)) in self.polygons.iter().enumerate().filter(|(_, p)| p.0.plane() != plane) {
+            if let Some(view) = polygon.view(position, normal, self.precision.form_factor_error)
+                && view.factor > 0.0
+            {
+                all += view.factor;
+                statistics.factors += 1;
+                statistics.factor_sum += view.factor;
+                statistics.factor_error_sum += view.error;
+                self.faced.push((index, all));
+            }
+        }
+        if all == 0.0 || (self.occluder.is_empty() && self.panes.is_none()) {
+            return all;
+        }
+        let wanted = PART * all * f64::from(self.precision.rays_per_hemisphere);
+        let rays = (wanted as u32).next_power_of_two().clamp(LEAST_RAYS, MOST_RAYS);
+        // Of each half of the rays, which are nets of their own.
+        let (mut arrived, mut cast) = ([0.0; 2], [0.0; 2]);
+        for ray in 0..rays {
+            let [choice, x, y, _] = sample_4d(ray, 0, seed).map(f64::from);
+            let place = self.faced.partition_point(|(_, end)| *end <= choice * all).min(self.faced.len() - 1);
+            let before = if place == 0 { 0.0 } else { self.faced[place - 1].1 };
+            let (index, end) = self.faced[place];
+            let (polygon, area) = &self.polygons[index];
+            let target = uniform_point(polygon.corners(), x, y);
+            let to = target - position;
+            let squared = to.length_squared();
+            let kernel = normal.dot(to) * -polygon.normal().dot(to) / (squared * squared);
+            // Polygons are chosen by their form factors, points on them by area.
+            let weight = kernel * area / (end - before);
+            if weight > 0.0 {
+                let planes = [plane, polygon.plane()];
+                let half = usize::from(ray >= rays / 2);
+                cast[half] += weight;
+                if !self.occluder.blocks(position, target, planes) {
+                    arrived[half] +=
+                        weight * self.panes.map_or(1.0, |panes| panes.between(position, target, planes));
+                }
+            }
+        }
+        statistics.rays += u64::from(rays);
+        statistics.sampled_pairs += self.faced.len() as u64;
+        statistics.occluded_pairs += self.faced.len() as u64;
+        if cast.iter().any(|half| *half <= 0.0) {
+            return all;
+        }
+        let difference = all * (arrived[0] / cast[0] - arrived[1] / cast[1]);
+        statistics.sampling_variance += difference * difference / 4.0;
+        all * (arrived[0] + arrived[1]) / (cast[0] + cast[1])
+    }
+}

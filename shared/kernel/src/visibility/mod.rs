@@ -1,0 +1,249 @@
+//! How much of a form factor the occluders leave.
+//!
+//! Where few occluders stand between a point and a polygon, the visible part of the polygon is *computed*: the occluders are
+//! cut out of it as the point sees them, and the rest is summed up exactly. Where there are many, rays sample it.
+//!
+//! What can be decided for a whole group of receivers is: that they look away from the polygon, that nothing stands between,
+//! that one occluder hides it from all of them.
+
+mod cut;
+mod groups;
+mod many;
+mod panes;
+mod partial;
+mod sample;
+#[cfg(test)]
+mod tests;
+
+use crate::form_factor::{PreparedPolygon, ViewLanes};
+use crate::geometry::lanes::{LANES, Mask, Vectors};
+use crate::messages::RowStatistics;
+use crate::occluder::{Blocker, Bounds, Bundle, Front, Identity, Occluder, Shafts};
+use crate::row::Precision;
+use crate::simd::widest;
+
+pub use cut::{Cone, Cones, Pieces, cut};
+pub use groups::{Node, ReceiverGroups, ReceiverLanes};
+pub use many::{MANY_POLYGONS, ManyPolygons};
+pub use panes::{Panes, View};
+use partial::PartialView;
+pub use sample::pair_seed;
+
+/// A group that reaches behind a polygon's plane by less than this part of its size does so by rounding.
+const BEHIND: f64 = 1e-9;
+
+/// Level of the groups whose occluders are looked up together: those of some hundred receivers.
+const COLLECTING: usize = 2;
+
+/// Computes visible form factors. Keeps its buffers between calls.
+pub struct VisibilityKernel<'a> {
+    occluder: &'a Occluder,
+    precision: &'a Precision,
+    /// Occluders between the polygon and some hundred receivers.
+    front: Front,
+    /// Those of them that may matter to a group.
+    parts: Vec<u32>,
+    /// What some of them leave of the polygon for some receivers.
+    partly: Vec<(u32, Mask)>,
+    /// What filled the last shafts: likely to fill the next.
+    last_filler: Option<Identity>,
+    /// Its part, where it stands before the polygon at hand.
+    likely_filler: Option<u32>,
+    shafts: Shafts,
+    partial: PartialView,
+    found: Vec<u32>,
+}
+
+impl<'a> VisibilityKernel<'a> {
+    /// A kernel for this scene.
+    #[must_use]
+    pub fn new(occluder: &'a Occluder, precision: &'a Precision) -> Self {
+        Self {
+            occluder,
+            precision,
+            front: Front::default(),
+            parts: vec![],
+            partly: vec![],
+            last_filler: None,
+            likely_filler: None,
+            shafts: Shafts::default(),
+            partial: PartialView::default(),
+            found: vec![],
+        }
+    }
+
+    /// Adds the visible form factors from receivers to a polygon to `factors`. `seeds` gives the seed of each receiver's rays.
+    /// The result for a receiver does not depend on the others.
+    pub fn add_form_factors(
+        &mut self,
+        groups: &ReceiverGroups,
+        polygon: &PreparedPolygon,
+        seeds: impl Fn(usize) -> u32,
+        factors: &mut [f64],
+        statistics: &mut RowStatistics,
+    ) {
+        statistics.pairs += groups.receivers().len() as u64;
+        let mut stack = vec![(groups.top(), 0)];
+        while let Some((level, index)) = stack.pop() {
+            let Some(node) = groups.node(level, index) else { continue };
+            if looks_away(node, polygon) {
+                continue;
+            }
+            if level > 0 && self.is_hidden(node, polygon) {
+                // Those that look away are among them: all have one reason, and need no other.
+                statistics.factors += u64::from(node.count);
+                statistics.occluded_pairs += u64::from(node.count);
+                continue;
+            }
+            if level == groups.top().min(COLLECTING) {
+                self.front.collect(self.occluder, &node.bounds, polygon);
+                self.likely_filler = self.last_filler.and_then(|filler| self.front.part_of(filler));
+            }
+            if level > 0 {
+                stack.extend(groups.children(level, index).rev().map(|child| (level - 1, child)));
+                continue;
+            }
+            let first = index * LANES;
+            let seed = |lane: usize| seeds(first + lane);
+            let end = factors.len().min(first + LANES);
+            self.add_group(groups.lanes(index), node, polygon, seed, &mut factors[first..end], statistics);
+        }
+    }
+
+    /// True where one occluder stands between a whole group and the polygon.
+    fn is_hidden(&mut self, node: &Node, polygon: &PreparedPolygon) -> bool {
+        // Behind the polygon's plane nothing is seen of it: what reaches there by rounding does not matter.
+        let nearest = -node.bounds.farthest_along(-polygon.normal());
+        let over_plane = nearest - polygon.normal().dot(polygon.centre());
+        if self.occluder.is_empty() || over_plane < -BEHIND * node.bounds.size() {
+            return false;
+        }
+        self.occluder.near_segment(node.bounds.centre(), polygon.centre(), &mut self.found);
+        if self.found.is_empty() {
+            return false;
+        }
+        let apexes = node.bounds.corners();
+        self.shafts.aim(&Vectors::repeated(&apexes), polygon.corners());
+        self.occluder.cuts_off(&self.found, &self.shafts, &node.planes, &apexes, polygon)
+    }
+
+    /// Adds the factors of one group of receivers.
+    fn add_group(
+        &mut self,
+        lanes: &ReceiverLanes,
+        node: &Node,
+        polygon: &PreparedPolygon,
+        seeds: impl Fn(usize) -> u32,
+        factors: &mut [f64],
+        statistics: &mut RowStatistics,
+    ) {
+        let tolerance = self.precision.form_factor_error;
+        let mut view = [ViewLanes::default()];
+        widest(
+            #[inline(always)]
+            || polygon.view_row(std::slice::from_ref(&lanes.seeing), tolerance, &mut view),
+        );
+        let [mut view] = view;
+        let mut open: Mask = 0;
+        for lane in 0..factors.len() {
+            if lanes.planes[lane] == polygon.plane() {
+                continue;
+            }
+            if view.unanswered >> lane & 1 == 1 {
+                let alone = polygon.view(lanes.positions.get(lane), lanes.seeing.normal(lane), tolerance);
+                (view.factors[lane], view.errors[lane]) =
+                    alone.map_or((0.0, 0.0), |view| (view.factor, view.error));
+            }
+            if view.factors[lane] > 0.0 {
+                open |= 1 << lane;
+                statistics.factors += 1;
+                statistics.factor_sum += view.factors[lane];
+                statistics.factor_error_sum += view.errors[lane];
+            }
+        }
+        if open == 0 {
+            return;
+        }
+        let hidden = self.block(lanes, node, polygon, open, statistics);
+        for (lane, factor) in
+            factors.iter_mut().enumerate().filter(|(lane, _)| (open & !hidden) >> lane & 1 == 1)
+        {
+            let (position, plane) = (lanes.positions.get(lane), lanes.planes[lane]);
+            self.partial.clear();
+            for (part, _) in self.partly.iter().filter(|(_, mask)| mask >> lane & 1 == 1) {
+                let add = |blocker: Blocker<'_>| self.partial.add(blocker, position);
+                self.front.for_each_blocker(self.occluder, *part, (position, plane), add);
+            }
+            if self.partial.is_free() {
+                *factor += view.factors[lane];
+                continue;
+            }
+            let receiver = (position, lanes.seeing.normal(lane), plane);
+            statistics.occluded_pairs += 1;
+            *factor += self.partial.factor(
+                self.occluder,
+                self.precision,
+                receiver,
+                polygon,
+                view.factors[lane],
+                seeds(lane),
+                statistics,
+            );
+        }
+    }
+
+    /// Finds what blocks the shafts of these receivers: those whose shaft is filled, and the parts that reach into others.
+    fn block(
+        &mut self,
+        lanes: &ReceiverLanes,
+        node: &Node,
+        polygon: &PreparedPolygon,
+        wanted: Mask,
+        statistics: &mut RowStatistics,
+    ) -> Mask {
+        self.partly.clear();
+        if self.front.is_empty() {
+            return 0;
+        }
+        self.shafts.aim(&lanes.positions, polygon.corners());
+        let mut open = wanted;
+        if let Some(likely) = self.likely_filler {
+            open &= !self.front.reach(self.occluder, likely, &self.shafts, &lanes.planes).wholly;
+        }
+        if open != 0 {
+            let target = Bounds::around(polygon.corners().iter().copied());
+            let horizon = node.normal.map(|normal| (normal, -node.bounds.farthest_along(-normal)));
+            self.front.narrow(self.occluder, &Bundle::new(&node.bounds, &target), horizon, &mut self.parts);
+        }
+        for at in 0..self.parts.len() {
+            if open == 0 {
+                break;
+            }
+            let part = self.parts[at];
+            let reach = self.front.reach(self.occluder, part, &self.shafts, &lanes.planes);
+            if reach.wholly & open != 0 {
+                self.likely_filler = Some(part);
+                self.last_filler = Some(self.front.identity(part));
+                open &= !reach.wholly;
+            }
+            if reach.partly & open != 0 {
+                self.partly.push((part, reach.partly & open));
+            }
+        }
+        let hidden = wanted & !open;
+        statistics.occluded_pairs += u64::from(hidden.count_ones());
+        hidden
+    }
+}
+
+/// True where no receiver of a group sees the polygon's front above its horizon.
+fn looks_away(node: &Node, polygon: &PreparedPolygon) -> bool {
+    let farthest = node.bounds.farthest_along(polygon.normal());
+    if node.planes == [polygon.plane()] || farthest <= polygon.normal().dot(polygon.centre()) {
+        return true;
+    }
+    node.normal.is_some_and(|normal| {
+        let lowest = -node.bounds.farthest_along(-normal);
+        polygon.corners().iter().all(|corner| normal.dot(*corner) <= lowest)
+    })
+}
