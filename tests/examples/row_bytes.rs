@@ -24,7 +24,7 @@ fn main() -> Result<(), Box<dyn Error>> {
                 let settings = BakeSettings {
                     shooter_edge: EDGE / building.extent,
                     mesh_error: 0.2,
-                    check_points: 0,
+                    validation_samples: 0,
                     ..BakeSettings::default()
                 };
                 (building.scene.glb(), settings)

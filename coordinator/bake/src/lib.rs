@@ -19,6 +19,6 @@ pub mod stages;
 
 pub use stages::{
     BakeError, BakeReport, BakeSettings, Baked, ErrorBudget, KeptLight, LightChange, LightGroup, LightPart,
-    Model, NewLight, Observer, Phase, Progress, RelightError, RelightReport, Relit, RowService, RowsOf,
+    Model, NewLight, Observer, Phase, Progress, RelightError, RelightReport, Relit, RowService, RowStrategy,
     Unobserved, bake, check_groups, listed, occluders, relight,
 };

@@ -6,7 +6,7 @@ use std::ops::RangeInclusive;
 use glam::DVec3;
 use protocol::api;
 
-use bake::{BakeSettings, LightChange, LightGroup, LightPart, NewLight, RowsOf};
+use bake::{BakeSettings, LightChange, LightGroup, LightPart, NewLight, RowStrategy};
 use output::export::{Domain, ExportSettings, check_group_names};
 use scene::{ImportOptions, LightUnit, ReadOptions};
 
@@ -19,8 +19,8 @@ pub const MOST_NAMES: usize = 1000;
 /// Most violations that are told: an error must fit into the head of an answer.
 const MOST_VIOLATIONS: usize = 20;
 
-/// Most random points at which an answer is measured.
-const MOST_CHECK_POINTS: u64 = 1_000_000;
+/// Most validation samples of a bake.
+const MOST_VALIDATION_SAMPLES: u64 = 1_000_000;
 
 /// A field of a request that is wrong.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -143,15 +143,15 @@ pub fn bake_settings(options: &api::BakeOptions, wrong: &mut Violations) -> Bake
     wrong.demand(rays, "bake.rays", "must be a whole number from 4 to 262144");
     wrong.in_range(options.form_factor_error, 0.0..=0.5, "bake.form_factor_error");
     wrong.in_range(options.factor_rounding, 0.0..=1e-3, "bake.factor_rounding");
-    let points = options.check_points.is_none_or(|points| points <= MOST_CHECK_POINTS);
-    wrong.demand(points, "bake.check_points", format!("must be {MOST_CHECK_POINTS} at most"));
+    let points = options.check_points.is_none_or(|points| points <= MOST_VALIDATION_SAMPLES);
+    wrong.demand(points, "bake.check_points", format!("must be {MOST_VALIDATION_SAMPLES} at most"));
     let rows = match api::RowsOf::try_from(options.rows) {
-        Ok(api::RowsOf::Shooters) => RowsOf::Shooters,
-        Ok(api::RowsOf::Receivers) => RowsOf::Receivers,
-        Ok(api::RowsOf::Unspecified) => RowsOf::Suiting,
+        Ok(api::RowsOf::Shooters) => RowStrategy::Exact,
+        Ok(api::RowsOf::Receivers) => RowStrategy::Gather,
+        Ok(api::RowsOf::Unspecified) => RowStrategy::Automatic,
         Err(_) => {
             wrong.demand(false, "bake.rows", "are of none that this service knows");
-            RowsOf::Suiting
+            RowStrategy::Automatic
         }
     };
     let default = BakeSettings::default();
@@ -180,7 +180,7 @@ pub fn bake_settings(options: &api::BakeOptions, wrong: &mut Violations) -> Bake
         rows,
         window: whole(options.window.map(u64::from), default.window),
         exact_occluders: options.exact_occluders.unwrap_or(default.exact_occluders),
-        check_points: whole(options.check_points, default.check_points),
+        validation_samples: whole(options.check_points, default.validation_samples),
         seed: options.seed.unwrap_or(default.seed),
         planar_point_lights: options.planar_point_lights,
         ..picked

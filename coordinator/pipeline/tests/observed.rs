@@ -20,10 +20,10 @@ fn cluster() -> Cluster {
     Cluster::start(&Workers::Embedded { threads: 2 }.into()).unwrap()
 }
 
-fn settings(rows: RowsOf) -> BakeSettings {
+fn settings(rows: RowStrategy) -> BakeSettings {
     BakeSettings {
         mesh_error: 0.02,
-        check_points: 64,
+        validation_samples: 64,
         rays_per_hemisphere: 64,
         rows,
         ..BakeSettings::default()
@@ -56,7 +56,7 @@ impl Observer for Curious {
 #[test]
 fn whoever_always_asks_changes_no_bit() {
     let scene = cornell();
-    for rows in [RowsOf::Shooters, RowsOf::Receivers] {
+    for rows in [RowStrategy::Exact, RowStrategy::Gather] {
         let (mut alone, mut watched) = (cluster(), cluster());
         let expected = bake(&scene, &settings(rows), &mut alone, &mut Unobserved).unwrap();
         let mut curious = Curious::default();
@@ -66,7 +66,7 @@ fn whoever_always_asks_changes_no_bit() {
         assert!(baked.lit.unshot.is_empty());
         for phase in [Phase::Light, Phase::Shoot, Phase::Refine, Phase::Settle] {
             // Noise of rays may leave nothing to refine.
-            let may_be_left_out = phase == Phase::Refine && rows == RowsOf::Receivers;
+            let may_be_left_out = phase == Phase::Refine && rows == RowStrategy::Gather;
             assert!(
                 may_be_left_out || curious.seen.iter().any(|(seen, _)| *seen == phase),
                 "nothing was shown in {phase:?}"
@@ -104,7 +104,7 @@ fn check_states(seen: &[(Phase, LitMesh)]) {
 fn a_present_state_can_be_written_with_what_is_unshot() {
     let scene = cornell();
     let mut curious = Curious::default();
-    bake(&scene, &settings(RowsOf::Shooters), &mut cluster(), &mut curious).unwrap();
+    bake(&scene, &settings(RowStrategy::Exact), &mut cluster(), &mut curious).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("present.glb");
     let (_, lit) = &curious.seen[curious.seen.len() / 2];
@@ -140,17 +140,17 @@ impl Observer for Impatient {
 #[test]
 fn a_cancelled_bake_ends_and_leaves_its_workers_to_the_next() {
     let scene = cornell();
-    let expected = bake(&scene, &settings(RowsOf::Shooters), &mut cluster(), &mut Unobserved).unwrap();
+    let expected = bake(&scene, &settings(RowStrategy::Exact), &mut cluster(), &mut Unobserved).unwrap();
     let mut cluster = cluster();
     for phase in [Phase::Light, Phase::Shoot, Phase::Refine, Phase::Settle, Phase::Measure] {
         let mut impatient = Impatient { phase, is_there: false };
-        let cancelled = bake(&scene, &settings(RowsOf::Shooters), &mut cluster, &mut impatient);
+        let cancelled = bake(&scene, &settings(RowStrategy::Exact), &mut cluster, &mut impatient);
         assert!(matches!(cancelled.map(|_| ()), Err(BakeError::Cancelled)), "not cancelled in {phase:?}");
         assert!(
             !matches!(cluster.next_within(Duration::from_millis(50)), Ok(Some(_))),
             "an answer to nobody"
         );
     }
-    let baked = bake(&scene, &settings(RowsOf::Shooters), &mut cluster, &mut Unobserved).unwrap();
+    let baked = bake(&scene, &settings(RowStrategy::Exact), &mut cluster, &mut Unobserved).unwrap();
     assert_eq!(baked.lit.vertices, expected.lit.vertices);
 }

@@ -64,7 +64,7 @@ impl Named {
         let settings = BakeSettings {
             shooter_edge: self.edge / building.extent,
             mesh_error: self.mesh_error,
-            check_points: 0,
+            validation_samples: 0,
             ..BakeSettings::default()
         };
         let folder = Path::new("target/scale");

@@ -47,7 +47,7 @@ fn cube_with_one_emitting_face() {
     let even = |shooter_edge| BakeSettings {
         shooter_edge,
         mesh_error: 1e3,
-        check_points: 0,
+        validation_samples: 0,
         ..BakeSettings::default()
     };
     let [coarse, middle, fine] = [0.25, 0.125, 0.0625].map(|edge| worst_face_average(&even(edge)));

@@ -41,7 +41,7 @@ fn shadows_that_no_vertex_sees_are_found() {
     let coarse = BakeSettings { shooter_edge: 0.35, mesh_error: 0.01, ..BakeSettings::default() };
     let bake = measured("table", &coarse);
     assert!(bake.score.relative_l2 <= 0.02, "{:?}, {:?}", bake.score, bake.report.error);
-    let blind = measured("table", &BakeSettings { check_points: 0, ..coarse });
+    let blind = measured("table", &BakeSettings { validation_samples: 0, ..coarse });
     assert!(blind.score.relative_l2 > 0.03, "{:?}", blind.score);
 }
 

@@ -55,7 +55,7 @@ pub fn groups() -> Vec<LightGroup> {
 
 /// Coarse: that lights and groups are many is not to take long.
 fn settings() -> BakeSettings {
-    BakeSettings { shooter_edge: 0.25, mesh_error: 0.03, check_points: 64, ..BakeSettings::default() }
+    BakeSettings { shooter_edge: 0.25, mesh_error: 0.03, validation_samples: 64, ..BakeSettings::default() }
 }
 
 fn irradiances(lit: &LitMesh) -> Vec<DVec3> {
@@ -122,7 +122,7 @@ fn a_group_is_what_its_lights_give_alone() {
     let unrefined = BakeSettings {
         shooter_edge: 9.0,
         max_vertices: 0,
-        check_points: 0,
+        validation_samples: 0,
         factor_rounding: 0.0,
         ..settings()
     };

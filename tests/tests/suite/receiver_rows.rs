@@ -1,12 +1,12 @@
 //! Bakes with the rows of receivers against those with the rows of shooters, and against exact answers.
 
-use bake::{BakeSettings, RowsOf};
+use bake::{BakeSettings, RowStrategy};
 use glam::DVec3;
 use tests::baking::{baked, baked_by, imported, mean_irradiance};
 use tests::builder::{Material, SceneBuilder};
 use tests::shapes::{self, Polygon};
 
-fn settings(rows: RowsOf) -> BakeSettings {
+fn settings(rows: RowStrategy) -> BakeSettings {
     BakeSettings { rows, mesh_error: 0.02, ..BakeSettings::default() }
 }
 
@@ -32,7 +32,7 @@ fn a_furnace_is_exact_for_any_number_of_rays() {
     let walls = Material::grey(reflectance).emitting(exitance);
     let scene = imported(&SceneBuilder::new().part("walls", &shapes::unit_room(), walls).glb());
     for rays in [16.0, 1024.0] {
-        let lit = baked(&scene, &settings(RowsOf::Receivers).with_rays(rays)).lit;
+        let lit = baked(&scene, &settings(RowStrategy::Gather).with_rays(rays)).lit;
         let expected = exitance / (1.0 - reflectance);
         let errors: Vec<f64> =
             lit.vertices.iter().map(|vertex| (vertex.irradiance.x / expected - 1.0).abs()).collect();
@@ -47,8 +47,8 @@ fn a_furnace_is_exact_for_any_number_of_rays() {
 fn both_kinds_of_rows_light_a_room_alike() {
     let scene = imported(&room_with_ball(2).glb());
     let fine = |rows| BakeSettings { rows, ..BakeSettings::default() };
-    let by_shooters = baked(&scene, &fine(RowsOf::Shooters));
-    let by_receivers = baked(&scene, &fine(RowsOf::Receivers));
+    let by_shooters = baked(&scene, &fine(RowStrategy::Exact));
+    let by_receivers = baked(&scene, &fine(RowStrategy::Gather));
     for (index, surface) in scene.surfaces.iter().enumerate() {
         let [one, other] = [&by_shooters, &by_receivers].map(|baked| mean_irradiance(&baked.lit, index).x);
         // The part of the lamp is too small for more: its front is black.
@@ -59,7 +59,7 @@ fn both_kinds_of_rows_light_a_room_alike() {
     assert!(report.balance.relative_imbalance().abs() < 0.01, "{:?}", report.balance);
     assert!(report.error.total > 0.0 && report.error.total < 0.05, "{:?}", report.error);
     // More rays, less noise: by the three quarters' power, or half at least.
-    let finer = baked(&scene, &fine(RowsOf::Receivers).with_rays(8192.0)).report.error.visibility;
+    let finer = baked(&scene, &fine(RowStrategy::Gather).with_rays(8192.0)).report.error.visibility;
     assert!(finer < 0.5 * report.error.visibility, "{finer} after {}", report.error.visibility);
 }
 
@@ -67,7 +67,7 @@ fn both_kinds_of_rows_light_a_room_alike() {
 fn threads_change_no_bit() {
     let scene = imported(&room_with_ball(1).glb());
     let bits = |threads: usize| -> Vec<[u64; 3]> {
-        let lit = baked_by(&scene, &settings(RowsOf::Receivers), threads).lit;
+        let lit = baked_by(&scene, &settings(RowStrategy::Gather), threads).lit;
         lit.vertices.iter().map(|vertex| vertex.irradiance.to_array().map(f64::to_bits)).collect()
     };
     assert_eq!(bits(1), bits(3));
@@ -79,9 +79,9 @@ fn fine_scenes_are_baked_with_the_rows_of_receivers() {
     let scene = imported(&room_with_ball(4).glb());
     let coarse = imported(&room_with_ball(1).glb());
     let rows_of = |scene| {
-        let settings = BakeSettings { check_points: 0, ..settings(RowsOf::Suiting) };
-        baked(scene, &settings).report.rows_of
+        let settings = BakeSettings { validation_samples: 0, ..settings(RowStrategy::Automatic) };
+        baked(scene, &settings).report.row_strategy
     };
-    assert_eq!(rows_of(&scene), RowsOf::Receivers);
-    assert_eq!(rows_of(&coarse), RowsOf::Shooters);
+    assert_eq!(rows_of(&scene), RowStrategy::Gather);
+    assert_eq!(rows_of(&coarse), RowStrategy::Exact);
 }

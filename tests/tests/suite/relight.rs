@@ -4,7 +4,9 @@ use std::fs;
 
 use assert_cmd::Command;
 use bake::lit::LitMesh;
-use bake::{BakeSettings, Baked, KeptLight, LightChange, LightPart, NewLight, RelightError, RowsOf, relight};
+use bake::{
+    BakeSettings, Baked, KeptLight, LightChange, LightPart, NewLight, RelightError, RowStrategy, relight,
+};
 use glam::DVec3;
 use tests::baking::{baked, mean_irradiance};
 use tests::data;
@@ -13,12 +15,12 @@ use tests::programs::binary;
 use super::layers::{SKY, court, groups};
 
 /// On one and the same mesh: nothing is refined.
-fn unrefined(rows: RowsOf) -> BakeSettings {
+fn unrefined(rows: RowStrategy) -> BakeSettings {
     BakeSettings {
         shooter_edge: 0.25,
         mesh_error: 10.0,
         threshold: 1e-9,
-        check_points: 64,
+        validation_samples: 64,
         rays_per_hemisphere: 256,
         keep_light: Some(u64::MAX),
         rows,
@@ -27,7 +29,12 @@ fn unrefined(rows: RowsOf) -> BakeSettings {
 }
 
 fn refined() -> BakeSettings {
-    BakeSettings { mesh_error: 0.02, threshold: 1e-6, check_points: 256, ..unrefined(RowsOf::Shooters) }
+    BakeSettings {
+        mesh_error: 0.02,
+        threshold: 1e-6,
+        validation_samples: 256,
+        ..unrefined(RowStrategy::Exact)
+    }
 }
 
 fn change(light: &str, factor: [f64; 3]) -> LightChange {
@@ -57,7 +64,7 @@ fn kept(baked: &Baked) -> &KeptLight {
 
 #[test]
 fn on_the_same_mesh_it_is_the_bake_of_the_changed_scene() {
-    for rows in [RowsOf::Shooters, RowsOf::Receivers] {
+    for rows in [RowStrategy::Exact, RowStrategy::Gather] {
         let scene = court(1.0, 1.0, 1.0, SKY);
         let before = baked(&scene, &unrefined(rows));
         let same = relight(&scene, kept(&before), &NewLight::default()).unwrap();
@@ -127,7 +134,7 @@ fn on_a_mesh_for_other_light_it_agrees_within_the_stated_error() {
 #[test]
 fn what_makes_no_sense_is_refused() {
     let scene = court(1.0, 1.0, 1.0, DVec3::ZERO);
-    let before = baked(&scene, &unrefined(RowsOf::Shooters));
+    let before = baked(&scene, &unrefined(RowStrategy::Exact));
     let refused = |light: NewLight| relight(&scene, kept(&before), &light).map(|_| ()).unwrap_err();
     let changed =
         |light: &str, factor| NewLight { changes: vec![change(light, factor)], ..NewLight::default() };
@@ -149,7 +156,7 @@ fn what_makes_no_sense_is_refused() {
 #[test]
 fn a_file_is_what_was_kept_or_refused() {
     let scene = court(1.0, 1.0, 0.0, DVec3::ZERO);
-    let before = baked(&scene, &unrefined(RowsOf::Shooters));
+    let before = baked(&scene, &unrefined(RowStrategy::Exact));
     let bytes = kept(&before).to_bytes();
     let read = KeptLight::from_bytes(&bytes).unwrap();
     assert_eq!(read.to_bytes(), bytes);

@@ -86,7 +86,7 @@ impl Checks {
                 (*id, end, by_area / part)
             })
             .collect();
-        let count = match settings.check_points {
+        let count = match settings.validation_samples {
             0 => 0,
             _ if parts.is_empty() => 0,
             least => least.max(parts.len() / PATCHES_PER_POINT).min(MOST_POINTS.max(least)).min(MOST_DRAWN),

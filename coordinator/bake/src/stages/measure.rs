@@ -220,7 +220,9 @@ impl Bake<'_, '_> {
     /// Why the asked error is not met, in words for the user.
     pub(super) fn obstacle(&self) -> Option<String> {
         if self.settings.error.is_some() && self.guides.count() == 0 {
-            return Some("the error asked for was predicted, not measured: give --check-points".to_owned());
+            return Some(
+                "the error asked for was predicted, not measured: give --validation-samples".to_owned(),
+            );
         }
         let asked = self.settings.error.unwrap_or(self.settings.mesh_error);
         let estimate = if self.settings.error.is_some() { self.error.total } else { self.error.receivers };

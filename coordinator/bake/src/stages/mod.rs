@@ -56,7 +56,7 @@ pub use observer::{Observer, Phase, Progress, Unobserved};
 pub use relight::{KeptLight, LightChange, NewLight, RelightError, RelightReport, Relit, relight};
 pub use report::{BakeReport, Model};
 pub use rows::{BakeError, RowService};
-pub use settings::{BakeSettings, RowsOf};
+pub use settings::{BakeSettings, RowStrategy};
 
 use crate::lit::{LitLayer, LitMesh};
 use crate::mesh::{Mesh, Share, VertexId};

@@ -12,7 +12,7 @@ use glam::DVec3;
 use kernel::geometry::ConvexPolygon;
 use kernel::replica::{Receivers, ScenePolygons};
 
-use super::settings::RowsOf;
+use super::settings::RowStrategy;
 use super::settle::Means;
 use super::share_rows::{COARSE, rows_of_hemispheres};
 use super::shoot::LEAST_SHOOTING;
@@ -33,9 +33,9 @@ const MOST_PASSES: u32 = 1000;
 /// Whether a scene is baked with the rows of receivers.
 pub fn suit(scene: &Scene, settings: &BakeSettings) -> bool {
     match settings.rows {
-        RowsOf::Shooters => false,
-        RowsOf::Receivers => true,
-        RowsOf::Suiting => {
+        RowStrategy::Exact => false,
+        RowStrategy::Gather => true,
+        RowStrategy::Automatic => {
             let facets = || {
                 scene.surfaces.iter().filter(|surface| surface.side == Side::Front).flat_map(|s| &s.facets)
             };

@@ -4,7 +4,7 @@ use glam::DVec3;
 use serde::Serialize;
 
 use super::light::Origin;
-use super::{Bake, ErrorBudget, RowsOf};
+use super::{Bake, ErrorBudget, RowStrategy};
 use crate::solver::balance::{EnergyBalance, RowSums};
 use scene::{Light, LightKind};
 
@@ -28,8 +28,8 @@ pub struct BakeReport {
     pub patches: usize,
     /// Surfaces that can block light.
     pub occluders: usize,
-    /// Whose rows they were.
-    pub rows_of: RowsOf,
+    /// How form factors were computed.
+    pub row_strategy: RowStrategy,
     /// Rows made, each over all receivers of a set.
     pub rows: u64,
     /// Times that a row was made again, because it was not kept.
@@ -107,7 +107,7 @@ impl Bake<'_, '_> {
             shooting_vertices: self.shares.len(),
             patches: self.mesh.leaves().count(),
             occluders: self.occluders,
-            rows_of: if self.is_gathered { RowsOf::Receivers } else { RowsOf::Shooters },
+            row_strategy: if self.is_gathered { RowStrategy::Gather } else { RowStrategy::Exact },
             rows: self.office.rows_made(),
             rows_again: self.office.rows_made_again(),
             row_bytes: self.most_row_bytes,

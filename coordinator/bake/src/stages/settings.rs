@@ -3,17 +3,17 @@ use serde::Serialize;
 
 use super::layers::{LightGroup, LightPart};
 
-/// Whose rows a bake is made of.
+/// How the rows of form factors are computed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum RowsOf {
-    /// Those of receivers where the scene is finely tessellated, else those of shooters.
+pub enum RowStrategy {
+    /// [`Gather`](Self::Gather) for finely tessellated scenes, else [`Exact`](Self::Exact).
     #[default]
-    Suiting,
-    /// Of shooters: visibility is computed pair by pair, exactly where little stands between.
-    Shooters,
-    /// Of receivers: rays over each hemisphere. Linear in the number of vertices, and noisy.
-    Receivers,
+    Automatic,
+    /// Shooter rows: visibility pair by pair, exact where few occluders lie between.
+    Exact,
+    /// Hemisphere rows: rays from each receiver. Time is linear in the number of vertices, with noise.
+    Gather,
 }
 
 /// The knobs of a bake.
@@ -22,8 +22,8 @@ pub struct BakeSettings {
     /// Relative L2 error of the radiosity that is asked for. The bake then works towards it, with the knobs below as a start:
     /// it refines the mesh on or begins again with finer shooters or more rays, until its estimate says that the error is met.
     pub error: Option<f64>,
-    /// Whose rows it is made of.
-    pub rows: RowsOf,
+    /// How form factors are computed.
+    pub rows: RowStrategy,
     /// Longest edge of a shooting patch, relative to the scene's extent.
     pub shooter_edge: f64,
     /// Interpolation error at which refinement ends: relative L2 of the radiosity.
@@ -55,10 +55,10 @@ pub struct BakeSettings {
     pub form_factor_error: f64,
     /// Relative error to which each form factor may be rounded, so that rows take fewer bytes.
     pub factor_rounding: f64,
-    /// Random points at which the answer is measured, at least; scenes with many patches get more. At 0 the error of the mesh
-    /// is predicted from the vertices alone.
-    pub check_points: usize,
-    /// Seed of all rays and of the check points.
+    /// Least number of validation samples: random points at which the error is measured; scenes with many patches get more. At 0
+    /// the error of the mesh is predicted from the vertices alone.
+    pub validation_samples: usize,
+    /// Seed of all rays and of the validation samples.
     pub seed: u64,
     /// Which part of the light the output has.
     #[serde(skip_serializing_if = "LightPart::is_all")]
@@ -133,7 +133,7 @@ impl Default for BakeSettings {
         let precision = Precision::DEFAULT;
         Self {
             error: None,
-            rows: RowsOf::Suiting,
+            rows: RowStrategy::Automatic,
             shooter_edge: 0.15,
             mesh_error: 0.005,
             max_edge: None,
@@ -148,7 +148,7 @@ impl Default for BakeSettings {
             maximum_rays: precision.maximum_rays,
             form_factor_error: precision.form_factor_error,
             factor_rounding: precision.factor_rounding,
-            check_points: 256,
+            validation_samples: 256,
             seed: precision.seed,
             only: LightPart::All,
             groups: vec![],

@@ -1,4 +1,4 @@
-use bake::{BakeSettings, RowsOf};
+use bake::{BakeSettings, RowStrategy};
 use clap::Args;
 use pipeline::options::{Violations, bake_settings};
 use protocol::api::{self, BakeOptions};
@@ -10,10 +10,10 @@ pub struct Knobs {
     /// bake's own estimate meets it [default: none; the knobs below decide].
     #[arg(long, value_parser = error, conflicts_with_all = ["shooter_edge", "mesh_error"])]
     error: Option<f64>,
-    /// Whose rows the bake is made of: shooters' (exact pair by pair), receivers' (rays over each hemisphere: linear in the number of
-    /// vertices, for finely tessellated scenes), or what suits the scene.
-    #[arg(long, value_name = "WHOSE", default_value = "suiting", value_parser = rows_of)]
-    rows: RowsOf,
+    /// How form factors are computed: `exact` visibility for every pair, or `gather` with rays over each receiver's hemisphere,
+    /// for dense meshes.
+    #[arg(long, value_name = "STRATEGY", default_value = "automatic", value_parser = row_strategy)]
+    rows: RowStrategy,
     /// Longest edge of a shooting patch, relative to the scene's extent.
     #[arg(long, default_value_t = BakeSettings::default().shooter_edge, value_parser = proportion)]
     shooter_edge: f64,
@@ -49,9 +49,9 @@ pub struct Knobs {
     #[arg(long, default_value_t = BakeSettings::default().factor_rounding, value_parser = rounding)]
     factor_rounding: f64,
     /// Random points at which the answer is measured, at least. At 0 the error is predicted from the vertices alone.
-    #[arg(long, default_value_t = BakeSettings::default().check_points as u64)]
-    check_points: u64,
-    /// Seed of all rays and of the check points.
+    #[arg(long, alias = "check-points", default_value_t = BakeSettings::default().validation_samples as u64)]
+    validation_samples: u64,
+    /// Seed of all rays and of the validation samples.
     #[arg(long, default_value_t = BakeSettings::default().seed)]
     seed: u64,
     /// Weigh point lights by the cosine of a horizontal plane through them instead of evenly by solid angle.
@@ -71,9 +71,9 @@ impl Knobs {
             max_edge: self.max_edge,
             max_vertices: Some(self.max_vertices as u64),
             rows: match self.rows {
-                RowsOf::Suiting => api::RowsOf::Unspecified,
-                RowsOf::Shooters => api::RowsOf::Shooters,
-                RowsOf::Receivers => api::RowsOf::Receivers,
+                RowStrategy::Automatic => api::RowsOf::Unspecified,
+                RowStrategy::Exact => api::RowsOf::Shooters,
+                RowStrategy::Gather => api::RowsOf::Receivers,
             }
             .into(),
             threshold: self.threshold,
@@ -82,7 +82,7 @@ impl Knobs {
             rays: self.rays,
             form_factor_error: Some(self.form_factor_error),
             factor_rounding: Some(self.factor_rounding),
-            check_points: Some(self.check_points),
+            check_points: Some(self.validation_samples),
             seed: Some(self.seed),
             planar_point_lights: self.planar_point_lights,
         }
@@ -112,12 +112,13 @@ fn error(text: &str) -> Result<f64, String> {
     }
 }
 
-fn rows_of(text: &str) -> Result<RowsOf, String> {
+fn row_strategy(text: &str) -> Result<RowStrategy, String> {
+    // The second names are those of before.
     match text {
-        "suiting" => Ok(RowsOf::Suiting),
-        "shooters" => Ok(RowsOf::Shooters),
-        "receivers" => Ok(RowsOf::Receivers),
-        _ => Err("must be suiting, shooters or receivers".into()),
+        "automatic" | "suiting" => Ok(RowStrategy::Automatic),
+        "exact" | "shooters" => Ok(RowStrategy::Exact),
+        "gather" | "receivers" => Ok(RowStrategy::Gather),
+        _ => Err("must be automatic, exact or gather".into()),
     }
 }
 

@@ -27,7 +27,7 @@ fn scene(name: &str) -> Scene {
 }
 
 fn settings() -> BakeSettings {
-    BakeSettings { shooter_edge: 0.3, mesh_error: 0.05, check_points: 64, ..BakeSettings::default() }
+    BakeSettings { shooter_edge: 0.3, mesh_error: 0.05, validation_samples: 64, ..BakeSettings::default() }
 }
 
 fn baked(scene: &Scene, mut driver: Driver) -> Baked {

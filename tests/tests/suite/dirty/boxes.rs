@@ -17,7 +17,7 @@ fn room_with_box(thickness: f64) -> SceneBuilder {
 }
 
 fn settings() -> BakeSettings {
-    BakeSettings { shooter_edge: 0.3, mesh_error: 0.1, check_points: 0, ..BakeSettings::default() }
+    BakeSettings { shooter_edge: 0.3, mesh_error: 0.1, validation_samples: 0, ..BakeSettings::default() }
 }
 
 /// Walls of 10 cm, of a millimetre, of a hundredth of one, and sheets of no thickness; in metres, millimetres and kilometres.

@@ -8,7 +8,7 @@ use tests::baking::{baked, imported, mean_irradiance, vertices_of};
 use tests::dirty::{clean_room, dirty_room};
 
 fn settings() -> BakeSettings {
-    BakeSettings { shooter_edge: 0.3, mesh_error: 0.05, check_points: 0, ..BakeSettings::default() }
+    BakeSettings { shooter_edge: 0.3, mesh_error: 0.05, validation_samples: 0, ..BakeSettings::default() }
 }
 
 /// Whether a place in the room is well outside of what is not seen: furniture and partition.

@@ -71,7 +71,7 @@ impl File {
         self.document["meshes"][0]["primitives"][0]["material"] = json!(0);
         self.document["buffers"] = json!([{ "byteLength": self.binary.len() }]);
         let scene = imported(&pack(&self.document, &self.binary));
-        let settings = BakeSettings { mesh_error: 0.05, check_points: 0, ..BakeSettings::default() };
+        let settings = BakeSettings { mesh_error: 0.05, validation_samples: 0, ..BakeSettings::default() };
         let lit = baked(&scene, &settings).lit;
         assert!(lit.vertices.iter().any(|vertex| vertex.irradiance.x > 0.0));
         let bits = |vertex: &bake::lit::LitVertex| {

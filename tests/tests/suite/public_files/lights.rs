@@ -98,8 +98,12 @@ fn emissive_strengths_are_in_proportion() {
     }
     let scene = imported(&pack(&document, &binary));
     // Without refinement, which would give dim rooms fewer vertices: all have the same mesh.
-    let settings =
-        BakeSettings { mesh_error: 1e3, check_points: 0, factor_rounding: 0.0, ..BakeSettings::default() };
+    let settings = BakeSettings {
+        mesh_error: 1e3,
+        validation_samples: 0,
+        factor_rounding: 0.0,
+        ..BakeSettings::default()
+    };
     let baked = baked(&scene, &settings);
     let first = mean_irradiance(&baked.lit, 0);
     let ratios = first / first.x;

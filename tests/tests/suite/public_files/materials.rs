@@ -55,8 +55,12 @@ fn on_tile(place: DVec3) -> [f64; 2] {
 fn bake(glb: &[u8]) -> (Scene, Baked) {
     let scene = imported(glb);
     assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
-    let settings =
-        BakeSettings { mesh_error: 0.02, factor_rounding: 0.0, check_points: 0, ..BakeSettings::default() };
+    let settings = BakeSettings {
+        mesh_error: 0.02,
+        factor_rounding: 0.0,
+        validation_samples: 0,
+        ..BakeSettings::default()
+    };
     let baked = baked(&scene, &settings);
     (scene, baked)
 }
@@ -219,7 +223,8 @@ fn alpha_modes_let_their_part_through() {
         });
     }
     let scene = imported(&painting.glb());
-    let baked = baked(&scene, &BakeSettings { mesh_error: 0.02, check_points: 0, ..BakeSettings::default() });
+    let baked =
+        baked(&scene, &BakeSettings { mesh_error: 0.02, validation_samples: 0, ..BakeSettings::default() });
     let floors = scene.surfaces.iter().enumerate().filter(|(_, surface)| surface.name.contains("floor"));
     for ((index, _), (mode, part)) in floors.zip(&modes) {
         let found = mean_irradiance(&baked.lit, index).x / 100.0;

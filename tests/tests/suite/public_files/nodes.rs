@@ -12,7 +12,7 @@ const APART: f64 = 4.0;
 const MESH_ERROR: f64 = 0.01;
 
 fn settings() -> BakeSettings {
-    BakeSettings { mesh_error: 0.02, check_points: 0, ..BakeSettings::default() }
+    BakeSettings { mesh_error: 0.02, validation_samples: 0, ..BakeSettings::default() }
 }
 
 /// A lamp, and a block without any symmetry.

@@ -32,7 +32,7 @@ pub fn coarse() -> BakeSettings {
     BakeSettings {
         shooter_edge: 0.25,
         mesh_error: 0.015,
-        check_points: 0,
+        validation_samples: 0,
         factor_rounding: 0.0,
         ..BakeSettings::default()
     }

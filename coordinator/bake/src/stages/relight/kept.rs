@@ -8,7 +8,7 @@ use kernel::replica::Digest;
 use super::RelightError;
 use crate::mesh::{Mesh, PatchId};
 use crate::stages::checks::Checks;
-use crate::stages::settings::RowsOf;
+use crate::stages::settings::RowStrategy;
 use crate::stages::{BakeSettings, ErrorBudget, shooting_mesh};
 use scene::Scene;
 
@@ -91,7 +91,7 @@ impl KeptLight {
         let ShootingMesh { edge, max_level, max_vertices, has_error, is_gathered } = self.shooting;
         let settings = BakeSettings {
             error: has_error.then_some(1.0),
-            rows: if is_gathered { RowsOf::Receivers } else { RowsOf::Shooters },
+            rows: if is_gathered { RowStrategy::Gather } else { RowStrategy::Exact },
             shooter_edge: edge,
             max_level,
             max_vertices,
