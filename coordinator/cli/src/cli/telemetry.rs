@@ -5,7 +5,6 @@ use clap::Args;
 use cluster::metrics::Metrics;
 use prometheus_client::registry::Registry;
 use protocol::telemetry::{LogFormat, Logging, LoggingError, LoggingSettings, MetricsAddress, MetricsPage};
-use service;
 
 /// What is seen of a running coordinator.
 #[derive(Args)]
