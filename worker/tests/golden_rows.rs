@@ -1,0 +1,200 @@
+//! Golden rows: digests of encoded rows of small scenes, so that no change of the kernel's bits goes unnoticed.
+
+use glam::DVec3;
+use kernel::geometry::{ConvexPolygon, PlaneId};
+use kernel::replica::{Digest, Receiver, ScenePolygons};
+use kernel::row::{Hemisphere, Precision, ROW_VERSION, Row, Shape, Shooter, Spot, encode_row};
+use kernel::visibility::ReceiverGroups;
+use worker::engine::{Scene, compute_hemisphere, compute_row};
+
+/// [`ROW_VERSION`] of the digests below.
+const VERSION: u32 = 1;
+
+/// First 6 bytes of the BLAKE3 digest of each kind of rows, encoded.
+const DIGESTS: &[(&str, &str)] = &[
+    ("no occluder", "9c188f2334ca"),
+    ("no occluder, all digits", "a92068d512d3"),
+    ("no occluder, point rule", "f467a12bcad0"),
+    ("few occluders, computed", "4dee08d1911d"),
+    ("few occluders, sampled", "211492680b4e"),
+    ("many occluders, computed", "9e2b2c0a050b"),
+    ("many occluders, sampled", "5c8e2a0d635c"),
+    ("transparent occluders", "af35443a2928"),
+    ("shooter of many polygons", "be282daa1904"),
+    ("shooter of many polygons, transparent occluders", "18dc1ac02140"),
+    ("lights without an area", "62ff3ebc5dd4"),
+    ("lights without an area, transparent occluders", "9f806b3c9838"),
+    ("hemispheres", "f4ec9193559b"),
+    ("hemispheres, transparent occluders", "663316563e6e"),
+    ("rounded factors", "21be5da80ea2"),
+];
+
+/// Side of the room.
+const SIDE: f64 = 4.0;
+
+/// Receivers along an edge of a wall.
+const ALONG: usize = 7;
+
+/// Factors keep all digits of f32.
+const EXACT: Precision = Precision { factor_rounding: 0.0, ..Precision::DEFAULT };
+
+fn polygon(plane: u32, corners: [DVec3; 4]) -> ConvexPolygon {
+    ConvexPolygon { plane: PlaneId(plane), corners: corners.to_vec() }
+}
+
+/// A horizontal square that faces down, about this centre, turned by 37 degrees without the platform's sine.
+fn square(plane: u32, centre: DVec3, half: f64) -> ConvexPolygon {
+    let (u, v) = (DVec3::new(0.8, 0.0, 0.6) * half, DVec3::new(-0.6, 0.0, 0.8) * half);
+    polygon(plane, [centre - u - v, centre + u - v, centre + u + v, centre - u + v])
+}
+
+/// A block that stands on the floor: one convex body.
+fn block(plane: u32, centre: DVec3, half: DVec3) -> Vec<ConvexPolygon> {
+    let (u, v) = (DVec3::new(0.96, 0.0, 0.28) * half.x, DVec3::new(-0.28, 0.0, 0.96) * half.z);
+    let up = DVec3::Y * 2.0 * half.y;
+    let [a, b, c, d] = [-u - v, u - v, u + v, v - u].map(|corner| centre + corner);
+    let sides = [[a, d], [d, c], [c, b], [b, a]].map(|[left, right]| [left, right, right + up, left + up]);
+    let all = sides.into_iter().chain([[d + up, c + up, b + up, a + up], [a, b, c, d]]);
+    (plane..).zip(all).map(|(plane, corners)| polygon(plane, corners)).collect()
+}
+
+fn blocks() -> Vec<ConvexPolygon> {
+    let low = block(20, DVec3::new(1.3, 0.0, 2.6), DVec3::new(0.6, 0.5, 0.6));
+    low.into_iter().chain(block(30, DVec3::new(2.8, 0.0, 1.2), DVec3::new(0.5, 1.2, 0.5))).collect()
+}
+
+/// Small squares on a grid below the lamp, which hide parts of it from everywhere.
+fn squares() -> Vec<ConvexPolygon> {
+    let place = |i: u32| DVec3::new(f64::from(i % 9), f64::from(i * 5 % 7) * 0.1, f64::from(i / 9));
+    (0..81).map(|i| square(100 + i, DVec3::new(1.0, 2.0, 1.0) + place(i) * 0.25, 0.09)).collect()
+}
+
+/// Receivers on the walls and the floor, and some in the air that face all ways; walls have the planes 0 to 4.
+fn receivers() -> Vec<Receiver> {
+    let step = |index: usize| (index as f64 + 0.5) / ALONG as f64 * SIDE;
+    let walls = [
+        (DVec3::ZERO, DVec3::X, DVec3::Z, DVec3::Y),
+        (DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z),
+        (DVec3::Z * SIDE, DVec3::X, DVec3::Y, DVec3::NEG_Z),
+        (DVec3::ZERO, DVec3::Z, DVec3::Y, DVec3::X),
+        (DVec3::X * SIDE, DVec3::Z, DVec3::Y, DVec3::NEG_X),
+    ];
+    let on_wall = |(plane, (corner, u, v, normal)): (u32, (DVec3, DVec3, DVec3, DVec3))| {
+        (0..ALONG * ALONG).map(move |index| Receiver {
+            position: corner + u * step(index % ALONG) + v * step(index / ALONG),
+            normal,
+            plane: PlaneId(plane),
+        })
+    };
+    let in_air = (0..40_u32).map(|i| {
+        let [x, y, z] = [i * 7 % 11, i * 5 % 13, i * 3 % 17].map(f64::from);
+        Receiver {
+            position: DVec3::new(x / 11.0, y / 26.0, z / 17.0) * SIDE,
+            normal: (DVec3::new(y, z, x) - DVec3::splat(5.3)).normalize(),
+            plane: PlaneId(1000 + i),
+        }
+    });
+    (0..).zip(walls).flat_map(on_wall).chain(in_air).collect()
+}
+
+fn lamp() -> Shape {
+    Shape::Polygons(vec![square(10, DVec3::new(2.0, 3.9, 2.0), 0.7)])
+}
+
+/// A lamp that is a point for most receivers, at a coarse tolerance.
+fn small_lamp() -> Shape {
+    Shape::Polygons(vec![square(10, DVec3::new(2.0, 3.9, 2.0), 0.05)])
+}
+
+/// A ceiling of 64 tiles: rays choose among them.
+fn ceiling() -> Shape {
+    let tile = |i: u32| {
+        let place = DVec3::new(f64::from(i % 8) + 0.5, 0.0, f64::from(i / 8) + 0.5);
+        square(10, DVec3::Y * SIDE + place * 0.5, 0.17)
+    };
+    Shape::Polygons((0..64).map(tile).collect())
+}
+
+fn lights() -> Vec<Shape> {
+    let position = DVec3::new(1.9, 3.7, 2.2);
+    let direction = DVec3::new(0.36, -0.8, 0.48);
+    vec![
+        Shape::Point(position),
+        Shape::PlanarPoint(position),
+        Shape::Spot(Spot { position, direction, inner_cosine: 0.9, outer_cosine: 0.4 }),
+        Shape::Directional(direction),
+    ]
+}
+
+fn opaque(polygons: Vec<ConvexPolygon>) -> ScenePolygons {
+    ScenePolygons { polygons, opacities: vec![] }
+}
+
+/// The blocks, and over them some squares that let a part of the light through.
+fn transparent() -> ScenePolygons {
+    let mut polygons = blocks();
+    let mut opacities = vec![1.0; polygons.len()];
+    for (i, opacity) in (0..).zip([0.25, 0.5, 0.75]) {
+        polygons.push(square(50 + i, DVec3::new(1.4, 2.8 + 0.2 * f64::from(i), 2.1), 0.8));
+        opacities.push(opacity);
+    }
+    ScenePolygons { polygons, opacities }
+}
+
+/// Encodes the rows of some shooters over all receivers.
+fn rows(scene: ScenePolygons, shapes: Vec<Shape>, precision: &Precision) -> Vec<u8> {
+    let (scene, groups) = (Scene::from(scene), ReceiverGroups::new(receivers()));
+    let row = |(key, shape)| compute_row(&scene, &groups, 5, &Shooter { key, shape }, precision).0;
+    (1..).zip(shapes).flat_map(|shape| encode_row(&Row::new(&row(shape)))).collect()
+}
+
+/// Encodes the rows of some receivers over all polygons.
+fn hemispheres(scene: ScenePolygons) -> Vec<u8> {
+    let scene = Scene::from(scene);
+    let row =
+        |(key, receiver)| compute_hemisphere(&scene, &Hemisphere { receiver, rays: 256 }, key, &EXACT).0;
+    (1..).zip(receivers()).step_by(9).flat_map(|receiver| encode_row(&row(receiver))).collect()
+}
+
+#[test]
+fn rows_have_the_bits_of_their_version() {
+    let few = || opaque(blocks());
+    let many = || opaque(squares());
+    let computed = Precision { exact_occluders: 1000, ..EXACT };
+    let sampled = Precision { exact_occluders: 0, ..EXACT };
+    let full_digits = Precision { form_factor_error: 1e-8, ..EXACT };
+    let points = Precision { form_factor_error: 1e-2, ..EXACT };
+    let seen = || {
+        let ScenePolygons { mut polygons, mut opacities } = transparent();
+        polygons.push(square(10, DVec3::new(2.0, 3.9, 2.0), 0.7));
+        opacities.push(1.0);
+        ScenePolygons { polygons, opacities }
+    };
+    let kinds: Vec<(&str, Vec<u8>)> = vec![
+        ("no occluder", rows(opaque(vec![]), vec![lamp()], &EXACT)),
+        ("no occluder, all digits", rows(opaque(vec![]), vec![lamp()], &full_digits)),
+        ("no occluder, point rule", rows(opaque(vec![]), vec![small_lamp()], &points)),
+        ("few occluders, computed", rows(few(), vec![lamp()], &EXACT)),
+        ("few occluders, sampled", rows(few(), vec![lamp()], &sampled)),
+        ("many occluders, computed", rows(many(), vec![lamp()], &computed)),
+        ("many occluders, sampled", rows(many(), vec![lamp()], &sampled)),
+        ("transparent occluders", rows(transparent(), vec![lamp()], &EXACT)),
+        ("shooter of many polygons", rows(few(), vec![ceiling()], &EXACT)),
+        ("shooter of many polygons, transparent occluders", rows(transparent(), vec![ceiling()], &EXACT)),
+        ("lights without an area", rows(many(), lights(), &EXACT)),
+        ("lights without an area, transparent occluders", rows(transparent(), lights(), &EXACT)),
+        ("hemispheres", hemispheres(opaque(squares()))),
+        ("hemispheres, transparent occluders", hemispheres(seen())),
+        ("rounded factors", rows(few(), vec![lamp()], &Precision { factor_rounding: 1e-3, ..EXACT })),
+    ];
+    let digests: Vec<(&str, String)> =
+        kinds.iter().map(|(name, bytes)| (*name, Digest::of(bytes).to_string())).collect();
+    let golden: Vec<(&str, String)> =
+        DIGESTS.iter().map(|(name, digest)| (*name, (*digest).into())).collect();
+    assert!(
+        ROW_VERSION == VERSION && digests == golden,
+        "rows have other bits than those of version {VERSION}: bump ROW_VERSION in kernel::row, and let this test \
+         have it and these digests:\n{digests:#?}\ninstead of\n{golden:#?}",
+    );
+    assert!(kinds.iter().all(|(name, bytes)| bytes.len() > 100 && !name.is_empty()), "rows hold factors");
+}
