@@ -103,5 +103,5 @@ pub fn pose(
         pose::bake(&mut storage, node)?;
     }
     storage.finish();
-    Document::from_json(root).map_err(crate::parse::problem)
+    Ok(Document::from_json(root)?)
 }

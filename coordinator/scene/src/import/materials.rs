@@ -249,7 +249,7 @@ impl Factors {
             }
             Err(ImportProblem::Factor { place: label.clone(), factor: name, value, expected })
         };
-        let colour = |name, value: [f32; 3]| {
+        let colour = |name, value: [f32; 3]| -> Result<DVec3, ImportProblem> {
             let channel = |value| factor(name, value, f32::MAX, "finite and not negative");
             Ok(DVec3::new(channel(value[0])?, channel(value[1])?, channel(value[2])?))
         };

@@ -22,9 +22,9 @@ use std::path::PathBuf;
 
 use document::ImportProblem;
 
-pub use self::appearance::PlainAppearance;
+pub use self::appearance::{PlainAppearance, PlainMaterial};
 pub use self::lights::{PlainLight, PlainLightKind};
-pub use self::scene::{PlainMaterial, PlainOptions, PlainScene, PlainTriangle};
+pub use self::scene::{PlainOptions, PlainScene, PlainTriangle};
 
 /// Why a scene cannot be read.
 #[derive(Debug, thiserror::Error)]
