@@ -40,9 +40,8 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::Arc;
 
-use document::{ImportError, ImportProblem, LightUnit, PlainDocument, ReadOptions, buffers};
+use document::{ImportError, ImportProblem, LightUnit, PlainDocument, ReadOptions};
 use glam::{DAffine3, DVec3};
-use gltf::Document;
 use rayon::prelude::*;
 
 pub use self::lit::{LitDocument, LitPrimitive, import_lit};
@@ -57,7 +56,7 @@ use crate::appearance::Pattern;
 use crate::facet::Facet;
 use crate::model::{Frame, Scene, Side, SourceDocument, Surface};
 use document::accessors::Context;
-use document::images::{self, Sources};
+use document::images;
 use document::nodes::{self, PlacedNode, node_label};
 
 /// Name of a scene in messages that did not come from a file.
@@ -93,40 +92,30 @@ impl Default for ImportOptions {
 }
 
 /// Imports a .glb or .gltf file. External buffers are read from the file's folder or below, never from elsewhere.
+///
+/// # Errors
+/// When the file cannot be read, or holds no scene that can be baked.
 pub fn import(path: &Path, options: &ImportOptions) -> Result<Scene, ImportError> {
-    let file = path.display().to_string();
-    let fail = |problem| ImportError::new(&file, problem);
-    let bytes = buffers::read_file(path, options.read.max_bytes)
-        .map_err(|error| fail(ImportProblem::Unreadable(error)))?
-        .ok_or_else(|| fail(ImportProblem::TooLarge { limit: options.read.max_bytes }))?;
-    let folder = path.parent().unwrap_or(Path::new(""));
-    read_scene(&bytes, Some(folder), options).map_err(fail)
+    let file = document::open(path, &options.read)?;
+    scene_of(file, options).map_err(|problem| ImportError::new(&path.display().to_string(), problem))
 }
 
 /// Imports a glTF from memory. Data URIs are read, references to files refused.
+///
+/// # Errors
+/// As [`import`].
 pub fn import_slice(bytes: &[u8], options: &ImportOptions) -> Result<Scene, ImportError> {
-    let fail = |problem| ImportError::new(UNNAMED, problem);
-    if bytes.len() as u64 > options.read.max_bytes {
-        return Err(fail(ImportProblem::TooLarge { limit: options.read.max_bytes }));
-    }
-    read_scene(bytes, None, options).map_err(fail)
+    let scene = document::read(bytes, None, &options.read).and_then(|file| scene_of(file, options));
+    scene.map_err(|problem| ImportError::new(UNNAMED, problem))
 }
 
-fn read_scene(bytes: &[u8], folder: Option<&Path>, options: &ImportOptions) -> Result<Scene, ImportProblem> {
-    let PlainDocument { document, buffers, warnings } = document::read(bytes, folder, &options.read)?;
-    let mut content = Content { warnings, ..Content::default() };
-    document::parse::warn_ignored_extensions(document.as_json(), &mut content.warnings);
-    let read = bytes.len() as u64 + buffers::bytes_beside(document.as_json(), &buffers);
-    let sources = Sources {
-        buffers: &buffers,
-        folder,
-        budget: options.read.max_bytes.saturating_sub(read),
-        max_bytes: options.read.max_bytes,
-    };
-    content.collect(&document, &sources, options)?;
-    let mut root = document.into_json();
-    document::parse::require_webp(&mut root);
-    let source = SourceDocument { root, buffers, folder: folder.map(Path::to_owned) };
+fn scene_of(mut file: PlainDocument, options: &ImportOptions) -> Result<Scene, ImportProblem> {
+    let mut content = Content { warnings: std::mem::take(&mut file.warnings), ..Content::default() };
+    document::warn_ignored_extensions(file.document.as_json(), &mut content.warnings);
+    content.collect(&file, options)?;
+    let mut root = file.document.into_json();
+    document::require_webp(&mut root);
+    let source = SourceDocument { root, buffers: file.buffers, folder: file.folder };
     content.into_scene(source, options)
 }
 
@@ -153,15 +142,10 @@ struct Content {
 }
 
 impl Content {
-    fn collect(
-        &mut self,
-        document: &Document,
-        sources: &Sources,
-        options: &ImportOptions,
-    ) -> Result<(), ImportProblem> {
-        let all_placed = nodes::walk(document)?;
-        let mut materials = self.materials(document, &all_placed, sources);
-        let mut geometries = read_geometries(&all_placed, sources, options).into_iter();
+    fn collect(&mut self, file: &PlainDocument, options: &ImportOptions) -> Result<(), ImportProblem> {
+        let all_placed = nodes::walk(&file.document)?;
+        let mut materials = self.materials(file, &all_placed);
+        let mut geometries = read_geometries(&all_placed, &file.buffers, options).into_iter();
         for placed in all_placed {
             self.lights.extend(lights::read(&placed, options.light_unit, &mut self.warnings)?);
             let Some(mesh) = placed.node.mesh() else { continue };
@@ -195,14 +179,14 @@ impl Content {
     }
 
     /// The materials, with the images decoded that they will need.
-    fn materials(&mut self, document: &Document, placed: &[PlacedNode], sources: &Sources) -> Materials {
+    fn materials(&mut self, file: &PlainDocument, placed: &[PlacedNode]) -> Materials {
         let meshes = placed.iter().filter_map(|placed| placed.node.mesh());
         let primitives = meshes.flat_map(|mesh| mesh.primitives()).filter(primitives::has_triangles);
         let mut in_use: Vec<gltf::Material> = primitives.map(|primitive| primitive.material()).collect();
         in_use.sort_by_key(gltf::Material::index);
         in_use.dedup_by_key(|material| material.index());
         let needed: BTreeSet<usize> = in_use.iter().flat_map(materials::needed_images).collect();
-        Materials::new(images::decode(document, &needed, sources, &mut self.warnings))
+        Materials::new(images::decode(file, &needed, &mut self.warnings))
     }
 
     /// What is to be said about a primitive's colours and texture coordinates.
@@ -339,7 +323,7 @@ impl PlacedPrimitive {
 /// The triangles of the scene, primitive by primitive in the order of the nodes, up to the one that is too many.
 fn read_geometries(
     all_placed: &[PlacedNode],
-    sources: &Sources,
+    buffers: &[Vec<u8>],
     options: &ImportOptions,
 ) -> Vec<Result<Geometry, ImportProblem>> {
     let mut triangles_left = Some(options.read.max_triangles);
@@ -356,7 +340,7 @@ fn read_geometries(
         .collect();
     let read = |(placed, primitive): (&PlacedNode, gltf::Primitive)| -> Result<Geometry, ImportProblem> {
         let place = place_of(placed, &primitive);
-        let context = Context { place: &place, buffers: sources.buffers, max_bytes: options.read.max_bytes };
+        let context = Context { place: &place, buffers, max_bytes: options.read.max_bytes };
         let geometry = primitives::read(&primitive, &context)?;
         check_positions(&geometry, placed, &place)?;
         Ok(geometry)

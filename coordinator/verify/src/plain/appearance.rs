@@ -205,7 +205,7 @@ impl Appearances {
         let of_extension =
             || texture.extensions()?.get("EXT_texture_webp")?.get("source")?.as_u64()?.try_into().ok();
         let index = texture.source().map(|image| image.index()).or_else(of_extension)?;
-        let image = document.gltf.images().nth(index)?;
+        let image = document.document.images().nth(index)?;
         let read = || Some(Arc::new(decode(&document.image_bytes(&image)?).ok()?));
         self.images.entry(index).or_insert_with(read).clone()
     }

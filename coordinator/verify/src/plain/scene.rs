@@ -69,7 +69,7 @@ impl PlainScene {
     /// Reads a .glb or .gltf file.
     ///
     /// # Errors
-    /// When a file cannot be read, is no valid glTF, or holds no triangle; when a material or light means nothing.
+    /// When a file cannot be read, is not a glTF, or holds no triangle; when a material or light means nothing.
     pub fn open(path: &Path) -> Result<Self, PlainError> {
         Self::open_with(path, &PlainOptions::default())
     }
@@ -188,7 +188,7 @@ fn check(
 fn warn_unmodelled(document: &PlainDocument, warnings: &mut BTreeSet<String>) {
     let understood = |name: &String| gltf::json::extensions::ENABLED_EXTENSIONS.contains(&name.as_str());
     let ignored: Vec<&str> =
-        document.gltf.extensions_used().filter(|name| !understood(&(*name).to_owned())).collect();
+        document.document.extensions_used().filter(|name| !understood(&(*name).to_owned())).collect();
     if !ignored.is_empty() {
         warnings.insert(format!("extensions ignored: {}", ignored.join(", ")));
     }
