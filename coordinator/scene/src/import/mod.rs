@@ -1,25 +1,20 @@
-//! glTF in, scene out.
+//! glTF in, scene out. [`document`] parses and decompresses the file; these modules do the rest, in this order:
 //!
 //! | module | step |
 //! |---|---|
-//! | `document` | bytes to a validated document |
-//! | `scene_choice` | which of its scenes is baked |
-//! | `buffers` | its buffers, from the file or next to it |
-//! | `prepare` | what is compressed, quantized, instanced or posed made plain |
-//! | `nodes` | the nodes of the scene and their world matrices |
-//! | `accessors`, `primitives` | vertex data and triangles of each primitive |
-//! | `images`, `materials`, `lights` | reflectance, exitance, intensity |
-//! | `lit` | files that are lit already, for pictures |
-//! | `weld` | vertices that are nearly one made one, if asked for |
-//! | `frame`, `triangles` | triangles in the frame, welded |
+//! | `primitives` | vertex data and triangles of each primitive |
+//! | `materials`, `lights` | reflectance, exitance, intensity |
+//! | `weld` | merges nearby vertices, on request |
+//! | `frame`, `triangles` | triangles in the frame, without duplicates |
 //! | `facets` | flat convex pieces |
-//! | `appearances` | what textures and vertex colours make of them |
-//! | `planes` | which of them are coplanar |
-//! | `account` | what counts, and what is passed over |
+//! | `averaged` | materials averaged over surfaces, with textures and vertex colours |
+//! | `planes` | coplanar facets |
+//! | `tally` | the import report |
+//! | `lit` | files that are lit already, for pictures |
 //!
 //! Files are not trusted: whatever the bytes, the answer is a scene or an [`ImportError`].
 
-mod appearances;
+mod averaged;
 mod facets;
 mod frame;
 mod lights;
@@ -51,31 +46,29 @@ use self::materials::Materials;
 use self::primitives::Geometry;
 use self::tally::Tally;
 use self::triangles::TriangleMesh;
-use crate::account::Account;
 use crate::appearance::Pattern;
 use crate::facet::Facet;
 use crate::model::{Frame, Scene, Side, SourceDocument, Surface};
+use crate::report::ImportReport;
 use document::accessors::Context;
 use document::images;
 use document::nodes::{self, PlacedNode, node_label};
 
-/// Name of a scene in messages that did not come from a file.
+/// Name in messages of a scene from memory.
 const UNNAMED: &str = "the glTF";
 
-/// How a file is read: what of it is meant, and limits for files that are not trusted or just too large for the machine.
+/// How a file is imported.
 #[derive(Debug, Clone)]
 pub struct ImportOptions {
-    /// Which scene of the file is meant, and how large it may be.
+    /// Which scene of the file, and limits of size.
     pub read: ReadOptions,
-    /// Vertices closer than this, in the file's units, become one before anything else. None do unless told otherwise, but
-    /// those that are equal.
+    /// Distance, in the file's units, within which vertices are merged first [default: only equal ones are].
     pub weld: Option<f64>,
-    /// Whether a scene without any light is an error. It is unless told otherwise: a bake of it would be black.
+    /// Whether a scene without any light is an error [default: yes; its bake would be black].
     pub needs_light: bool,
-    /// How the numbers of the file's lights are meant.
+    /// Unit of the file's light intensities.
     pub light_unit: LightUnit,
-    /// Radiance of a uniform sky around the scene, in the unit of the scene's light: W/(m^2 sr), or cd/m^2. None unless told
-    /// otherwise; finite, not negative.
+    /// Radiance of a uniform sky around the scene, W/(m^2 sr) or cd/m^2; finite, not negative [default: 0].
     pub sky: DVec3,
 }
 
@@ -126,13 +119,13 @@ struct PlacedPrimitive {
     name: String,
     world: DAffine3,
     geometry: Geometry,
-    /// World positions of the vertices, where they were welded.
+    /// World positions of the vertices, if they were welded.
     welded: Option<Vec<DVec3>>,
     pattern: Arc<Pattern>,
     double_sided: bool,
 }
 
-/// What the nodes of the scene hold.
+/// Primitives and lights of the scene's nodes.
 #[derive(Default)]
 struct Content {
     primitives: Vec<PlacedPrimitive>,
@@ -162,7 +155,7 @@ impl Content {
                 let geometry = geometries.next().ok_or_else(too_many)??;
                 let material = primitive.material();
                 let pattern = materials.pattern(&material, &mut self.tally, &mut self.warnings)?;
-                self.look_at_vertices(&place, &pattern, &geometry);
+                self.check_vertices(&place, &pattern, &geometry);
                 self.primitives.push(PlacedPrimitive {
                     node: placed.node.index(),
                     primitive: primitive.index(),
@@ -178,7 +171,7 @@ impl Content {
         Ok(())
     }
 
-    /// The materials, with the images decoded that they will need.
+    /// The materials in use, with their images decoded.
     fn materials(&mut self, file: &PlainDocument, placed: &[PlacedNode]) -> Materials {
         let meshes = placed.iter().filter_map(|placed| placed.node.mesh());
         let primitives = meshes.flat_map(|mesh| mesh.primitives()).filter(primitives::has_triangles);
@@ -189,8 +182,8 @@ impl Content {
         Materials::new(images::decode(file, &needed, &mut self.warnings))
     }
 
-    /// What is to be said about a primitive's colours and texture coordinates.
-    fn look_at_vertices(&mut self, place: &str, pattern: &Pattern, geometry: &Geometry) {
+    /// Counts vertex colours; warns where they are light, or texture coordinates are missing.
+    fn check_vertices(&mut self, place: &str, pattern: &Pattern, geometry: &Geometry) {
         if geometry.has_colours() {
             if geometry.is_lit {
                 self.warnings.push(format!(
@@ -200,7 +193,7 @@ impl Content {
                 self.tally.modelled("primitive with vertex colours");
             }
         }
-        if let Some(set) = appearances::missing_set(pattern, geometry) {
+        if let Some(set) = averaged::missing_set(pattern, geometry) {
             self.warnings.push(format!(
                 "{place}: has no TEXCOORD_{set}, which its textures need: they show the texel at (0, 0) everywhere"
             ));
@@ -257,10 +250,10 @@ impl Content {
             frame,
             plane_count,
             warnings,
-            account: Account::default(),
+            import_report: ImportReport::default(),
             degenerate_triangles,
         };
-        scene.account = tally.account(&scene);
+        scene.import_report = tally.report(&scene);
         Ok(scene)
     }
 }
@@ -268,7 +261,7 @@ impl Content {
 /// A primitive as facets in the frame.
 struct FlatPrimitive {
     name: String,
-    /// The front, and the back where it is lit; none where no triangle has an area.
+    /// The front, and the back if it is lit; empty if no triangle has an area.
     surfaces: Vec<Surface>,
     /// Whether its node has a scale of zero.
     is_squeezed: bool,
@@ -300,18 +293,18 @@ impl PlacedPrimitive {
         })
     }
 
-    /// The surfaces that these facets, seen from the front, are.
+    /// The surface of these front facets, and that of their backs if the material is double sided.
     fn surfaces(&self, front: Vec<Facet>) -> Vec<Surface> {
-        let look = appearances::look(&self.pattern, &self.geometry, &front);
+        let material = averaged::averaged(&self.pattern, &self.geometry, &front);
         let surface = |side, facets| Surface {
             node: self.node,
             primitive: self.primitive,
             side,
             name: self.name.clone(),
-            reflectance: look.reflectance,
-            exitance: look.exitance,
-            opacity: look.opacity,
-            appearance: look.appearance.clone(),
+            reflectance: material.reflectance,
+            exitance: material.exitance,
+            opacity: material.opacity,
+            appearance: material.appearance.clone(),
             facets,
         };
         let back = self.double_sided.then(|| front.iter().map(facets::turn).collect());
@@ -320,7 +313,7 @@ impl PlacedPrimitive {
     }
 }
 
-/// The triangles of the scene, primitive by primitive in the order of the nodes, up to the one that is too many.
+/// The geometry of each primitive, in the order of the nodes, up to the triangle limit.
 fn read_geometries(
     all_placed: &[PlacedNode],
     buffers: &[Vec<u8>],
