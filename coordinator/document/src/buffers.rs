@@ -21,6 +21,9 @@ const BASE64: GeneralPurpose = GeneralPurpose::new(
 /// Longest part of a URI that a message repeats.
 const SHOWN_URI: usize = 80;
 
+/// Why documents from memory may not refer to files.
+const WITHOUT_FOLDER: &str = "a scene that did not come from a file may not refer to files";
+
 /// Reads a whole file, or says that it is longer than `limit`. Never allocates for more than that.
 pub fn read_file(path: &Path, limit: u64) -> io::Result<Option<Vec<u8>>> {
     let mut bytes = Vec::new();
@@ -85,7 +88,7 @@ fn decode_data_uri(data: &str, buffer: usize) -> Result<Vec<u8>, ImportProblem> 
 }
 
 /// The bytes of a data URI, given without its scheme.
-pub fn data_uri_bytes(data: &str) -> Result<Vec<u8>, &'static str> {
+fn data_uri_bytes(data: &str) -> Result<Vec<u8>, &'static str> {
     let (_, encoded) = data.split_once(";base64,").ok_or("only base64 data URIs are read")?;
     BASE64.decode(encoded).map_err(|_| "its base64 is damaged")
 }
@@ -98,27 +101,26 @@ fn read_external(
     budget: u64,
 ) -> Result<Option<Vec<u8>>, ImportProblem> {
     let Some(folder) = folder else {
-        return Err(refuse(uri, buffer, "a scene that did not come from a file may not refer to files"));
+        return Err(refuse(uri, buffer, WITHOUT_FOLDER));
     };
     let path = folder.join(relative_path(uri).map_err(|why| refuse(uri, buffer, why))?);
     read_file(&path, budget).map_err(|error| ImportProblem::ExternalFile { buffer, uri: shorten(uri), error })
 }
 
-/// Reads what a relative reference names in this folder or below, or says why not.
-pub fn read_beside(folder: &Path, uri: &str, limit: u64) -> Result<Vec<u8>, String> {
-    let path = folder.join(relative_path(uri)?);
-    let bytes = read_file(&path, limit).map_err(|error| error.to_string())?;
-    bytes.ok_or_else(|| format!("it has more than {limit} bytes"))
-}
-
-/// What a URI of an image stands for: data of its own, or a file in this folder or below; or why there is nothing, or more than
-/// `limit` bytes.
+/// Reads what the URI of an image stands for: a data URI, or a file of at most `limit` bytes in this folder or below.
+///
+/// # Errors
+/// A reason, when the URI is damaged or refused, or the file cannot be read.
 pub fn read_uri(uri: &str, folder: Option<&Path>, limit: u64) -> Result<Vec<u8>, String> {
     if let Some(data) = uri.strip_prefix("data:") {
         return data_uri_bytes(data).map_err(str::to_owned);
     }
-    let folder = folder.ok_or("a scene that did not come from a file may not refer to files")?;
-    read_beside(folder, uri, limit).map_err(|why| format!("{}: {why}", shorten(uri)))
+    let read = || {
+        let path = folder.ok_or(WITHOUT_FOLDER)?.join(relative_path(uri)?);
+        let bytes = read_file(&path, limit).map_err(|error| error.to_string())?;
+        bytes.ok_or_else(|| format!("it has more than {limit} bytes"))
+    };
+    read().map_err(|why| format!("{}: {why}", shorten(uri)))
 }
 
 /// The path that a relative reference names, never outside the folder of the glTF.

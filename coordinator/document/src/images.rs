@@ -4,13 +4,13 @@
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::Path;
 use std::sync::Arc;
 
-use gltf::{Document, json};
+use gltf::json;
 use rayon::prelude::*;
 
-use super::buffers::{data_uri_bytes, read_beside};
+use crate::PlainDocument;
+use crate::buffers::read_uri;
 use crate::texture::{self, Image};
 
 /// Most bytes of the texels of all images together: with what a mean over a polygon takes, half as much again.
@@ -18,18 +18,6 @@ const MOST_BYTES: u64 = 2 << 30;
 
 /// Most bytes of texels for each byte that a file may have: where files must be small, what they unfold to must be, too.
 const BYTES_PER_FILE_BYTE: u64 = 64;
-
-/// Where images are read from.
-pub struct Sources<'a> {
-    /// The bytes of every buffer.
-    pub buffers: &'a [Vec<u8>],
-    /// Where relative references start; without one they are refused.
-    pub folder: Option<&'a Path>,
-    /// Most bytes of external image files together.
-    pub budget: u64,
-    /// Most bytes of the file and what is beside it.
-    pub max_bytes: u64,
-}
 
 /// Decoded images by their index.
 pub type Images = BTreeMap<usize, Arc<Image>>;
@@ -41,15 +29,10 @@ pub fn image_of(texture: &gltf::Texture) -> Option<usize> {
 }
 
 /// Decodes these images, as far as that can be done.
-pub fn decode(
-    document: &Document,
-    needed: &BTreeSet<usize>,
-    sources: &Sources,
-    warnings: &mut Vec<String>,
-) -> Images {
-    let images = &document.as_json().images;
-    let mut budget = sources.budget;
-    let most = MOST_BYTES.min(sources.max_bytes.saturating_mul(BYTES_PER_FILE_BYTE));
+pub fn decode(file: &PlainDocument, needed: &BTreeSet<usize>, warnings: &mut Vec<String>) -> Images {
+    let images = &file.document.as_json().images;
+    let mut budget = file.bytes_left;
+    let most = MOST_BYTES.min(file.max_bytes.saturating_mul(BYTES_PER_FILE_BYTE));
     let mut room = most;
     let mut refused = |index: usize, why: String| {
         let name = images.get(index).and_then(|image| image.name.as_deref()).unwrap_or_default();
@@ -59,7 +42,7 @@ pub fn decode(
     let mut encoded: Vec<(usize, Cow<[u8]>)> = vec![];
     for &index in needed {
         let bytes = match images.get(index) {
-            Some(image) => bytes(document, image, sources, &mut budget),
+            Some(image) => bytes(file, image, &mut budget),
             None => Err("there is no such image in the file".to_owned()),
         };
         let whole = bytes.and_then(|bytes| {
@@ -89,28 +72,25 @@ pub fn decode(
     found
 }
 
-/// The encoded bytes of an image.
+/// The encoded bytes of an image; those of a file beside the document come out of `budget`.
 fn bytes<'a>(
-    document: &Document,
+    file: &'a PlainDocument,
     image: &json::Image,
-    sources: &Sources<'a>,
     budget: &mut u64,
 ) -> Result<Cow<'a, [u8]>, String> {
     if let Some(view) = image.buffer_view {
         let outside = || "its buffer view reaches outside its buffer".to_owned();
-        let view = document.as_json().buffer_views.get(view.value()).ok_or_else(outside)?;
+        let view = file.document.as_json().buffer_views.get(view.value()).ok_or_else(outside)?;
         let start = view.byte_offset.map_or(0, |offset| offset.0);
         let end = start.checked_add(view.byte_length.0).ok_or_else(outside)?;
         let range = usize::try_from(start).ok().zip(usize::try_from(end).ok()).ok_or_else(outside)?;
-        let buffer = sources.buffers.get(view.buffer.value()).ok_or_else(outside)?;
+        let buffer = file.buffers.get(view.buffer.value()).ok_or_else(outside)?;
         return buffer.get(range.0..range.1).map(Cow::Borrowed).ok_or_else(outside);
     }
     let uri = image.uri.as_deref().ok_or_else(|| "it has neither a buffer view nor a uri".to_owned())?;
-    if let Some(data) = uri.strip_prefix("data:") {
-        return data_uri_bytes(data).map(Cow::Owned).map_err(str::to_owned);
+    let bytes = read_uri(uri, file.folder.as_deref(), *budget)?;
+    if !uri.starts_with("data:") {
+        *budget -= bytes.len() as u64;
     }
-    let folder = sources.folder.ok_or("a scene that did not come from a file may not refer to files")?;
-    let bytes = read_beside(folder, uri, *budget)?;
-    *budget -= bytes.len() as u64;
     Ok(Cow::Owned(bytes))
 }

@@ -2,39 +2,41 @@
 //!
 //! In: the bytes of a `.glb` or `.gltf`, and its folder. Out: a [`PlainDocument`] without anything that is compressed, quantized,
 //! instanced or posed. It must not know what light does with a file: the bake's import and the independent importer of the
-//! verification both read through it, and share nothing above it. Begin reading at [`read`].
+//! verification both read through it, and share nothing above it. Begin reading at [`open`].
 //!
 //! | module | what lives there |
 //! |---|---|
-//! | [`parse`] | bytes to a validated document |
-//! | [`scene_choice`] | which of its scenes is meant |
-//! | [`buffers`] | its buffers, from the file or next to it |
+//! | `parse` | bytes to a validated document |
+//! | `scene_choice` | which of its scenes is meant |
+//! | `buffers` | its buffers, from the file or next to it |
 //! | `prepare` | compressed, quantized, instanced or posed geometry made plain |
 //! | [`placement`], [`nodes`] | where its nodes stand |
 //! | [`accessors`] | checks of vertex data before they are read |
 //! | [`images`], [`texture`] | its images decoded, and looked up |
-//! | [`error`] | why a file cannot be read |
+//! | `error` | why a file cannot be read |
 //!
 //! Files are not trusted: whatever the bytes, the answer is a document or an [`ImportProblem`].
 
 pub mod accessors;
-pub mod buffers;
-pub mod error;
+mod buffers;
+mod error;
 pub mod images;
 pub mod nodes;
-pub mod parse;
+mod parse;
 pub mod placement;
 mod prepare;
-pub mod scene_choice;
+mod scene_choice;
 pub mod texture;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use gltf::Document;
 use serde::Serialize;
 
+pub use buffers::read_uri;
 pub use error::{ImportError, ImportProblem};
 use parse::Parsed;
+pub use parse::{require_webp, warn_ignored_extensions};
 use prepare::{Extensions, Limits};
 
 /// How the numbers of a file's lights are meant.
@@ -73,12 +75,30 @@ pub struct PlainDocument {
     pub document: Document,
     /// The bytes of its buffers.
     pub buffers: Vec<Vec<u8>>,
+    /// Folder of the file, where relative references start; `None` for bytes that did not come from a file.
+    pub folder: Option<PathBuf>,
     /// Warnings for the user.
     pub warnings: Vec<String>,
+    /// Most bytes of the file and what is beside it.
+    max_bytes: u64,
+    /// Bytes of those that images beside the file may have.
+    bytes_left: u64,
 }
 
-/// Reads a document from the bytes of its file. External buffers are read from `folder` or below; without a folder, references to
-/// files are refused.
+/// Reads a .glb or .gltf file. Files that it refers to are read from its folder or below, never from elsewhere.
+///
+/// # Errors
+/// When the file cannot be read, or as [`read`].
+pub fn open(path: &Path, options: &ReadOptions) -> Result<PlainDocument, ImportError> {
+    let limit = options.max_bytes;
+    let bytes = buffers::read_file(path, limit).map_err(ImportProblem::Unreadable);
+    bytes
+        .and_then(|bytes| bytes.ok_or(ImportProblem::TooLarge { limit }))
+        .and_then(|bytes| read(&bytes, Some(path.parent().unwrap_or(Path::new(""))), options))
+        .map_err(|problem| ImportError::new(&path.display().to_string(), problem))
+}
+
+/// Reads a document from the bytes of its file. Without a folder, references to files are refused.
 ///
 /// # Errors
 /// When the bytes are not a glTF 2.0 file that can be read within the limits.
@@ -87,37 +107,21 @@ pub fn read(
     folder: Option<&Path>,
     options: &ReadOptions,
 ) -> Result<PlainDocument, ImportProblem> {
+    let max_bytes = options.max_bytes;
+    let too_large = ImportProblem::TooLarge { limit: max_bytes };
+    let budget = max_bytes.checked_sub(bytes.len() as u64).ok_or(too_large)?;
     let Parsed { mut root, json, blob } = parse::parse(bytes)?;
     let extensions = Extensions::read(&root, &json, blob.is_some())?;
-    let budget = options.max_bytes - bytes.len() as u64;
     let needed = |buffer: usize| !extensions.is_fallback(buffer);
-    let mut buffers = buffers::resolve(&root, needed, blob, folder, budget, options.max_bytes)?;
+    let mut buffers = buffers::resolve(&root, needed, blob, folder, budget, max_bytes)?;
     let held: u64 = buffers.iter().map(|bytes| bytes.len() as u64).sum();
-    let limits = Limits {
-        bytes: options.max_bytes.saturating_sub(held),
-        max_bytes: options.max_bytes,
-        max_triangles: options.max_triangles,
-    };
+    let limits =
+        Limits { bytes: max_bytes.saturating_sub(held), max_bytes, max_triangles: options.max_triangles };
     prepare::undo(&mut root, &mut buffers, &extensions, limits)?;
     let document = parse::validate(root, options.scene.as_deref())?;
     let mut warnings = Vec::new();
     let document = prepare::pose(document, &mut buffers, limits, &mut warnings)?;
-    Ok(PlainDocument { document, buffers, warnings })
-}
-
-/// The document in `bytes` and its buffers, if it has anything that must be made plain first. `None` if it is plain, or is no
-/// glTF.
-///
-/// # Errors
-/// As [`read`].
-pub fn made_plain(
-    bytes: &[u8],
-    folder: Option<&Path>,
-    options: &ReadOptions,
-) -> Result<Option<PlainDocument>, ImportProblem> {
-    let is_plain = parse::parse(bytes).map_or(true, |parsed| prepare::is_plain(&parsed.root));
-    if is_plain || bytes.len() as u64 > options.max_bytes {
-        return Ok(None);
-    }
-    read(bytes, folder, options).map(Some)
+    let bytes_left = budget.saturating_sub(buffers::bytes_beside(document.as_json(), &buffers));
+    let folder = folder.map(Path::to_owned);
+    Ok(PlainDocument { document, buffers, folder, warnings, max_bytes, bytes_left })
 }

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 use gltf::binary;
-use gltf::json::validation::{Checked, Error as Fault};
+use gltf::json::validation::Checked;
 use gltf::{Document, Semantic, json};
 use serde::Deserialize;
 use serde_json::Value;
@@ -42,7 +42,7 @@ pub struct Parsed<'a> {
 pub fn parse(bytes: &[u8]) -> Result<Parsed<'_>, ImportProblem> {
     check_container(bytes)?;
     let (json, blob) = if bytes.starts_with(b"glTF") {
-        let glb = binary::Glb::from_slice(bytes).map_err(problem)?;
+        let glb = binary::Glb::from_slice(bytes).map_err(ImportProblem::from)?;
         (glb.json, glb.bin.map(Cow::into_owned))
     } else {
         (Cow::Borrowed(bytes), None)
@@ -65,7 +65,7 @@ fn read_otherwise(json: &[u8], error: serde_json::Error) -> Result<json::Root, I
     struct Versioned {
         asset: Asset,
     }
-    let failed = || problem(gltf::Error::Deserialize(error));
+    let failed = || ImportProblem::from(gltf::Error::Deserialize(error));
     let Ok(Versioned { asset }) = serde_json::from_slice(json) else { return Err(failed()) };
     check_version(&asset.version.as_str().map_or_else(|| asset.version.to_string(), str::to_owned))?;
     let Ok(mut document) = serde_json::from_slice::<Value>(json) else { return Err(failed()) };
@@ -82,7 +82,7 @@ pub fn validate(mut root: json::Root, scene: Option<&str>) -> Result<Document, I
     check_position_accessors(&root)?;
     scene_choice::choose(&mut root, scene)?;
     root.extensions_required.retain(|name| name != WEBP);
-    Document::from_json(root).map_err(problem)
+    Document::from_json(root).map_err(ImportProblem::from)
 }
 
 /// Says again that WebP is required, where a texture has no other image.
@@ -162,43 +162,4 @@ fn check_position_accessors(root: &json::Root) -> Result<(), ImportProblem> {
         }
     }
     Ok(())
-}
-
-/// The crate's errors in our words.
-pub fn problem(error: gltf::Error) -> ImportProblem {
-    match error {
-        gltf::Error::Binary(error) => container_problem(&error),
-        gltf::Error::Deserialize(error) if error.is_eof() => {
-            ImportProblem::Truncated { detail: format!("the JSON ends early, {error}") }
-        }
-        gltf::Error::Deserialize(error) => ImportProblem::Malformed { detail: error.to_string() },
-        gltf::Error::Io(error) => ImportProblem::Unreadable(error),
-        gltf::Error::Validation(faults) => match faults.first() {
-            Some((path, Fault::IndexOutOfBounds)) => ImportProblem::DanglingIndex { path: path.to_string() },
-            Some((path, Fault::Missing)) => ImportProblem::Malformed { detail: format!("{path} is missing") },
-            Some((path, Fault::Oversize)) => {
-                ImportProblem::Malformed { detail: format!("{path} is too large") }
-            }
-            Some((path, _)) => ImportProblem::Malformed { detail: format!("{path} has an invalid value") },
-            None => ImportProblem::Malformed { detail: "validation failed".to_owned() },
-        },
-    }
-}
-
-fn container_problem(error: &binary::Error) -> ImportProblem {
-    let truncated = |detail: String| ImportProblem::Truncated { detail };
-    match error {
-        binary::Error::Version(version) => ImportProblem::Version { version: version.to_string() },
-        binary::Error::Magic(_) => ImportProblem::NotGltf,
-        binary::Error::Length { length, length_read } => {
-            truncated(format!("{length_read} of {length} bytes follow the GLB header"))
-        }
-        binary::Error::ChunkLength { length, length_read, .. } => {
-            truncated(format!("a GLB chunk has {length_read} of {length} bytes"))
-        }
-        binary::Error::Io(_) => truncated("a GLB chunk header is cut off".to_owned()),
-        binary::Error::ChunkType(_) | binary::Error::UnknownChunkType(_) => ImportProblem::Malformed {
-            detail: "its GLB chunks are not JSON and BIN, in this order".to_owned(),
-        },
-    }
 }

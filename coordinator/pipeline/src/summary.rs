@@ -7,7 +7,7 @@ use bake::{BakeReport, BakeSettings, Relit};
 use cluster::checkpoint::CheckpointSummary;
 use cluster::{ClusterCounts, WorkerPart, WorkerSummary};
 use output::export::Exported;
-use scene::Account;
+use scene::ImportReport;
 use scene::Scene;
 
 /// All figures of a bake.
@@ -17,7 +17,7 @@ pub struct Summary<'a> {
     /// Unit of the irradiance.
     pub unit: &'a str,
     /// What of the file counts, and what is passed over.
-    pub account: &'a Account,
+    pub account: &'a ImportReport,
     /// Triangles dropped on import.
     pub degenerate_triangles: usize,
     /// Largest memory of this process so far; none where the system does not say, or the process does other things too.

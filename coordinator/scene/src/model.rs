@@ -9,9 +9,9 @@ use std::sync::Arc;
 use glam::DVec3;
 use kernel::row::Spot;
 
-use crate::account::Account;
 use crate::appearance::Appearance;
 use crate::facet::Facet;
+use crate::report::ImportReport;
 
 /// An imported scene.
 #[derive(Debug, Clone)]
@@ -30,8 +30,8 @@ pub struct Scene {
     pub plane_count: u32,
     /// What import changed or left out, in words for the user.
     pub warnings: Vec<String>,
-    /// What of the file counts, and what is passed over.
-    pub account: Account,
+    /// What the bake models of the file, and what it ignores.
+    pub import_report: ImportReport,
     /// Triangles dropped because they have no area.
     pub degenerate_triangles: usize,
 }

@@ -123,7 +123,7 @@ fn bake_whole(means: &Means<'_>, record: &Record, wanted: Wanted, live: &Live) -
     let summary = Summary {
         seconds: clock.elapsed().as_secs_f64(),
         unit: &export_settings.unit,
-        account: &scene.account,
+        account: &scene.import_report,
         degenerate_triangles: scene.degenerate_triangles,
         // Other jobs have their part in it.
         peak_memory_bytes: None,

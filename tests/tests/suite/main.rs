@@ -7,6 +7,7 @@
 //! | `lights` | spot and directional lights, by the row and in whole bakes, against formulas |
 //! | `made_scenes` | the scenes of `tests::scenes`: files, references |
 //! | `point_lights` | flux of point lights, as rows have it, against solid angles |
+//! | `layout` | crates and modules against the rules of which may use which |
 //! | `layers` | light by groups of its sources, direct and indirect, against the whole |
 //! | `relight` | scenes lit otherwise against bakes of the changed scenes |
 //! | `leaks` | closed walls against light |
@@ -43,6 +44,7 @@ mod faults;
 mod form_factors;
 mod furnace;
 mod layers;
+mod layout;
 mod leaks;
 mod lights;
 mod made_scenes;

@@ -176,9 +176,9 @@ fn scenes_that_make_no_reference_are_refused() {
         &["scene.glb", "no surface that reflects", "base colour"],
     );
     refused(&room(Material::grey(0.5)), &["scene.glb", "no light", "emissiveFactor"]);
-    refused(&Bench::new(b"no scene at all"), &["scene.glb", "not a valid glTF"]);
+    refused(&Bench::new(b"no scene at all"), &["scene.glb", "is not a glTF"]);
     let missing = Bench { scene: PathBuf::from("missing.glb"), ..room(Material::grey(0.5)) };
-    refused(&missing, &["missing.glb cannot be read"]);
+    refused(&missing, &["missing.glb: cannot be read"]);
     let (mut document, binary) = furnace().document();
     document["accessors"][0]["count"] = 1_000_000.into();
     refused(&Bench::new(&pack(&document, &binary)), &["POSITION of node walls", "cannot be read"]);

@@ -170,7 +170,7 @@ pub fn run(arguments: &RenderArguments, workers: &ClusterSettings) -> anyhow::Re
 /// The camera, the size of the picture, and the camera in words.
 fn camera(file: &LitFile, arguments: &RenderArguments) -> anyhow::Result<(Camera, [u32; 2], String)> {
     let choice = arguments.view.choice();
-    let of_file = choice.of_file(file)?;
+    let of_file = choice.of_file(&file.cameras)?;
     let aspect = of_file.and_then(|camera| camera.aspect()).unwrap_or(DEFAULT_ASPECT);
     let side = |length: f64| length.round().clamp(1.0, f64::from(u32::MAX)) as u32;
     let (width, height) = match (arguments.width, arguments.height) {

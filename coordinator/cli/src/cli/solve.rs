@@ -127,7 +127,7 @@ pub fn run(arguments: &SolveArguments, workers: &ClusterSettings) -> anyhow::Res
     let summary = Summary {
         seconds: clock.elapsed().as_secs_f64(),
         unit: &export_settings.unit,
-        account: &scene.account,
+        account: &scene.import_report,
         degenerate_triangles: scene.degenerate_triangles,
         peak_memory_bytes: peak_memory_bytes(),
         bake: &baked.report,

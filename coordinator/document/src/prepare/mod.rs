@@ -39,15 +39,6 @@ pub const UNDONE: [&str; 5] = [
     "EXT_mesh_gpu_instancing",
 ];
 
-/// Whether a document has nothing that is undone or posed here.
-pub fn is_plain(root: &Root) -> bool {
-    let mut names = root.extensions_used.iter().chain(&root.extensions_required);
-    let mut primitives = root.meshes.iter().flat_map(|mesh| &mesh.primitives);
-    !names.any(|name| UNDONE.contains(&name.as_str()))
-        && root.skins.is_empty()
-        && primitives.all(|primitive| primitive.targets.is_none())
-}
-
 /// What decoding may take.
 #[derive(Clone, Copy)]
 pub struct Limits {
@@ -103,5 +94,5 @@ pub fn pose(
         pose::bake(&mut storage, node)?;
     }
     storage.finish();
-    Document::from_json(root).map_err(crate::parse::problem)
+    Ok(Document::from_json(root)?)
 }

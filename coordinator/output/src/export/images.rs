@@ -7,7 +7,7 @@ use gltf::json::image::MimeType;
 
 use super::ExportError;
 use super::buffer::NewData;
-use document::buffers::read_uri;
+use document::read_uri;
 use scene::SourceDocument;
 
 /// First bytes of the formats that images come in.

@@ -4,7 +4,6 @@ use glam::{DAffine3, DVec3};
 use gltf::camera::Projection as FileProjection;
 use kernel::picture::{Camera, Projection};
 
-use super::LitFile;
 use scene::Frame;
 use scene::LitDocument;
 
@@ -154,29 +153,24 @@ impl LookAt {
 ///
 /// # Errors
 /// When there is none.
-pub(super) fn find<'a>(file: &'a LitFile, name: &str) -> Result<&'a FileCamera, CameraError> {
-    let named = file.cameras.iter().find(|camera| camera.names.iter().any(|own| own == name));
-    let numbered = || name.parse::<usize>().ok().and_then(|number| file.cameras.get(number));
+fn find<'a>(cameras: &'a [FileCamera], name: &str) -> Result<&'a FileCamera, CameraError> {
+    let named = cameras.iter().find(|camera| camera.names.iter().any(|own| own == name));
+    let numbered = || name.parse::<usize>().ok().and_then(|number| cameras.get(number));
     named.or_else(numbered).ok_or_else(|| CameraError::Unknown {
         name: name.to_owned(),
-        known: file
-            .cameras
-            .iter()
-            .enumerate()
-            .map(|(i, camera)| format!("{i}: {}", camera.label()))
-            .collect(),
+        known: cameras.iter().enumerate().map(|(i, camera)| format!("{i}: {}", camera.label())).collect(),
     })
 }
 
 impl CameraChoice {
-    /// The file's camera that is meant, where one is.
+    /// The chosen one of a file's cameras; `None` if the choice is none of them.
     ///
     /// # Errors
-    /// When the file has none of that name.
-    pub fn of_file<'a>(&self, file: &'a LitFile) -> Result<Option<&'a FileCamera>, CameraError> {
+    /// When no camera has the name.
+    pub fn of_file<'a>(&self, cameras: &'a [FileCamera]) -> Result<Option<&'a FileCamera>, CameraError> {
         match self {
-            Self::Any => Ok(file.cameras.first()),
-            Self::OfFile(name) => find(file, name).map(Some),
+            Self::Any => Ok(cameras.first()),
+            Self::OfFile(name) => find(cameras, name).map(Some),
             Self::LookAt(_) => Ok(None),
         }
     }

@@ -4,8 +4,7 @@ use glam::{DVec2, DVec3};
 use kernel::picture::{Part, PictureScene};
 use serde_json::Value;
 
-pub use super::cameras::FileCamera;
-use super::cameras::read_cameras;
+use super::cameras::{FileCamera, read_cameras};
 use super::images::Images;
 use super::materials::{Appearance, Mapped};
 use document::{ImportError, ReadOptions};

@@ -32,9 +32,9 @@ mod tone;
 mod view;
 mod write;
 
-pub use cameras::{CameraChoice, CameraError, LookAt};
+pub use cameras::{CameraChoice, CameraError, FileCamera, LookAt};
 pub use exposure::suitable_exposure;
-pub use file::{FileCamera, LightOfFile, LitFile, read_lit};
+pub use file::{LightOfFile, LitFile, read_lit};
 pub use tiles::{Picture, RenderError, TileSettings, render_tiles};
 pub use tone::{ToneMap, display_colour};
 pub use view::choose_view;

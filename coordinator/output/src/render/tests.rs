@@ -327,11 +327,11 @@ fn a_known_point_lands_on_a_known_pixel() {
     };
     let named = |name: &str| {
         let choice = CameraChoice::OfFile(name.to_owned());
-        let camera = choice.of_file(&file).unwrap().unwrap();
+        let camera = choice.of_file(&file.cameras).unwrap().unwrap();
         assert_eq!(camera.aspect(), Some(2.0));
         camera.camera(&file.frame, 2.0).unwrap()
     };
-    assert_eq!(CameraChoice::Any.of_file(&file).unwrap().unwrap().names, ["near"]);
+    assert_eq!(CameraChoice::Any.of_file(&file.cameras).unwrap().unwrap().names, ["near"]);
     let cameras = [named("near"), named("0"), named("flat"), look_at.camera(&file.frame, 2.0).unwrap()];
     for camera in cameras {
         // 16 pixels to a unit; the small square is 2 pixels wide.
@@ -342,7 +342,7 @@ fn a_known_point_lands_on_a_known_pixel() {
             .collect();
         assert_eq!(white, [[79, 23], [79, 24], [80, 23], [80, 24]], "{camera:?}");
     }
-    let unknown = CameraChoice::OfFile("far".into()).of_file(&file).unwrap_err();
+    let unknown = CameraChoice::OfFile("far".into()).of_file(&file.cameras).unwrap_err();
     assert!(unknown.to_string().contains("it has 0: \"near\", 1: \"flat\""), "{unknown}");
     let blind = LookAt { target: look_at.eye, ..look_at };
     assert!(blind.camera(&file.frame, 1.0).is_err());

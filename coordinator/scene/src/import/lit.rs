@@ -12,10 +12,10 @@ use super::primitives::check_count;
 use super::{frame, primitives, triangles};
 use crate::model::Frame;
 use document::accessors::{COLOUR, Context, TEXTURE_COORDINATES, TINT, VECTOR, check};
-use document::images::{self, Images, Sources};
+use document::images::{self, Images};
 use document::nodes::node_label;
 use document::{ImportError, ImportProblem};
-use document::{PlainDocument, ReadOptions, buffers, nodes};
+use document::{PlainDocument, ReadOptions, nodes};
 
 /// A file with its triangles where they stand.
 pub struct LitDocument {
@@ -56,25 +56,16 @@ pub struct LitPrimitive {
 /// Reads a .glb or .gltf file, lit or not.
 ///
 /// # Errors
-/// As [`super::import`], but for what only a bake needs.
+/// As [`super::import`], except for what only a bake needs.
 pub fn import_lit(path: &Path, options: &ReadOptions) -> Result<LitDocument, ImportError> {
-    let fail = |problem| ImportError::new(&path.display().to_string(), problem);
-    let bytes = buffers::read_file(path, options.max_bytes)
-        .map_err(|error| fail(ImportProblem::Unreadable(error)))?
-        .ok_or_else(|| fail(ImportProblem::TooLarge { limit: options.max_bytes }))?;
-    read(&bytes, path.parent(), options).map_err(fail)
+    let file = document::open(path, options)?;
+    lit_document(file, options).map_err(|problem| ImportError::new(&path.display().to_string(), problem))
 }
 
-fn read(bytes: &[u8], folder: Option<&Path>, options: &ReadOptions) -> Result<LitDocument, ImportProblem> {
-    let PlainDocument { document, buffers, mut warnings } = document::read(bytes, folder, options)?;
-    let read = bytes.len() as u64 + buffers::bytes_beside(document.as_json(), &buffers);
-    let sources = Sources {
-        buffers: &buffers,
-        folder,
-        budget: options.max_bytes.saturating_sub(read),
-        max_bytes: options.max_bytes,
-    };
-    let images = images::decode(&document, &shown_images(&document), &sources, &mut warnings);
+fn lit_document(mut file: PlainDocument, options: &ReadOptions) -> Result<LitDocument, ImportProblem> {
+    let mut warnings = std::mem::take(&mut file.warnings);
+    let images = images::decode(&file, &shown_images(&file.document), &mut warnings);
+    let PlainDocument { document, buffers, .. } = file;
     let mut triangles_left = options.max_triangles;
     let mut placed_primitives = Vec::new();
     let mut cameras = Vec::new();

@@ -1,4 +1,4 @@
-//! What materials reflect, emit and let through.
+//! Reflectance, emission and opacity of materials.
 //!
 //! | in the material | taken as |
 //! |---|---|
@@ -27,7 +27,7 @@ use document::texture::{Image, Mapping};
 /// Cutoff of a mask that states none.
 const CUTOFF: f32 = 0.5;
 
-/// A texture as materials name it: which, with which set, and placed how.
+/// A texture and how it is mapped.
 struct Textured<'a> {
     texture: gltf::Texture<'a>,
     mapping: Mapping,
@@ -39,8 +39,8 @@ impl<'a> Textured<'a> {
     }
 }
 
-/// The part of a material that counts, as its workflow states it.
-struct Looks<'a> {
+/// Factors and textures of a material that affect diffuse light, whichever its workflow.
+struct Inputs<'a> {
     /// Diffuse colour without metal or mirror.
     base: [f32; 4],
     base_texture: Option<Textured<'a>>,
@@ -49,14 +49,14 @@ struct Looks<'a> {
     emits: bool,
 }
 
-/// What takes a part of the diffuse colour away.
+/// The part of the light that is not reflected diffusely.
 enum Dims {
     Metal(f32),
     Specular([f32; 3]),
     Nothing,
 }
 
-impl<'a> Looks<'a> {
+impl<'a> Inputs<'a> {
     fn new(material: &Material<'a>) -> Self {
         let plain = material.pbr_metallic_roughness();
         if let Some(glossy) = material.pbr_specular_glossiness().filter(|_| !material.unlit()) {
@@ -78,7 +78,7 @@ impl<'a> Looks<'a> {
         }
     }
 
-    /// The textures that matter, given the factors: base colour, what dims it, emission.
+    /// The textures that affect diffuse light, given the factors: base colour, metal or specular, emission.
     fn textures(&self, material: &Material<'a>) -> [Option<Textured<'a>>; 3] {
         let copy = |textured: &Option<Textured<'a>>| {
             textured.as_ref().map(|own| Textured { texture: own.texture.clone(), mapping: own.mapping })
@@ -100,7 +100,7 @@ impl<'a> Looks<'a> {
 
 /// Images that a material needs.
 pub(super) fn needed_images(material: &Material) -> BTreeSet<usize> {
-    let textures = Looks::new(material).textures(material);
+    let textures = Inputs::new(material).textures(material);
     textures.iter().flatten().filter_map(|textured| image_of(&textured.texture)).collect()
 }
 
@@ -113,12 +113,15 @@ pub(super) struct Materials {
 }
 
 impl Materials {
-    /// None yet; textures will show these images.
+    /// No materials yet; textures take these images.
     pub(super) fn new(images: Images) -> Self {
         Self { images, composed: vec![], by_index: BTreeMap::new() }
     }
 
-    /// What a material says, or which factor is out of range.
+    /// The pattern of a material.
+    ///
+    /// # Errors
+    /// When a factor is out of range.
     pub(super) fn pattern(
         &mut self,
         material: &Material,
@@ -136,13 +139,13 @@ impl Materials {
     }
 
     fn textured(&mut self, material: &Material, factors: &Factors) -> Pattern {
-        let looks = Looks::new(material);
-        let [base, dims, emission] = looks.textures(material).map(|textured| {
+        let inputs = Inputs::new(material);
+        let [base, dims, emission] = inputs.textures(material).map(|textured| {
             let textured = textured?;
             let image = self.images.get(&image_of(&textured.texture)?)?.clone();
             Some((image, textured.mapping))
         });
-        let dimming = dims.map(|(image, mapping)| match looks.dims {
+        let dimming = dims.map(|(image, mapping)| match inputs.dims {
             Dims::Specular(factor) => {
                 (Dimming::Specular(image, DVec3::from_array(factor.map(f64::from))), mapping)
             }
@@ -234,7 +237,7 @@ fn without_constants(mut pattern: Pattern) -> Pattern {
 /// Checked factors of a material.
 struct Factors {
     base: DVec3,
-    /// What metal or mirror leave of it.
+    /// The part of it that is reflected diffusely.
     rest: f64,
     exitance: DVec3,
     opacity: Opacity,
@@ -249,24 +252,24 @@ impl Factors {
             }
             Err(ImportProblem::Factor { place: label.clone(), factor: name, value, expected })
         };
-        let colour = |name, value: [f32; 3]| {
+        let colour = |name, value: [f32; 3]| -> Result<DVec3, ImportProblem> {
             let channel = |value| factor(name, value, f32::MAX, "finite and not negative");
             Ok(DVec3::new(channel(value[0])?, channel(value[1])?, channel(value[2])?))
         };
-        let looks = Looks::new(material);
-        let [red, green, blue, alpha] = looks.base;
-        let rest = match looks.dims {
+        let inputs = Inputs::new(material);
+        let [red, green, blue, alpha] = inputs.base;
+        let rest = match inputs.dims {
             Dims::Specular(specular) => 1.0 - colour("specularFactor", specular)?.max_element().min(1.0),
             Dims::Metal(metallic) => 1.0 - factor("metallicFactor", metallic, 1.0, "from 0 to 1")?,
             Dims::Nothing => 1.0,
         };
         let base_name =
-            if matches!(looks.dims, Dims::Specular(_)) { "diffuseFactor" } else { "baseColorFactor" };
+            if matches!(inputs.dims, Dims::Specular(_)) { "diffuseFactor" } else { "baseColorFactor" };
         let base = colour(base_name, [red, green, blue])?;
         let strength = material.emissive_strength().unwrap_or(1.0);
         let strength = factor("emissiveStrength", strength, f32::MAX, "finite and not negative")?;
         let emission = PI * strength * colour("emissiveFactor", material.emissive_factor())?;
-        let exitance = if looks.emits { emission } else { DVec3::ZERO };
+        let exitance = if inputs.emits { emission } else { DVec3::ZERO };
         let opacity = match material.alpha_mode() {
             AlphaMode::Opaque => Opacity::Opaque,
             AlphaMode::Mask => {
@@ -279,7 +282,7 @@ impl Factors {
             }
         };
 
-        let is_textured = looks.base_texture.is_some();
+        let is_textured = inputs.base_texture.is_some();
         let reflectance = base * rest;
         if reflectance.max_element() >= 1.0 && !is_textured || base.max_element() > 1.0 && is_textured {
             warnings.push(format!(
@@ -287,7 +290,7 @@ impl Factors {
                 reflectance.max_element()
             ));
         }
-        let is_metal = matches!(looks.dims, Dims::Metal(1.0)) && looks.dims_texture.is_none();
+        let is_metal = matches!(inputs.dims, Dims::Metal(1.0)) && inputs.dims_texture.is_none();
         if is_metal && base != DVec3::ZERO && exitance == DVec3::ZERO {
             let default = if material.index().is_none() { ", as glTF's default material is" } else { "" };
             warnings.push(format!(
@@ -303,11 +306,11 @@ impl Factors {
     }
 }
 
-/// What of a material counts and what does not.
+/// Counts the parts of a material that are modelled or ignored.
 fn count(material: &Material, pattern: &Pattern, tally: &mut Tally) {
-    let looks = Looks::new(material);
-    let is_glossy = matches!(looks.dims, Dims::Specular(_));
-    let named = looks.textures(material).map(|textured| textured.is_some());
+    let inputs = Inputs::new(material);
+    let is_glossy = matches!(inputs.dims, Dims::Specular(_));
+    let named = inputs.textures(material).map(|textured| textured.is_some());
     let kinds = if is_glossy {
         ["diffuse texture", "specular-glossiness texture (its specular colour)", "emissive texture"]
     } else {

@@ -1,25 +1,20 @@
-//! glTF in, scene out.
+//! glTF in, scene out. [`document`] parses and decompresses the file; these modules do the rest, in this order:
 //!
 //! | module | step |
 //! |---|---|
-//! | `document` | bytes to a validated document |
-//! | `scene_choice` | which of its scenes is baked |
-//! | `buffers` | its buffers, from the file or next to it |
-//! | `prepare` | what is compressed, quantized, instanced or posed made plain |
-//! | `nodes` | the nodes of the scene and their world matrices |
-//! | `accessors`, `primitives` | vertex data and triangles of each primitive |
-//! | `images`, `materials`, `lights` | reflectance, exitance, intensity |
-//! | `lit` | files that are lit already, for pictures |
-//! | `weld` | vertices that are nearly one made one, if asked for |
-//! | `frame`, `triangles` | triangles in the frame, welded |
+//! | `primitives` | vertex data and triangles of each primitive |
+//! | `materials`, `lights` | reflectance, exitance, intensity |
+//! | `weld` | merges nearby vertices, on request |
+//! | `frame`, `triangles` | triangles in the frame, without duplicates |
 //! | `facets` | flat convex pieces |
-//! | `appearances` | what textures and vertex colours make of them |
-//! | `planes` | which of them are coplanar |
-//! | `account` | what counts, and what is passed over |
+//! | `averaged` | materials averaged over surfaces, with textures and vertex colours |
+//! | `planes` | coplanar facets |
+//! | `tally` | the import report |
+//! | `lit` | files that are lit already, for pictures |
 //!
 //! Files are not trusted: whatever the bytes, the answer is a scene or an [`ImportError`].
 
-mod appearances;
+mod averaged;
 mod facets;
 mod frame;
 mod lights;
@@ -40,9 +35,8 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::Arc;
 
-use document::{ImportError, ImportProblem, LightUnit, PlainDocument, ReadOptions, buffers};
+use document::{ImportError, ImportProblem, LightUnit, PlainDocument, ReadOptions};
 use glam::{DAffine3, DVec3};
-use gltf::Document;
 use rayon::prelude::*;
 
 pub use self::lit::{LitDocument, LitPrimitive, import_lit};
@@ -52,31 +46,29 @@ use self::materials::Materials;
 use self::primitives::Geometry;
 use self::tally::Tally;
 use self::triangles::TriangleMesh;
-use crate::account::Account;
 use crate::appearance::Pattern;
 use crate::facet::Facet;
 use crate::model::{Frame, Scene, Side, SourceDocument, Surface};
+use crate::report::ImportReport;
 use document::accessors::Context;
-use document::images::{self, Sources};
+use document::images;
 use document::nodes::{self, PlacedNode, node_label};
 
-/// Name of a scene in messages that did not come from a file.
+/// Name in messages of a scene from memory.
 const UNNAMED: &str = "the glTF";
 
-/// How a file is read: what of it is meant, and limits for files that are not trusted or just too large for the machine.
+/// How a file is imported.
 #[derive(Debug, Clone)]
 pub struct ImportOptions {
-    /// Which scene of the file is meant, and how large it may be.
+    /// Which scene of the file, and limits of size.
     pub read: ReadOptions,
-    /// Vertices closer than this, in the file's units, become one before anything else. None do unless told otherwise, but
-    /// those that are equal.
+    /// Distance, in the file's units, within which vertices are merged first [default: only equal ones are].
     pub weld: Option<f64>,
-    /// Whether a scene without any light is an error. It is unless told otherwise: a bake of it would be black.
+    /// Whether a scene without any light is an error [default: yes; its bake would be black].
     pub needs_light: bool,
-    /// How the numbers of the file's lights are meant.
+    /// Unit of the file's light intensities.
     pub light_unit: LightUnit,
-    /// Radiance of a uniform sky around the scene, in the unit of the scene's light: W/(m^2 sr), or cd/m^2. None unless told
-    /// otherwise; finite, not negative.
+    /// Radiance of a uniform sky around the scene, W/(m^2 sr) or cd/m^2; finite, not negative [default: 0].
     pub sky: DVec3,
 }
 
@@ -93,40 +85,30 @@ impl Default for ImportOptions {
 }
 
 /// Imports a .glb or .gltf file. External buffers are read from the file's folder or below, never from elsewhere.
+///
+/// # Errors
+/// When the file cannot be read, or holds no scene that can be baked.
 pub fn import(path: &Path, options: &ImportOptions) -> Result<Scene, ImportError> {
-    let file = path.display().to_string();
-    let fail = |problem| ImportError::new(&file, problem);
-    let bytes = buffers::read_file(path, options.read.max_bytes)
-        .map_err(|error| fail(ImportProblem::Unreadable(error)))?
-        .ok_or_else(|| fail(ImportProblem::TooLarge { limit: options.read.max_bytes }))?;
-    let folder = path.parent().unwrap_or(Path::new(""));
-    read_scene(&bytes, Some(folder), options).map_err(fail)
+    let file = document::open(path, &options.read)?;
+    scene_of(file, options).map_err(|problem| ImportError::new(&path.display().to_string(), problem))
 }
 
 /// Imports a glTF from memory. Data URIs are read, references to files refused.
+///
+/// # Errors
+/// As [`import`].
 pub fn import_slice(bytes: &[u8], options: &ImportOptions) -> Result<Scene, ImportError> {
-    let fail = |problem| ImportError::new(UNNAMED, problem);
-    if bytes.len() as u64 > options.read.max_bytes {
-        return Err(fail(ImportProblem::TooLarge { limit: options.read.max_bytes }));
-    }
-    read_scene(bytes, None, options).map_err(fail)
+    let scene = document::read(bytes, None, &options.read).and_then(|file| scene_of(file, options));
+    scene.map_err(|problem| ImportError::new(UNNAMED, problem))
 }
 
-fn read_scene(bytes: &[u8], folder: Option<&Path>, options: &ImportOptions) -> Result<Scene, ImportProblem> {
-    let PlainDocument { document, buffers, warnings } = document::read(bytes, folder, &options.read)?;
-    let mut content = Content { warnings, ..Content::default() };
-    document::parse::warn_ignored_extensions(document.as_json(), &mut content.warnings);
-    let read = bytes.len() as u64 + buffers::bytes_beside(document.as_json(), &buffers);
-    let sources = Sources {
-        buffers: &buffers,
-        folder,
-        budget: options.read.max_bytes.saturating_sub(read),
-        max_bytes: options.read.max_bytes,
-    };
-    content.collect(&document, &sources, options)?;
-    let mut root = document.into_json();
-    document::parse::require_webp(&mut root);
-    let source = SourceDocument { root, buffers, folder: folder.map(Path::to_owned) };
+fn scene_of(mut file: PlainDocument, options: &ImportOptions) -> Result<Scene, ImportProblem> {
+    let mut content = Content { warnings: std::mem::take(&mut file.warnings), ..Content::default() };
+    document::warn_ignored_extensions(file.document.as_json(), &mut content.warnings);
+    content.collect(&file, options)?;
+    let mut root = file.document.into_json();
+    document::require_webp(&mut root);
+    let source = SourceDocument { root, buffers: file.buffers, folder: file.folder };
     content.into_scene(source, options)
 }
 
@@ -137,13 +119,13 @@ struct PlacedPrimitive {
     name: String,
     world: DAffine3,
     geometry: Geometry,
-    /// World positions of the vertices, where they were welded.
+    /// World positions of the vertices, if they were welded.
     welded: Option<Vec<DVec3>>,
     pattern: Arc<Pattern>,
     double_sided: bool,
 }
 
-/// What the nodes of the scene hold.
+/// Primitives and lights of the scene's nodes.
 #[derive(Default)]
 struct Content {
     primitives: Vec<PlacedPrimitive>,
@@ -153,15 +135,10 @@ struct Content {
 }
 
 impl Content {
-    fn collect(
-        &mut self,
-        document: &Document,
-        sources: &Sources,
-        options: &ImportOptions,
-    ) -> Result<(), ImportProblem> {
-        let all_placed = nodes::walk(document)?;
-        let mut materials = self.materials(document, &all_placed, sources);
-        let mut geometries = read_geometries(&all_placed, sources, options).into_iter();
+    fn collect(&mut self, file: &PlainDocument, options: &ImportOptions) -> Result<(), ImportProblem> {
+        let all_placed = nodes::walk(&file.document)?;
+        let mut materials = self.materials(file, &all_placed);
+        let mut geometries = read_geometries(&all_placed, &file.buffers, options).into_iter();
         for placed in all_placed {
             self.lights.extend(lights::read(&placed, options.light_unit, &mut self.warnings)?);
             let Some(mesh) = placed.node.mesh() else { continue };
@@ -178,7 +155,7 @@ impl Content {
                 let geometry = geometries.next().ok_or_else(too_many)??;
                 let material = primitive.material();
                 let pattern = materials.pattern(&material, &mut self.tally, &mut self.warnings)?;
-                self.look_at_vertices(&place, &pattern, &geometry);
+                self.check_vertices(&place, &pattern, &geometry);
                 self.primitives.push(PlacedPrimitive {
                     node: placed.node.index(),
                     primitive: primitive.index(),
@@ -194,19 +171,19 @@ impl Content {
         Ok(())
     }
 
-    /// The materials, with the images decoded that they will need.
-    fn materials(&mut self, document: &Document, placed: &[PlacedNode], sources: &Sources) -> Materials {
+    /// The materials in use, with their images decoded.
+    fn materials(&mut self, file: &PlainDocument, placed: &[PlacedNode]) -> Materials {
         let meshes = placed.iter().filter_map(|placed| placed.node.mesh());
         let primitives = meshes.flat_map(|mesh| mesh.primitives()).filter(primitives::has_triangles);
         let mut in_use: Vec<gltf::Material> = primitives.map(|primitive| primitive.material()).collect();
         in_use.sort_by_key(gltf::Material::index);
         in_use.dedup_by_key(|material| material.index());
         let needed: BTreeSet<usize> = in_use.iter().flat_map(materials::needed_images).collect();
-        Materials::new(images::decode(document, &needed, sources, &mut self.warnings))
+        Materials::new(images::decode(file, &needed, &mut self.warnings))
     }
 
-    /// What is to be said about a primitive's colours and texture coordinates.
-    fn look_at_vertices(&mut self, place: &str, pattern: &Pattern, geometry: &Geometry) {
+    /// Counts vertex colours; warns where they are light, or texture coordinates are missing.
+    fn check_vertices(&mut self, place: &str, pattern: &Pattern, geometry: &Geometry) {
         if geometry.has_colours() {
             if geometry.is_lit {
                 self.warnings.push(format!(
@@ -216,7 +193,7 @@ impl Content {
                 self.tally.modelled("primitive with vertex colours");
             }
         }
-        if let Some(set) = appearances::missing_set(pattern, geometry) {
+        if let Some(set) = averaged::missing_set(pattern, geometry) {
             self.warnings.push(format!(
                 "{place}: has no TEXCOORD_{set}, which its textures need: they show the texel at (0, 0) everywhere"
             ));
@@ -273,10 +250,10 @@ impl Content {
             frame,
             plane_count,
             warnings,
-            account: Account::default(),
+            import_report: ImportReport::default(),
             degenerate_triangles,
         };
-        scene.account = tally.account(&scene);
+        scene.import_report = tally.report(&scene);
         Ok(scene)
     }
 }
@@ -284,7 +261,7 @@ impl Content {
 /// A primitive as facets in the frame.
 struct FlatPrimitive {
     name: String,
-    /// The front, and the back where it is lit; none where no triangle has an area.
+    /// The front, and the back if it is lit; empty if no triangle has an area.
     surfaces: Vec<Surface>,
     /// Whether its node has a scale of zero.
     is_squeezed: bool,
@@ -316,18 +293,18 @@ impl PlacedPrimitive {
         })
     }
 
-    /// The surfaces that these facets, seen from the front, are.
+    /// The surface of these front facets, and that of their backs if the material is double sided.
     fn surfaces(&self, front: Vec<Facet>) -> Vec<Surface> {
-        let look = appearances::look(&self.pattern, &self.geometry, &front);
+        let material = averaged::averaged(&self.pattern, &self.geometry, &front);
         let surface = |side, facets| Surface {
             node: self.node,
             primitive: self.primitive,
             side,
             name: self.name.clone(),
-            reflectance: look.reflectance,
-            exitance: look.exitance,
-            opacity: look.opacity,
-            appearance: look.appearance.clone(),
+            reflectance: material.reflectance,
+            exitance: material.exitance,
+            opacity: material.opacity,
+            appearance: material.appearance.clone(),
             facets,
         };
         let back = self.double_sided.then(|| front.iter().map(facets::turn).collect());
@@ -336,10 +313,10 @@ impl PlacedPrimitive {
     }
 }
 
-/// The triangles of the scene, primitive by primitive in the order of the nodes, up to the one that is too many.
+/// The geometry of each primitive, in the order of the nodes, up to the triangle limit.
 fn read_geometries(
     all_placed: &[PlacedNode],
-    sources: &Sources,
+    buffers: &[Vec<u8>],
     options: &ImportOptions,
 ) -> Vec<Result<Geometry, ImportProblem>> {
     let mut triangles_left = Some(options.read.max_triangles);
@@ -356,7 +333,7 @@ fn read_geometries(
         .collect();
     let read = |(placed, primitive): (&PlacedNode, gltf::Primitive)| -> Result<Geometry, ImportProblem> {
         let place = place_of(placed, &primitive);
-        let context = Context { place: &place, buffers: sources.buffers, max_bytes: options.read.max_bytes };
+        let context = Context { place: &place, buffers, max_bytes: options.read.max_bytes };
         let geometry = primitives::read(&primitive, &context)?;
         check_positions(&geometry, placed, &place)?;
         Ok(geometry)

@@ -1,9 +1,9 @@
-//! What of a file is modelled and what is not, in words.
+//! Counts for the import report.
 
-use crate::account::Account;
 use crate::model::{LightKind, Scene};
+use crate::report::ImportReport;
 
-/// Counts kinds of things, in the order in which they come first.
+/// Counts kinds of things, in the order of their first appearance.
 #[derive(Default)]
 pub(super) struct Tally {
     modelled: Vec<(String, usize)>,
@@ -11,18 +11,18 @@ pub(super) struct Tally {
 }
 
 impl Tally {
-    /// One more thing that counts. The kind is in the singular.
+    /// Counts a thing that the bake models. The kind is in the singular.
     pub(super) fn modelled(&mut self, kind: &str) {
         count(&mut self.modelled, kind);
     }
 
-    /// One more thing that is passed over.
+    /// Counts a thing that the bake ignores.
     pub(super) fn ignored(&mut self, kind: &str) {
         count(&mut self.ignored, kind);
     }
 
-    /// In words, with what the finished scene tells.
-    pub(super) fn account(&self, scene: &Scene) -> Account {
+    /// The report, with the light sources of the finished scene.
+    pub(super) fn report(&self, scene: &Scene) -> ImportReport {
         let mut modelled: Vec<String> = self.modelled.iter().map(in_words).collect();
         let emissive = scene.surfaces.iter().filter(|s| s.exitance != glam::DVec3::ZERO).count();
         let lights =
@@ -38,7 +38,7 @@ impl Tally {
         if scene.sky != glam::DVec3::ZERO {
             modelled.push("a uniform sky".to_owned());
         }
-        Account { modelled, ignored: self.ignored.iter().map(in_words).collect() }
+        ImportReport { modelled, ignored: self.ignored.iter().map(in_words).collect() }
     }
 }
 

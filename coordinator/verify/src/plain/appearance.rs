@@ -10,12 +10,24 @@ use gltf::material::AlphaMode;
 use gltf::{Material, Node, Primitive, Semantic, Texture};
 
 use super::PlainError;
-use super::scene::PlainMaterial;
 use super::source::PlainDocument;
 use document::texture::{Encoding, Image, Mapping, Sampler, decode};
 
 /// Largest reflectance, as the bake has it: at 1 light in a closed scene would never be absorbed.
 pub(super) const MAX_REFLECTANCE: f64 = 0.999;
+
+/// What a primitive, or a point of it, is made of; linear RGB.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PlainMaterial {
+    /// Diffuse reflectance, base colour x (1 - metallic), under 1.
+    pub reflectance: DVec3,
+    /// Emitted exitance, pi x emissive factor x strength, W/m^2.
+    pub exitance: DVec3,
+    /// Whether the back is as the front; else it reflects and emits nothing.
+    pub double_sided: bool,
+    /// Part of the light that does not pass through: it meets what reflects and emits as the other numbers say.
+    pub opacity: f64,
+}
 
 /// Factors, textures and colours of a primitive.
 #[derive(Debug, Clone)]
@@ -193,7 +205,7 @@ impl Appearances {
         let of_extension =
             || texture.extensions()?.get("EXT_texture_webp")?.get("source")?.as_u64()?.try_into().ok();
         let index = texture.source().map(|image| image.index()).or_else(of_extension)?;
-        let image = document.gltf.images().nth(index)?;
+        let image = document.document.images().nth(index)?;
         let read = || Some(Arc::new(decode(&document.image_bytes(&image)?).ok()?));
         self.images.entry(index).or_insert_with(read).clone()
     }

@@ -1,68 +1,34 @@
-//! Scenes as plain triangles, for what measures the bake: it must not read them with the bake's own import. Only what is
-//! compressed, quantized, instanced or posed is made plain by the import first.
+//! Scenes as plain triangles, for measuring a bake: an importer independent of the bake's. Both begin with a validated, plain
+//! document and the bytes of its buffers ([`document::open`]); geometry, materials and lights are read anew.
 //!
 //! | module | what it reads |
 //! |---|---|
 //! | `appearance` | textures, colours of vertices and alpha at a point |
-//! | `buffers` | the bytes of every buffer, from the file or next to it |
 //! | `source` | a document's primitives in file order, their triangles in the world |
 //! | `lights` | point, spot and directional lights in the world |
 //! | `scene` | [`PlainScene`]: triangles, materials and lights of a scene |
 
 mod appearance;
-mod buffers;
 mod lights;
 mod scene;
 pub(crate) mod source;
 #[cfg(test)]
 mod tests;
 
-use std::io;
 use std::path::PathBuf;
 
-use document::ImportProblem;
+use document::ImportError;
 
-pub use self::appearance::PlainAppearance;
+pub use self::appearance::{PlainAppearance, PlainMaterial};
 pub use self::lights::{PlainLight, PlainLightKind};
-pub use self::scene::{PlainMaterial, PlainOptions, PlainScene, PlainTriangle};
+pub use self::scene::{PlainOptions, PlainScene, PlainTriangle};
 
 /// Why a scene cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum PlainError {
-    /// The file cannot be read.
-    #[error("{path} cannot be read: {error}; check the path and the permissions")]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// What the operating system says.
-        error: io::Error,
-    },
-    /// The file is no valid glTF.
-    #[error("{path} is not a valid glTF: {error}")]
-    Gltf {
-        /// The file.
-        path: PathBuf,
-        /// What the glTF reader says.
-        error: gltf::Error,
-    },
-    /// There is no such scene in the file, or what it compresses cannot be decoded.
-    #[error("{path}: {error}")]
-    Import {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong.
-        error: Box<ImportProblem>,
-    },
-    /// A buffer is not there, or not whole.
-    #[error("{path}: buffer {buffer} cannot be read: {why}; export as .glb, which holds its buffers itself")]
-    Buffer {
-        /// The file.
-        path: PathBuf,
-        /// Index of the buffer.
-        buffer: usize,
-        /// What is wrong with it.
-        why: String,
-    },
+    /// The file cannot be read, or is no glTF with such a scene.
+    #[error(transparent)]
+    File(#[from] ImportError),
     /// Vertex data lie outside their buffer, or do not have the type that they should.
     #[error(
         "{path}: {what} of {node} cannot be read: it must lie inside its buffer, as float VEC3 or as indices of existing vertices"

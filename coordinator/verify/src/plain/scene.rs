@@ -6,7 +6,7 @@ use std::path::Path;
 use glam::DVec3;
 use gltf::{Material, Semantic};
 
-use super::appearance::{Appearances, MAX_REFLECTANCE, PlainAppearance, material_name};
+use super::appearance::{Appearances, MAX_REFLECTANCE, PlainAppearance, PlainMaterial, material_name};
 use super::source::{Geometry, PlainDocument, has_triangles, label};
 use super::{PlainError, PlainLight};
 use document::LightUnit;
@@ -32,19 +32,6 @@ pub struct PlainScene {
     pub sky: DVec3,
     /// What is not modelled and was left out, in words for the user.
     pub warnings: Vec<String>,
-}
-
-/// What a primitive, or a point of it, is made of; linear RGB.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PlainMaterial {
-    /// Diffuse reflectance, base colour x (1 - metallic), under 1.
-    pub reflectance: DVec3,
-    /// Emitted exitance, pi x emissive factor x strength, W/m^2.
-    pub exitance: DVec3,
-    /// Whether the back is as the front; else it reflects and emits nothing.
-    pub double_sided: bool,
-    /// Part of the light that does not pass through: it meets what reflects and emits as the other numbers say.
-    pub opacity: f64,
 }
 
 /// A triangle in the world.
@@ -82,7 +69,7 @@ impl PlainScene {
     /// Reads a .glb or .gltf file.
     ///
     /// # Errors
-    /// When a file cannot be read, is no valid glTF, or holds no triangle; when a material or light means nothing.
+    /// When a file cannot be read, is not a glTF, or holds no triangle; when a material or light means nothing.
     pub fn open(path: &Path) -> Result<Self, PlainError> {
         Self::open_with(path, &PlainOptions::default())
     }
@@ -201,7 +188,7 @@ fn check(
 fn warn_unmodelled(document: &PlainDocument, warnings: &mut BTreeSet<String>) {
     let understood = |name: &String| gltf::json::extensions::ENABLED_EXTENSIONS.contains(&name.as_str());
     let ignored: Vec<&str> =
-        document.gltf.extensions_used().filter(|name| !understood(&(*name).to_owned())).collect();
+        document.document.extensions_used().filter(|name| !understood(&(*name).to_owned())).collect();
     if !ignored.is_empty() {
         warnings.insert(format!("extensions ignored: {}", ignored.join(", ")));
     }

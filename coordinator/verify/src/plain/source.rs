@@ -1,23 +1,21 @@
 //! A document's primitives of triangles, in the order in which a walk of the scene's nodes meets them, and their vertex data.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use glam::{DMat4, DVec3};
 use gltf::accessor::{DataType, Dimensions, Iter};
-use gltf::json::validation::Checked;
 use gltf::mesh::Mode;
-use gltf::{Accessor, Document, Gltf, Node, Primitive, Semantic};
+use gltf::{Accessor, Document, Node, Primitive, Semantic};
 
-use super::{PlainError, buffers};
+use super::PlainError;
 use document::accessors::{Context, is_within_bounds};
 use document::placement::world_matrices;
-use document::{ReadOptions, made_plain, scene_choice};
+use document::{ReadOptions, read_uri};
 
 /// A document with its buffers.
 pub(crate) struct PlainDocument {
     path: PathBuf,
-    pub(super) gltf: Gltf,
+    pub(super) document: Document,
     buffers: Vec<Vec<u8>>,
     world: Vec<DMat4>,
 }
@@ -33,30 +31,10 @@ pub(crate) struct Geometry {
 impl PlainDocument {
     /// Reads a .glb or .gltf file, of which `scene` is meant, or else the default scene.
     pub(crate) fn open(path: &Path, scene: Option<&str>) -> Result<Self, PlainError> {
-        let bytes = fs::read(path).map_err(|error| PlainError::Read { path: path.to_owned(), error })?;
-        let invalid = |error| PlainError::Gltf { path: path.to_owned(), error };
-        if let Some(fault) = false_length(&bytes) {
-            return Err(invalid(fault));
-        }
-        let Gltf { document, blob } = Gltf::from_slice_without_validation(&bytes).map_err(invalid)?;
-        let mut root = document.into_json();
-        // The validation itself follows the index of POSITION without a look at its range.
-        if let Some(fault) = missing_positions(&root) {
-            return Err(invalid(gltf::Error::Validation(vec![fault])));
-        }
-        let wrong = |error| PlainError::Import { path: path.to_owned(), error: Box::new(error) };
-        scene_choice::choose(&mut root, scene).map_err(wrong)?;
         let options = ReadOptions { scene: scene.map(str::to_owned), ..ReadOptions::default() };
-        let (gltf, buffers) = match made_plain(&bytes, path.parent(), &options).map_err(wrong)? {
-            Some(made) => (Gltf { document: made.document, blob: None }, made.buffers),
-            None => {
-                let mut gltf = Gltf { document: Document::from_json(root).map_err(invalid)?, blob };
-                let buffers = buffers::read(path, &mut gltf)?;
-                (gltf, buffers)
-            }
-        };
-        let world = world_matrices(&gltf);
-        Ok(Self { path: path.to_owned(), gltf, buffers, world })
+        let document::PlainDocument { document, buffers, .. } = document::open(path, &options)?;
+        let world = world_matrices(&document);
+        Ok(Self { path: path.to_owned(), document, buffers, world })
     }
 
     /// The file.
@@ -67,8 +45,8 @@ impl PlainDocument {
     /// The nodes of the default scene (the first, where none is), parents before children.
     pub(crate) fn nodes(&self) -> Vec<Node<'_>> {
         let mut found = Vec::new();
-        let mut visited = vec![false; self.gltf.nodes().len()];
-        let scene = self.gltf.default_scene().or_else(|| self.gltf.scenes().next());
+        let mut visited = vec![false; self.document.nodes().len()];
+        let scene = self.document.default_scene().or_else(|| self.document.scenes().next());
         let mut stack: Vec<_> = scene.iter().flat_map(|scene| scene.nodes()).collect();
         stack.reverse();
         while let Some(node) = stack.pop() {
@@ -185,7 +163,8 @@ impl PlainDocument {
                 Some(self.bytes(&view.buffer())?.get(view.offset()..end)?.to_vec())
             }
             gltf::image::Source::Uri { uri, .. } => {
-                buffers::from_uri(uri, self.path.parent().unwrap_or(Path::new(""))).ok()
+                let limit = ReadOptions::default().max_bytes;
+                read_uri(uri, Some(self.path.parent().unwrap_or(Path::new(""))), limit).ok()
             }
         }
     }
@@ -223,22 +202,4 @@ fn triangles(mode: Mode, indices: &[usize]) -> Vec<[usize; 3]> {
         }
         _ => indices.as_chunks::<3>().0.to_vec(),
     }
-}
-
-/// A GLB that states to be shorter than its header: the parser subtracts one from the other.
-fn false_length(bytes: &[u8]) -> Option<gltf::Error> {
-    let [b'g', b'l', b'T', b'F', _, _, _, _, length @ ..] = bytes else { return None };
-    let length = u32::from_le_bytes(*length.first_chunk::<4>()?);
-    let fault = gltf::binary::Error::Length { length, length_read: bytes.len() };
-    (length < 12).then_some(gltf::Error::Binary(fault))
-}
-
-/// The first POSITION that refers to no accessor.
-fn missing_positions(root: &gltf::json::Root) -> Option<(gltf::json::Path, gltf::json::validation::Error)> {
-    let primitives = root.meshes.iter().flat_map(|mesh| &mesh.primitives);
-    let mut positions =
-        primitives.filter_map(|primitive| primitive.attributes.get(&Checked::Valid(Semantic::Positions)));
-    let missing = positions.any(|index| index.value() >= root.accessors.len());
-    let path = || gltf::json::Path::new().field("meshes").field("POSITION");
-    missing.then(|| (path(), gltf::json::validation::Error::IndexOutOfBounds))
 }

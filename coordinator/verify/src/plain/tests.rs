@@ -124,17 +124,20 @@ fn what_is_not_modelled_is_said() {
 fn wrong_files_are_refused_with_their_place() {
     type Change = dyn Fn(&mut Value);
     let cases: [(&Change, &str); 9] = [
-        (&|root| root["buffers"][0]["uri"] = json!("other.bin"), "buffer 0 cannot be read: other.bin"),
-        (&|root| root["buffers"][0]["uri"] = json!("../square.bin"), "is not next to the glTF"),
-        (&|root| root["buffers"][0]["uri"] = json!("data:;base64,AAAA"), "it has 3 bytes of"),
+        (
+            &|root| root["buffers"][0]["uri"] = json!("other.bin"),
+            "buffer 0: external file `other.bin` cannot be read",
+        ),
+        (&|root| root["buffers"][0]["uri"] = json!("../square.bin"), "leads outside the folder of the glTF"),
+        (&|root| root["buffers"][0]["uri"] = json!("data:;base64,AAAA"), "buffer 0 has 3 bytes of"),
         (&|root| root["accessors"][0]["count"] = json!(1_u64 << 40), "POSITION of node sheet cannot be read"),
         (&|root| root["accessors"][0]["count"] = json!(2), "indices of node sheet cannot be read"),
         (&|root| root["accessors"][1]["count"] = json!(0), "indices of node sheet cannot be read"),
         (
             &|root| root["meshes"][0]["primitives"][0]["attributes"]["POSITION"] = json!(7),
-            "is not a valid glTF",
+            "meshes[0].primitives[0].attributes.POSITION refers to something that is not in the file",
         ),
-        (&|root| root["extensionsRequired"] = json!(["EXT_unheard_of"]), "is not a valid glTF"),
+        (&|root| root["extensionsRequired"] = json!(["EXT_unheard_of"]), "requires EXT_unheard_of"),
         (
             &|root| root["materials"][0]["emissiveFactor"] = json!([-1.0, 0.0, 0.0]),
             "emission of material paint must be finite and not negative",
@@ -145,13 +148,18 @@ fn wrong_files_are_refused_with_their_place() {
         assert!(error.contains(expected), "{expected:?} is missing in {error}");
     }
     let file = tempfile::NamedTempFile::new().unwrap();
-    for bytes in [&b"glTF"[..], b"glTF\x02\0\0\0\x01\0\0\0", b"", b"{"] {
+    for (bytes, expected) in [
+        (&b"glTF"[..], "is truncated"),
+        (b"glTF\x02\0\0\0\x01\0\0\0", "is not valid glTF"),
+        (b"", "is not a glTF"),
+        (b"{", "is truncated"),
+    ] {
         std::fs::write(file.path(), bytes).unwrap();
         let error = PlainScene::open(file.path()).unwrap_err().to_string();
-        assert!(error.contains("is not a valid glTF"), "{error}");
+        assert!(error.contains(expected), "{error}");
     }
     let missing = PlainScene::open(&test_scene("missing.glb")).unwrap_err().to_string();
-    assert!(missing.contains("missing.glb cannot be read"), "{missing}");
+    assert!(missing.contains("missing.glb: cannot be read"), "{missing}");
 }
 
 #[test]

@@ -10,10 +10,12 @@
 //! | `solid` | the triangles behind a bounding volume hierarchy: what does a ray meet first? |
 //! | `lights` | where light comes from, and how to choose a point of it |
 //! | `paths` | the estimator |
+//! | `hash` | seeds of random draws |
 //! | `agreement` | one reference against another |
 
 mod agreement;
 mod file;
+mod hash;
 mod lights;
 mod paths;
 mod places;

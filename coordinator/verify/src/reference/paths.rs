@@ -5,6 +5,7 @@ use std::f64::consts::{PI, TAU};
 use glam::DVec3;
 use sobol_burley::{NUM_DIMENSION_SETS_4D, sample_4d};
 
+use super::hash::mix;
 use super::lights::{Lights, kernel, weight};
 use super::solid::{CLEARANCE, Solid};
 use super::{GROUPS, Place, ReferencePoint};
@@ -135,12 +136,4 @@ fn by_cosine(normal: DVec3, u: f64, v: f64) -> DVec3 {
     let (across, along) = normal.any_orthonormal_pair();
     let (sine, cosine) = (TAU * v).sin_cos();
     (across * cosine + along * sine) * u.sqrt() + normal * (1.0 - u).sqrt()
-}
-
-/// A well-mixed number of two: the finaliser of SplitMix64 (Steele, Lea and Flood, OOPSLA 2014) after a step for each.
-pub(super) fn mix(seed: u64, number: u64) -> u64 {
-    let mut z = seed.wrapping_add(number.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^ (z >> 31)
 }

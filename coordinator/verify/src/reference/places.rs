@@ -3,7 +3,7 @@
 use glam::DVec3;
 use sobol_burley::sample_4d;
 
-use super::paths::mix;
+use super::hash::mix;
 use super::solid::Solid;
 use super::{Place, ReferenceError};
 use crate::plain::{PlainMaterial, PlainScene};

@@ -7,7 +7,7 @@ use obvhs::bvh2::builder::build_bvh2;
 use obvhs::ray::{Ray, RayHit};
 use obvhs::{Boundable, BvhBuildParams};
 
-use super::paths::mix;
+use super::hash::mix;
 use crate::plain::{PlainMaterial, PlainScene, PlainTriangle};
 
 /// How far rays start and end off surfaces, as a share of the scene's extent: some last places of the f32 that files hold, so

@@ -100,7 +100,7 @@ fn study_of_no_scene() {
     let lit = Lit::new();
     lit.write_reference(&[HEADER, GOOD]);
     fs::write(&lit.bench.input, "no scene").unwrap();
-    lit.study(&lit.bench.folder.path().join("study")).assert_refused(&["good.glb", "is not a valid glTF"]);
+    lit.study(&lit.bench.folder.path().join("study")).assert_refused(&["good.glb", "is not a glTF"]);
 }
 
 #[test]

@@ -162,7 +162,7 @@ fn emissive_textures_multiply_factor_and_strength() {
     assert_near(cloth(&scene).exitance, full / 2.0);
     assert_near(cloth(&scene).mean_exitance(0, &part(&scene, [0.5, 0.0], [1.0, 1.0])), full);
     assert_near(cloth(&scene).reflectance, DVec3::splat(0.5));
-    assert_eq!(scene.account.modelled, ["1 emissive texture", "2 emissive surfaces"]);
+    assert_eq!(scene.import_report.modelled, ["1 emissive texture", "2 emissive surfaces"]);
 }
 
 #[test]
@@ -173,7 +173,7 @@ fn vertex_colours_are_colours_of_the_surface() {
     let scene = textured.scene(material.clone());
     assert_eq!(cloth(&scene).reflectance, DVec3::new(0.25, 0.5, 0.125));
     assert!(cloth(&scene).appearance.is_none());
-    assert_eq!(scene.account.modelled[0], "1 primitive with vertex colours");
+    assert_eq!(scene.import_report.modelled[0], "1 primitive with vertex colours");
 
     let mut textured = Textured::new();
     textured.colours(&SQUARE.map(|[x, _, _]| [x, 1.0, f32::NAN, 1.0]));
@@ -385,11 +385,11 @@ fn what_counts_and_what_does_not_is_told() {
         "extensions": { "KHR_materials_specular": {}, "KHR_materials_transmission": { "transmissionFactor": 1.0 } },
     }));
     assert_eq!(
-        scene.account.modelled,
+        scene.import_report.modelled,
         ["1 base colour texture", "1 material with an alpha mask", "1 emissive surface"]
     );
     assert_eq!(
-        scene.account.ignored,
+        scene.import_report.ignored,
         [
             "1 normal texture",
             "1 occlusion texture",

@@ -1,4 +1,4 @@
-//! What a primitive's surfaces look like: the material's pattern, and what its vertices bring.
+//! Materials averaged over a primitive's surface, with its vertex colours.
 
 use std::sync::Arc;
 
@@ -10,16 +10,16 @@ use super::primitives::Geometry;
 use crate::appearance::{Appearance, Layer, MAX_REFLECTANCE, Pattern, VertexValues};
 use crate::facet::Facet;
 
-/// What a surface reflects, emits and takes: means over its area, and what varies.
-pub(super) struct Look {
+/// Reflectance, exitance and opacity of a surface: means over its area, and what varies.
+pub(super) struct AveragedMaterial {
     pub(super) reflectance: DVec3,
     pub(super) exitance: DVec3,
     pub(super) opacity: f64,
     pub(super) appearance: Option<Arc<Appearance>>,
 }
 
-/// The look of a primitive that is made of these facets.
-pub(super) fn look(pattern: &Arc<Pattern>, geometry: &Geometry, facets: &[Facet]) -> Look {
+/// Averages the material of a primitive over its facets.
+pub(super) fn averaged(pattern: &Arc<Pattern>, geometry: &Geometry, facets: &[Facet]) -> AveragedMaterial {
     let layers = [&pattern.reflecting, &pattern.dimming, &pattern.emitting].map(Option::as_ref);
     let is_plain = layers.iter().all(Option::is_none);
     let colours = geometry.albedo();
@@ -51,7 +51,7 @@ pub(super) fn look(pattern: &Arc<Pattern>, geometry: &Geometry, facets: &[Facet]
         .reduce(|a, b| (a.0 + b.0, a.1 + b.1, a.2 + b.2, a.3 + b.3))
         .unwrap_or((0.0, DVec3::ZERO, DVec3::ZERO, 0.0));
     let area = area.max(f64::MIN_POSITIVE);
-    Look {
+    AveragedMaterial {
         reflectance: (reflected / area).min(DVec3::splat(MAX_REFLECTANCE)),
         exitance: emitted / area,
         opacity: (taken / area).min(1.0),
@@ -59,17 +59,17 @@ pub(super) fn look(pattern: &Arc<Pattern>, geometry: &Geometry, facets: &[Facet]
     }
 }
 
-/// Texture coordinates that the pattern takes and the primitive does not have.
+/// The first set of texture coordinates that the pattern needs and the primitive lacks.
 pub(super) fn missing_set(pattern: &Pattern, geometry: &Geometry) -> Option<u32> {
     let layers = [&pattern.reflecting, &pattern.dimming, &pattern.emitting];
     let mut sets = layers.into_iter().flatten().map(|layer| layer.mapping.set);
     sets.find(|set| !geometry.attributes.has_coordinates(*set))
 }
 
-fn uniform(pattern: &Pattern, colour: DVec4) -> Look {
+fn uniform(pattern: &Pattern, colour: DVec4) -> AveragedMaterial {
     let opacity = pattern.opacity.of(colour.w);
     let reflectance = pattern.reflectance * colour.truncate() * opacity;
-    Look {
+    AveragedMaterial {
         reflectance: reflectance.min(DVec3::splat(MAX_REFLECTANCE)),
         exitance: pattern.exitance * opacity,
         opacity,
