@@ -146,7 +146,7 @@ fn punctual(
 
 /// A light of the draft: `extensions.EXT_lights_area.lights[]` of the document.
 #[derive(Deserialize)]
-#[serde(default)]
+#[serde(default, expecting = "an object")]
 struct AreaEntry {
     /// Linear RGB.
     color: [f32; 3],
@@ -168,7 +168,7 @@ enum ShapeName {
 }
 
 #[derive(Deserialize)]
-#[serde(default)]
+#[serde(default, expecting = "an object")]
 struct Rect {
     /// Width over height.
     aspect: f32,

@@ -109,7 +109,7 @@ impl PlainLight {
         let aspect = number(light.get("rect").and_then(|rect| rect.get("aspect")), 1.0)?;
         let width = if is_round { height } else { height * aspect };
         if !(height > 0.0 && aspect > 0.0) {
-            return Err(format!("its size {height} and aspect {aspect} must be above 0"));
+            return Err(format!("its size is {height} and its aspect {aspect}, both must be above 0"));
         }
         let part = |axis: usize| number(light.get("color").and_then(|colour| colour.get(axis)), 1.0);
         let intensity = DVec3::new(part(0)?, part(1)?, part(2)?) * number(light.get("intensity"), 1000.0)?;
