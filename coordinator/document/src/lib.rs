@@ -36,19 +36,19 @@ use serde::Serialize;
 pub use buffers::read_uri;
 pub use error::{ImportError, ImportProblem};
 use parse::Parsed;
-pub use parse::{require_webp, warn_ignored_extensions};
+pub use parse::{EXT_LIGHTS_AREA, require_again, warn_ignored_extensions};
 use prepare::{Extensions, Limits};
 
 /// How the numbers of a file's lights are meant.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum LightUnit {
-    /// As KHR_lights_punctual says: candela for point and spot lights, lux for directional ones. They are taken as they are: in
+    /// As their extensions say: candela for point and spot lights, lux for directional ones, cd/m^2 for area lights. They are taken as they are: in
     /// whatever unit they are meant, irradiance comes out in the one that belongs to it.
     #[default]
     Candela,
     /// Radiant watts for point and spot lights, as some exporters write them: over 4 pi they are an intensity in W/sr, that of a
-    /// spot light too, whose cone only cuts it off. Directional lights are taken as W/m^2, as they are.
+    /// spot light too, whose cone only cuts it off. Directional and area lights are taken as W/m^2 and W/(m^2 sr), as they are.
     Watt,
 }
 
@@ -77,6 +77,8 @@ pub struct PlainDocument {
     pub buffers: Vec<Vec<u8>>,
     /// Folder of the file, where relative references start; `None` for bytes that did not come from a file.
     pub folder: Option<PathBuf>,
+    /// Extensions that the file requires and the validation does not know: taken out of the document.
+    pub required: Vec<String>,
     /// Warnings for the user.
     pub warnings: Vec<String>,
     /// Most bytes of the file and what is beside it.
@@ -118,10 +120,12 @@ pub fn read(
     let limits =
         Limits { bytes: max_bytes.saturating_sub(held), max_bytes, max_triangles: options.max_triangles };
     prepare::undo(&mut root, &mut buffers, &extensions, limits)?;
+    let required =
+        root.extensions_required.iter().filter(|name| *name == parse::EXT_LIGHTS_AREA).cloned().collect();
     let document = parse::validate(root, options.scene.as_deref())?;
     let mut warnings = Vec::new();
     let document = prepare::pose(document, &mut buffers, limits, &mut warnings)?;
     let bytes_left = budget.saturating_sub(buffers::bytes_beside(document.as_json(), &buffers));
     let folder = folder.map(Path::to_owned);
-    Ok(PlainDocument { document, buffers, folder, warnings, max_bytes, bytes_left })
+    Ok(PlainDocument { document, buffers, folder, required, warnings, max_bytes, bytes_left })
 }

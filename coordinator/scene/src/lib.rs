@@ -5,7 +5,7 @@
 //!
 //! | module | what lives there |
 //! |---|---|
-//! | `model`, `facet` | the scene, its surfaces, facets and lights |
+//! | `model`, `facet`, `light` | the scene, its surfaces, facets and lights |
 //! | `import` | glTF in, scene out |
 //! | `appearance` | materials that vary over a surface, and their means over polygons |
 //! | `means` | means of images over polygons |
@@ -14,6 +14,7 @@
 mod appearance;
 mod facet;
 mod import;
+mod light;
 mod means;
 mod model;
 mod report;
@@ -22,5 +23,6 @@ pub use appearance::Appearance;
 pub use document::{ImportError, ImportProblem, LightUnit, ReadOptions};
 pub use facet::{Corner, Facet, SourceTriangle};
 pub use import::{ImportOptions, LitDocument, LitPrimitive, import, import_lit, import_slice};
-pub use model::{Frame, Light, LightKind, Scene, Side, SourceDocument, Surface};
+pub use light::{AreaLight, AreaShape, Light, LightEntry, LightKind, colour_and_rest};
+pub use model::{Frame, Scene, Side, SourceDocument, Surface};
 pub use report::ImportReport;

@@ -48,6 +48,7 @@ use self::tally::Tally;
 use self::triangles::TriangleMesh;
 use crate::appearance::Pattern;
 use crate::facet::Facet;
+use crate::light::Light;
 use crate::model::{Frame, Scene, Side, SourceDocument, Surface};
 use crate::report::ImportReport;
 use document::accessors::Context;
@@ -107,7 +108,7 @@ fn scene_of(mut file: PlainDocument, options: &ImportOptions) -> Result<Scene, I
     document::warn_ignored_extensions(file.document.as_json(), &mut content.warnings);
     content.collect(&file, options)?;
     let mut root = file.document.into_json();
-    document::require_webp(&mut root);
+    document::require_again(&mut root, file.required);
     let source = SourceDocument { root, buffers: file.buffers, folder: file.folder };
     content.into_scene(source, options)
 }
@@ -140,7 +141,12 @@ impl Content {
         let mut materials = self.materials(file, &all_placed);
         let mut geometries = read_geometries(&all_placed, &file.buffers, options).into_iter();
         for placed in all_placed {
-            self.lights.extend(lights::read(&placed, options.light_unit, &mut self.warnings)?);
+            self.lights.extend(lights::read(
+                &file.document,
+                &placed,
+                options.light_unit,
+                &mut self.warnings,
+            )?);
             let Some(mesh) = placed.node.mesh() else { continue };
             for primitive in mesh.primitives() {
                 let place = place_of(&placed, &primitive);
@@ -233,15 +239,16 @@ impl Content {
             return Err(ImportProblem::NoTriangles);
         }
         let shines = |surface: &Surface| surface.exitance != DVec3::ZERO;
+        let mut lights: Vec<Light> =
+            lights.into_iter().filter_map(|light| light.place(&frame, &mut warnings)).collect();
         let is_dark = options.sky == DVec3::ZERO
             && !surfaces.iter().any(shines)
-            && lights.iter().all(WorldLight::is_dark);
+            && lights.iter().all(|light| light.intensity == DVec3::ZERO);
         if options.needs_light && is_dark {
             return Err(ImportProblem::NoLight);
         }
         let rounding = rounding.max(triangles::rounding_of(frame.centre.abs().max_element() / frame.scale));
-        let plane_count = planes::assign(&mut surfaces, rounding);
-        let lights = lights.into_iter().map(|light| light.place(&frame)).collect();
+        let plane_count = planes::assign(&mut surfaces, &mut lights, rounding);
         let mut scene = Scene {
             source,
             surfaces,

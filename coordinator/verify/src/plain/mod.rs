@@ -5,7 +5,7 @@
 //! |---|---|
 //! | `appearance` | textures, colours of vertices and alpha at a point |
 //! | `source` | a document's primitives in file order, their triangles in the world |
-//! | `lights` | point, spot and directional lights in the world |
+//! | `lights` | point, spot, directional and area lights in the world |
 //! | `scene` | [`PlainScene`]: triangles, materials and lights of a scene |
 
 mod appearance;
