@@ -90,7 +90,7 @@ impl Metrics {
         registry.register("duplicates_sent", "Jobs sent to a second worker as well", duplicates_sent.clone());
         registry.register(
             "duplicates_dropped",
-            "Jobs taken back since another worker had answered",
+            "Answers dropped because another worker had answered before",
             duplicates_dropped.clone(),
         );
         registry.register("ignored_answers", "Answers that came late or twice", ignored_answers.clone());
@@ -151,15 +151,12 @@ impl Metrics {
         self.figures.bytes_sent.inc_by(bytes);
     }
 
-    /// A job was taken back from a worker, since another one had answered.
-    pub fn taken_back(&self) {
-        self.figures.duplicates_dropped.inc();
-    }
-
-    /// What the scheduler counted up to now: jobs sent twice, answers of no use.
-    pub fn scheduled(&self, duplicates_sent: u64, ignored_answers: u64) {
+    /// What the scheduler counted up to now: jobs sent twice, answers dropped because another worker was first, answers to jobs
+    /// that the worker did not hold.
+    pub fn scheduled(&self, duplicates_sent: u64, duplicates_dropped: u64, ignored_answers: u64) {
         let set = |counter: &Counter, value| counter.inner().store(value, Ordering::Relaxed);
         set(&self.figures.duplicates_sent, duplicates_sent);
+        set(&self.figures.duplicates_dropped, duplicates_dropped);
         set(&self.figures.ignored_answers, ignored_answers);
     }
 
@@ -193,8 +190,7 @@ mod tests {
         metrics.answered(true, 2, 10, Duration::from_millis(500), 100);
         metrics.answered(false, 2, 10, Duration::from_millis(500), 100);
         metrics.sent(7);
-        metrics.taken_back();
-        metrics.scheduled(1, 3);
+        metrics.scheduled(1, 1, 3);
         metrics.lost();
         let [left, _stays] = workers;
         drop(left);

@@ -68,7 +68,7 @@ impl Accounts {
         known.is_some()
     }
 
-    /// A worker answered a job, as the first or after another one.
+    /// A worker answered a job, as the first or not.
     pub(super) fn count(&mut self, worker: WorkerId, is_first: bool, work: &FinishedWork, bytes: u64) {
         let Some(summary) = self.of_worker.get(&worker).map(|index| &mut self.accounts[*index].summary)
         else {
@@ -77,9 +77,15 @@ impl Accounts {
         if is_first {
             summary.part.add(work, bytes);
         } else {
-            summary.late += 1;
             summary.part.busy += work.busy();
             summary.part.bytes_received += bytes;
+        }
+    }
+
+    /// A worker answered a job that another one had answered before.
+    pub(super) fn count_late(&mut self, worker: WorkerId) {
+        if let Some(index) = self.of_worker.get(&worker) {
+            self.accounts[*index].summary.late += 1;
         }
     }
 

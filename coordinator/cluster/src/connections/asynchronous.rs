@@ -13,7 +13,7 @@ use super::connect::check_name;
 use super::members::Members;
 use super::message::Message;
 use super::network::Network;
-use super::reactor::{self, Reactor};
+use super::reactor::{self, Reactor, ReactorObserver};
 use super::request::Request;
 use super::summary::FinishedWork;
 use super::{
@@ -38,7 +38,17 @@ impl AsyncCluster {
     /// # Errors
     /// As for [`super::Cluster::start`].
     pub async fn start(settings: &ClusterSettings, network: Arc<dyn Network>) -> Result<Self, ClusterError> {
-        let Started { messages, results, connected, is_ready, leaving } = Started::new(settings, network)?;
+        Self::start_observed(settings, network, ()).await
+    }
+
+    /// As [`Self::start`], observed.
+    pub(crate) async fn start_observed(
+        settings: &ClusterSettings,
+        network: Arc<dyn Network>,
+        observer: impl ReactorObserver,
+    ) -> Result<Self, ClusterError> {
+        let Started { messages, results, connected, is_ready, leaving } =
+            Started::new(settings, network, observer)?;
         is_ready.await.map_err(|_| ClusterError::Stopped)??;
         Ok(Self { messages, results, connected, all_lost: None, _leaving: leaving })
     }
@@ -182,7 +192,11 @@ impl Started {
     ///
     /// # Errors
     /// When there is nobody to dial or to start, or an address makes no sense.
-    pub(super) fn new(settings: &ClusterSettings, network: Arc<dyn Network>) -> Result<Self, ClusterError> {
+    pub(super) fn new(
+        settings: &ClusterSettings,
+        network: Arc<dyn Network>,
+        observer: impl ReactorObserver,
+    ) -> Result<Self, ClusterError> {
         let (messages, inbox) = mpsc::unbounded_channel();
         let (sender, results) = mpsc::unbounded_channel();
         let (ready, is_ready) = oneshot::channel();
@@ -202,7 +216,8 @@ impl Started {
             }
         };
         let connected = Arc::default();
-        let reactor = Reactor::new(settings.clone(), members, names, sender, Arc::clone(&connected), ready);
+        let seen = Arc::clone(&connected);
+        let reactor = Reactor::new(observer, settings.clone(), members, names, sender, seen, ready);
         tokio::spawn(reactor.run(inbox, leaving));
         Ok(Self { messages, results, connected, is_ready, leaving: guard })
     }

@@ -7,12 +7,14 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use hyper_util::rt::TokioIo;
+use kernel::row::ROW_VERSION;
 use protocol::security::{ClientSecurity, Credentials, SecuredChannel, explain};
 use protocol::worker::coordinator_message::Body as Outgoing;
 use protocol::worker::worker_client::WorkerClient;
 use protocol::worker::worker_message::Body as Incoming;
 use protocol::worker::{
     CoordinatorHello, CoordinatorMessage, MAX_MESSAGE_BYTES, PROTOCOL_VERSION, WorkerHello, WorkerMessage,
+    check_versions,
 };
 use tokio::io::DuplexStream;
 use tokio::sync::mpsc;
@@ -176,6 +178,7 @@ async fn greet(
     let hello = CoordinatorHello {
         protocol_version: PROTOCOL_VERSION,
         name: format!("coordinator {}", std::process::id()),
+        row_version: ROW_VERSION,
     };
     // The receiving end is in scope.
     let _ = outbound.send(CoordinatorMessage { body: Some(Outgoing::Hello(hello)) });
@@ -200,9 +203,8 @@ async fn greet(
     let (inbound, hello) = timeout(CONNECT_TIMEOUT, opening)
         .await
         .map_err(|_| unreachable("it does not say hello in time".into()))??;
-    if hello.protocol_version != PROTOCOL_VERSION {
-        let (theirs, ours) = (hello.protocol_version, PROTOCOL_VERSION);
-        return Err(ClusterError::Version { address, theirs, ours });
+    if let Err(mismatch) = check_versions("coordinator", hello.protocol_version, hello.row_version) {
+        return Err(ClusterError::Version { address, mismatch });
     }
     if hello.threads == 0 {
         return Err(refused("it has no threads".into()));

@@ -129,7 +129,7 @@ impl SharedCluster {
             .map_err(|error| ClusterError::Start(error.to_string()))?;
         let started = {
             let _within = runtime.enter();
-            Started::new(settings, Arc::new(network::Sockets))
+            Started::new(settings, Arc::new(network::Sockets), ())
         };
         let Started { messages, results, connected, is_ready, leaving } = match started {
             Ok(started) => started,

@@ -1,6 +1,7 @@
 use std::error::Error;
 
 use kernel::replica::Digest;
+use protocol::worker::VersionMismatch;
 use tonic::Code;
 
 use crate::scheduler::{Abandonment, JobId};
@@ -32,17 +33,12 @@ pub enum ClusterError {
         reason: String,
     },
     /// The worker is of another release.
-    #[error(
-        "worker at {address} speaks protocol version {theirs}, this coordinator version {ours}: install the \
-         same release on both machines"
-    )]
+    #[error("worker at {address} {mismatch}")]
     Version {
         /// The worker's address.
         address: String,
-        /// The worker's version.
-        theirs: u32,
-        /// The version of this program.
-        ours: u32,
+        /// Which version differs.
+        mismatch: VersionMismatch,
     },
     /// Somebody answers, but not as a worker does.
     #[error("worker at {address} refuses the session: {reason}")]

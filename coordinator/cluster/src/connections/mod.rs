@@ -54,6 +54,8 @@ pub use answer::{Answer, AnswerError};
 pub use asynchronous::AsyncCluster;
 pub use drivers::{ClusterStatus, Driver, SharedCluster};
 pub use error::ClusterError;
+#[cfg(test)]
+pub(crate) use reactor::ReactorObserver;
 pub use recent::RecentRate;
 pub use settings::{ClusterSettings, Schedule, Workers};
 pub use summary::{ClusterCounts, WorkerPart, WorkerSummary};

@@ -24,7 +24,21 @@ use crate::scheduler::{Action, Event, JobId, Policy, Scheduler, WorkerId};
 
 pub(super) type Result = std::result::Result<Delivery, ClusterError>;
 
-pub(super) struct Reactor {
+/// Observes a reactor: all that its scheduler decides, and what it holds. Nobody does, `()`, but simulations.
+pub(crate) trait ReactorObserver: Send + 'static {
+    /// Hands an event to the scheduler and returns its actions.
+    fn decide(&mut self, scheduler: &mut Scheduler, event: Event) -> Vec<Action> {
+        scheduler.handle(event)
+    }
+
+    /// Takes the numbers of requests, of sessions, and of digests of answers that may come twice, between two messages.
+    fn held(&mut self, _requests: usize, _sessions: usize, _delivered: usize) {}
+}
+
+impl ReactorObserver for () {}
+
+pub(super) struct Reactor<O> {
+    observer: O,
     settings: ClusterSettings,
     members: Arc<Members>,
     scheduler: Scheduler,
@@ -52,9 +66,10 @@ struct Delivered {
     holder: WorkerId,
 }
 
-impl Reactor {
+impl<O: ReactorObserver> Reactor<O> {
     /// A reactor that waits for workers from so many names. Results of jobs go to `results`.
     pub(super) fn new(
+        observer: O,
         settings: ClusterSettings,
         members: Arc<Members>,
         names: usize,
@@ -67,6 +82,7 @@ impl Reactor {
             Schedule::Periodic { .. } => Policy::Periodic,
         };
         Self {
+            observer,
             settings,
             members,
             scheduler: Scheduler::new(policy),
@@ -110,13 +126,8 @@ impl Reactor {
             if self.shutdown.is_some() && self.sessions.is_empty() {
                 return;
             }
-            #[cfg(test)]
             if self.shutdown.is_none() {
-                crate::simulation::watch::held(
-                    self.requests.len(),
-                    self.sessions.len(),
-                    self.delivered.len(),
-                );
+                self.observer.held(self.requests.len(), self.sessions.len(), self.delivered.len());
             }
         }
     }
@@ -125,7 +136,11 @@ impl Reactor {
     fn show(&self) {
         let (metrics, scheduler) = (&self.settings.metrics, &self.scheduler);
         metrics.unfinished(self.requests.len());
-        metrics.scheduled(scheduler.duplicates_sent(), scheduler.ignored_answers());
+        metrics.scheduled(
+            scheduler.duplicates_sent(),
+            scheduler.duplicates_dropped(),
+            scheduler.ignored_answers(),
+        );
     }
 
     fn take(&mut self, message: Message) {
@@ -240,7 +255,7 @@ impl Reactor {
                         Event::Failed { worker, job }
                     }
                 };
-                let actions = self.decide(event);
+                let actions = self.observer.decide(&mut self.scheduler, event);
                 self.carry_out(actions, &message);
             }
             News::Lost(reason) => self.lose(worker, &reason),
@@ -268,14 +283,14 @@ impl Reactor {
             tracing::warn!(seconds = self.settings.grace.as_secs_f64(), "no worker is left: waiting for one");
         }
         let event = Event::WorkerLost { worker, orderly: reason.is_orderly() };
-        let actions = self.decide(event);
+        let actions = self.observer.decide(&mut self.scheduler, event);
         self.carry_out(actions, &format!("worker {name} was lost: {reason}"));
         self.look_round();
     }
 
     fn finish(&mut self, worker: WorkerId, Checked { work, digest, bytes }: Checked) {
         let job = work.job();
-        let actions = self.decide(Event::Finished { worker, job });
+        let actions = self.observer.decide(&mut self.scheduler, Event::Finished { worker, job });
         let is_first = actions.contains(&Action::Deliver { job });
         self.accounts.count(worker, is_first, &work, bytes);
         self.settings.metrics.answered(is_first, work.rows(), work.rays(), work.busy(), bytes);
@@ -290,31 +305,22 @@ impl Reactor {
             self.requests.remove(&job);
             let by = self.accounts.who(worker);
             self.report(Ok(Delivery { work, by, bytes }));
-        } else if let Some(first) = self.delivered.remove(&job)
-            && first.digest != digest
-        {
-            tracing::error!(
-                %job,
-                first = self.accounts.name(first.by),
-                second = self.accounts.name(worker),
-                "two workers gave different answers to the same job: one of them is broken, and the output is in doubt"
-            );
+        } else if let Some(first) = self.delivered.remove(&job) {
+            self.accounts.count_late(worker);
+            if first.digest != digest {
+                tracing::error!(
+                    %job,
+                    first = self.accounts.name(first.by),
+                    second = self.accounts.name(worker),
+                    "two workers gave different answers to the same job: one of them is broken, and the output is in doubt"
+                );
+            }
         }
         self.carry_out(actions, "");
     }
 
-    /// Asks the scheduler what is to be done. Simulations watch.
-    fn decide(&mut self, event: Event) -> Vec<Action> {
-        #[cfg(test)]
-        let told = event.clone();
-        let actions = self.scheduler.handle(event);
-        #[cfg(test)]
-        crate::simulation::watch::scheduled(&told, &actions, &self.scheduler);
-        actions
-    }
-
     fn on(&mut self, event: Event) {
-        let actions = self.decide(event);
+        let actions = self.observer.decide(&mut self.scheduler, event);
         self.carry_out(actions, "");
     }
 
@@ -332,10 +338,7 @@ impl Reactor {
                         self.command(worker, Command::Job(job, Arc::clone(request)));
                     }
                 }
-                Action::Cancel { worker, job } => {
-                    self.settings.metrics.taken_back();
-                    self.command(worker, Command::Cancel(job));
-                }
+                Action::Cancel { worker, job } => self.command(worker, Command::Cancel(job)),
                 // Where the answer is.
                 Action::Deliver { .. } => {}
                 Action::Abandon { job, why } => {

@@ -83,7 +83,8 @@ impl WorkerPart {
 /// All that the worker at one address did.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct WorkerSummary {
-    /// Its part in what was asked; time computed and bytes received include late answers.
+    /// Its part in what was asked; time computed and bytes received include answers that came
+    /// late or to withdrawn jobs.
     pub part: WorkerPart,
     /// How often it was connected: once, if it was never lost.
     pub connections: u64,

@@ -86,7 +86,7 @@ impl Scheduler {
         self.duplicates_sent
     }
 
-    /// Answers dropped, whatever they said, because another worker had answered before.
+    /// Answers dropped, whatever they said, because another worker had answered before. Answers to withdrawn jobs do not count.
     #[must_use]
     pub fn duplicates_dropped(&self) -> u64 {
         self.duplicates_dropped
@@ -123,7 +123,7 @@ impl Scheduler {
                     if let Some(state) = self.jobs.get(&job).filter(|state| state.holders.is_empty()) {
                         self.queue.remove(job, state);
                     }
-                    self.end(job, actions);
+                    self.end(job, true, actions);
                 }
             }
             Event::ReplicaLoaded { worker, digest } => {
@@ -146,7 +146,7 @@ impl Scheduler {
                 if self.take_back(worker, job) {
                     self.rounds += 1.0 / busy as f64;
                     actions.push(Action::Deliver { job });
-                    self.end(job, actions);
+                    self.end(job, false, actions);
                 }
             }
             Event::ForgotReplica { worker, job } => {
@@ -180,7 +180,7 @@ impl Scheduler {
         let held = self.workers.get_mut(&worker).and_then(|worker| worker.take_back(job, self.rounds));
         match held {
             None => self.ignored_answers += 1,
-            Some(held) if !held.wanted => self.duplicates_dropped += 1,
+            Some(held) if !held.wanted => self.duplicates_dropped += u64::from(!held.withdrawn),
             Some(_) => {
                 self.forget_holder(worker, job);
                 return true;
@@ -253,15 +253,15 @@ impl Scheduler {
 
     fn abandon(&mut self, job: JobId, why: Abandonment, actions: &mut Vec<Action>) {
         actions.push(Action::Abandon { job, why });
-        self.end(job, actions);
+        self.end(job, false, actions);
     }
 
     /// A job that nobody waits for is over; whoever holds it need not begin it.
-    fn end(&mut self, job: JobId, actions: &mut Vec<Action>) {
+    fn end(&mut self, job: JobId, withdrawn: bool, actions: &mut Vec<Action>) {
         let Some(state) = self.jobs.remove(&job) else { return };
         for worker in state.holders {
             if let Some(held) = self.workers.get_mut(&worker).and_then(|other| other.held_mut(job)) {
-                held.wanted = false;
+                (held.wanted, held.withdrawn) = (false, withdrawn);
                 actions.push(Action::Cancel { worker, job });
             }
         }

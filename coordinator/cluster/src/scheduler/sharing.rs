@@ -90,7 +90,8 @@ impl Scheduler {
         let twice = !state.holders.is_empty();
         state.holders.push(id);
         if let Some(worker) = self.workers.get_mut(&id) {
-            let held = Held { job, order: state.order, alone, copy: twice, twice, wanted: true, begun: None };
+            let (order, copy, begun) = (state.order, twice, None);
+            let held = Held { job, order, alone, copy, twice, wanted: true, withdrawn: false, begun };
             worker.take(held, self.rounds);
         }
         actions.push(Action::Send { worker: id, job });

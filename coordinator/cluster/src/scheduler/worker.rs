@@ -36,6 +36,8 @@ pub(super) struct Held {
     pub(super) twice: bool,
     /// False once the job is over: the answer is then dropped.
     pub(super) wanted: bool,
+    /// The job was withdrawn: its answer is dropped, and is no duplicate.
+    pub(super) withdrawn: bool,
     /// When it came to be computed, in rounds (see [`super::duplicates`]); `None` while it waits for a thread.
     pub(super) begun: Option<f64>,
 }

@@ -10,7 +10,9 @@ use std::time::Duration;
 use cluster::scheduler::Abandonment;
 use cluster::{Cluster, ClusterError, ClusterSettings, JobId, Workers};
 use kernel::replica::Digest;
-use kernel::row::RowRequest;
+use kernel::row::{ROW_VERSION, RowRequest};
+use prometheus_client::encoding::text::encode;
+use prometheus_client::registry::Registry;
 use protocol::worker::worker_message::Body;
 use protocol::worker::{FailureReason, Finished, JobFailed, RowJob, RowStatistics, digest_of_rows};
 
@@ -81,8 +83,24 @@ fn a_wrong_address_is_named_with_the_cure() {
 fn a_worker_of_another_version_is_refused() {
     let server = Server::fake(99, |_| None);
     let error = start_error(&[&server.address]);
-    let ClusterError::Version { theirs: 99, ours, .. } = &error else { panic!("{error}") };
-    assert_eq!(*ours, protocol::worker::PROTOCOL_VERSION);
+    let ClusterError::Version { mismatch, .. } = &error else { panic!("{error}") };
+    assert_eq!((mismatch.theirs, mismatch.ours), (99, protocol::worker::PROTOCOL_VERSION));
+}
+
+#[test]
+fn a_worker_of_another_row_version_is_refused() {
+    // 0 is what a release sends that does not know the field.
+    for theirs in [0, ROW_VERSION + 1] {
+        let server = Server::of_row_version(theirs);
+        let error = start_error(&[&server.address]);
+        let ClusterError::Version { address, .. } = &error else { panic!("{error}") };
+        assert_eq!(*address, server.address);
+        let (theirs, ours) =
+            (format!("row version {theirs}"), format!("this coordinator version {ROW_VERSION}"));
+        for words in [theirs.as_str(), &ours, "install the same release"] {
+            assert!(error.to_string().contains(words), "{error}");
+        }
+    }
 }
 
 #[test]
@@ -192,6 +210,30 @@ fn a_released_replica_can_be_published_again() {
         assert_eq!(take_all(&mut cluster, &bakery), bakery.rows());
         bakery.digests().into_iter().for_each(|digest| cluster.release(digest));
     }
+}
+
+#[test]
+fn answers_to_withdrawn_jobs_are_no_duplicates() {
+    let bakery = Bakery::new();
+    let server = Server::real();
+    let settings = settings(std::iter::once(server.address.clone()));
+    let mut registry = Registry::default();
+    settings.metrics.register(&mut registry);
+    let mut cluster = Cluster::start(&settings).unwrap();
+    bakery.publish(&cluster);
+    submit_all(&cluster, &bakery);
+    cluster.next().unwrap();
+    cluster.withdraw();
+    // The worker answers in order: those that it held of the withdrawn jobs before these.
+    let requests = bakery.requests();
+    let count = requests.len();
+    cluster.submit((1000..).map(JobId).zip(requests).collect());
+    (0..count).for_each(|_| assert!(cluster.next().unwrap().job.0 >= 1000));
+    assert_eq!(cluster.workers()[0].late, 0);
+    let mut text = String::new();
+    encode(&mut text, &registry).unwrap();
+    let line = "halflight_coordinator_duplicates_dropped_total 0";
+    assert!(text.lines().any(|found| found == line), "{text}");
 }
 
 #[test]
