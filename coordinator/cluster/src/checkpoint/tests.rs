@@ -12,10 +12,9 @@ use super::file::CheckpointFile;
 use super::record::{HEAD, TAIL, decode_head, encode, keys};
 use super::writer::{Storage, Writer, Written};
 use super::*;
-use crate::connections::{FinishedJob, JobId};
 use bake::{BakeError, RowService};
 use kernel::replica::{Digest, EncodedReplica};
-use kernel::row::{Row, RowRequest};
+use kernel::row::{FinishedJob, JobId, Row, RowRequest};
 use protocol::worker::RowStatistics;
 
 const RECEIVERS: usize = 5;

@@ -6,9 +6,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use tokio::time::Instant;
 
-use super::WorkerSummary;
 use super::connect::is_at;
-use super::summary::FinishedWork;
+use super::summary::{FinishedWork, WorkerSummary};
 use crate::scheduler::WorkerId;
 
 /// The accounts of all workers that were ever connected.

@@ -27,8 +27,7 @@ use tonic::transport::{Channel, Endpoint, Uri};
 use tower::service_fn;
 use worker::Settings;
 
-use super::ClusterError;
-use super::error::{is_refusal, reason, words};
+use super::error::{ClusterError, is_refusal, reason, words};
 use super::network::Network;
 
 /// How long a worker may take to take a connection, and then to say hello.

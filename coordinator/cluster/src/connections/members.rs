@@ -14,10 +14,11 @@ use tokio::time::{sleep, timeout};
 use tokio_util::sync::CancellationToken;
 
 use super::connect::{self, CONNECT_TIMEOUT, Connection, EMBEDDED, place};
+use super::error::ClusterError;
 use super::message::{Joined, Message};
 use super::network::Network;
 use super::session::{self, News};
-use super::{ClusterError, ClusterSettings};
+use super::settings::ClusterSettings;
 use crate::metrics::Metrics;
 use crate::scheduler::WorkerId;
 

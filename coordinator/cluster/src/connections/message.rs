@@ -7,9 +7,10 @@ use kernel::replica::{Digest, EncodedReplica};
 use protocol::worker::WorkerHello;
 use tokio::sync::{mpsc, oneshot};
 
+use super::error::ClusterError;
 use super::request::Request;
 use super::session::{Command, News};
-use super::{ClusterCounts, ClusterError, WorkerSummary};
+use super::summary::{ClusterCounts, WorkerSummary};
 use crate::scheduler::{JobId, WorkerId};
 
 /// What the reactor is told.
@@ -22,8 +23,6 @@ pub(super) enum Message {
     Submit(Vec<(JobId, Request)>),
     /// Jobs that nobody waits for any more.
     Withdraw(Vec<JobId>),
-    /// Nobody waits for any job any more; the sender is dropped once none of them will be answered.
-    WithdrawAll(oneshot::Sender<()>),
     /// What did each worker do?
     Summarise(oneshot::Sender<(Vec<WorkerSummary>, ClusterCounts)>),
     /// Say goodbye to all workers; the sender is dropped when all have answered.

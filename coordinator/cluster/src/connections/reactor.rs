@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
+use std::sync::atomic::AtomicUsize;
 use std::sync::atomic::Ordering::Relaxed;
 
 use kernel::replica::{Digest, EncodedReplica};
@@ -12,17 +13,26 @@ use tokio_util::sync::CancellationToken;
 
 use super::accounts::Accounts;
 use super::answer::Checked;
-use super::asynchronous::Connected;
+use super::error::ClusterError;
 use super::members::Members;
 use super::message::{Joined, Message};
 use super::request::Request;
 use super::session::{Command, LostWorkerReason, News};
-use super::summary::Delivery;
+use super::settings::{ClusterSettings, Schedule};
+use super::summary::{ClusterCounts, Delivery};
 use super::waiting::{Ready, Waiting};
-use super::{ClusterCounts, ClusterError, ClusterSettings, Schedule};
 use crate::scheduler::{Action, Event, JobId, Policy, Scheduler, WorkerId};
 
 pub(super) type Result = std::result::Result<Delivery, ClusterError>;
+
+/// The workers that are connected now.
+#[derive(Debug, Default)]
+pub(super) struct Connected {
+    /// Number of workers.
+    pub(super) workers: AtomicUsize,
+    /// Number of jobs that they compute at the same time.
+    pub(super) threads: AtomicUsize,
+}
 
 /// Observes a reactor: all that its scheduler decides, and what it holds. Nobody does, `()`, but simulations.
 pub(crate) trait ReactorObserver: Send + 'static {
@@ -48,7 +58,7 @@ pub(super) struct Reactor<O> {
     accounts: Accounts,
     /// Answers that were delivered, of jobs that another worker holds too, until it has answered or is lost.
     delivered: HashMap<JobId, Delivered>,
-    /// Whoever has a session, for the driver.
+    /// Counts the sessions.
     connected: Arc<Connected>,
     results: mpsc::UnboundedSender<Result>,
     waiting: Waiting,
@@ -158,10 +168,6 @@ impl<O: ReactorObserver> Reactor<O> {
                 self.on(Event::Submitted { jobs });
             }
             Message::Withdraw(jobs) => self.withdraw(jobs),
-            Message::WithdrawAll(done) => {
-                self.withdraw(self.requests.keys().copied().collect());
-                drop(done);
-            }
             Message::Summarise(reply) => {
                 let counts = ClusterCounts {
                     duplicates: self.scheduler.duplicates_sent(),
@@ -193,9 +199,7 @@ impl<O: ReactorObserver> Reactor<O> {
         }
     }
 
-    fn withdraw(&mut self, mut jobs: Vec<JobId>) {
-        // In an order of their own, whatever that of the map.
-        jobs.sort_unstable();
+    fn withdraw(&mut self, jobs: Vec<JobId>) {
         for job in &jobs {
             self.requests.remove(job);
         }

@@ -23,6 +23,14 @@ impl FinishedWork {
         }
     }
 
+    /// The same under another id.
+    pub(super) fn named(self, job: JobId) -> Self {
+        match self {
+            Self::Rows(rows) => Self::Rows(FinishedJob { job, ..rows }),
+            Self::Tile(tile) => Self::Tile(FinishedTile { job, ..tile }),
+        }
+    }
+
     /// Rows in it.
     pub(super) fn rows(&self) -> u64 {
         match self {

@@ -6,9 +6,9 @@ use std::time::Duration;
 use tokio::sync::oneshot;
 use tokio::time::Instant;
 
-use super::ClusterError;
 use super::accounts::Accounts;
 use super::connect::is_at;
+use super::error::ClusterError;
 
 /// Tells whoever started the cluster that it works, or why it does not.
 pub(super) type Ready = oneshot::Sender<Result<(), ClusterError>>;

@@ -15,6 +15,7 @@
 
 use std::cmp::Reverse;
 
+use super::job::Job;
 use super::worker::{Load, Worker};
 use super::{Action, JobId, Scheduler, WorkerId};
 
@@ -85,6 +86,11 @@ impl Scheduler {
         candidates
     }
 
+    /// Whether a worker may compute a copy of a job: a suspect only while it is empty.
+    pub(super) fn may_copy(&self, id: WorkerId, job: &Job) -> bool {
+        self.may_try(id, &job.kind) && (!job.is_suspect() || self.workers[&id].under_way.is_empty())
+    }
+
     /// Gives an idle worker a copy of the first job that it can compute. False where there is none.
     fn duplicate_one(
         &mut self,
@@ -99,10 +105,10 @@ impl Scheduler {
                 return false;
             }
             let Some(state) = self.jobs.get(&job).filter(|_| holder != id) else { continue };
-            let is_suspect = state.is_suspect();
-            if !self.may_try(id, &state.kind) || (is_suspect && !self.workers[&id].under_way.is_empty()) {
+            if !self.may_copy(id, state) {
                 continue;
             }
+            let is_suspect = state.is_suspect();
             if self.workers[&id].holds(&state.kind.needs) {
                 candidates.remove(place);
                 self.send(id, job, is_suspect, actions);

@@ -17,6 +17,24 @@ pub enum Policy {
     Periodic,
 }
 
+impl Policy {
+    /// Whether jobs are sent after this event.
+    pub(super) fn decides_on(self, event: &Event) -> bool {
+        match self {
+            Self::Finished => true,
+            Self::Periodic => *event == Event::Tick,
+        }
+    }
+
+    /// Whether jobs may wait although a worker has room for them.
+    pub(super) fn waits(self) -> bool {
+        match self {
+            Self::Finished => false,
+            Self::Periodic => true,
+        }
+    }
+}
+
 /// What happened.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Event {

@@ -5,7 +5,8 @@
 //! | `event` | what the scheduler is told, and what it wants done |
 //! | `job` | what it knows of a job; the queue |
 //! | `worker` | what it knows of a worker |
-//! | `sharing` | waiting jobs go to workers with room |
+//! | `choice` | which job goes next, and to which worker |
+//! | `turns` | the handle whose job goes next |
 //! | `duplicates` | idle workers take over what others are late with |
 //! | `checking` | what must hold between any two events |
 //!
@@ -16,10 +17,11 @@
 //! Replicas are loaded to a worker when it has room for a job that needs them; meanwhile it gets other jobs.
 
 mod checking;
+mod choice;
 mod duplicates;
 mod event;
 mod job;
-mod sharing;
+mod turns;
 mod worker;
 
 #[cfg(test)]
@@ -31,6 +33,7 @@ use std::collections::btree_map::Entry;
 pub use event::{Abandonment, Action, Event, Policy, WorkerId};
 use job::{Job, Queue};
 pub use kernel::row::JobId;
+pub use turns::{HandleId, Turns};
 use worker::{ReplicaState, Worker};
 
 /// A job is given up when it failed on so many tries: then the fault is the job's.
@@ -95,9 +98,9 @@ impl Scheduler {
     /// Takes in what happened; returns what is to be done about it, in this order.
     pub fn handle(&mut self, event: Event) -> Vec<Action> {
         let mut actions = vec![];
-        let shares = self.policy == Policy::Finished || event == Event::Tick;
+        let decides = self.policy.decides_on(&event);
         self.take_in(event, &mut actions);
-        if shares {
+        if decides {
             self.share_out(&mut actions);
         }
         actions
