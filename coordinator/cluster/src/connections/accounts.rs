@@ -1,4 +1,4 @@
-//! What each worker did, by the address that it was reached at: one that comes back goes on with its account.
+//! Accounts of workers, by address: a worker that comes back goes on with its account.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -21,7 +21,7 @@ pub(super) struct Accounts {
 
 struct Account {
     summary: WorkerSummary,
-    /// While it is connected: since when, and the bytes sent since.
+    /// While it is connected: the start, and the bytes sent since.
     open: Option<(Instant, Arc<AtomicU64>)>,
 }
 
@@ -43,7 +43,7 @@ impl Account {
 }
 
 impl Accounts {
-    /// A worker is connected; whether it was before.
+    /// A worker is connected. Returns whether it was before.
     pub(super) fn open(
         &mut self,
         worker: WorkerId,
@@ -88,7 +88,7 @@ impl Accounts {
         }
     }
 
-    /// A worker is lost; its name and address.
+    /// A worker is lost. Returns its name and address.
     pub(super) fn lose(&mut self, worker: WorkerId, reason: String) -> (String, String) {
         self.losses += 1;
         self.close(worker);
@@ -117,7 +117,7 @@ impl Accounts {
         known.map(|part| (part.name.clone(), part.address.clone(), part.threads)).unwrap_or_default()
     }
 
-    /// How many jobs a worker computes at the same time.
+    /// Number of jobs that a worker computes at the same time.
     pub(super) fn threads(&self, worker: WorkerId) -> usize {
         self.of_worker.get(&worker).map_or(0, |index| self.accounts[*index].summary.part.threads)
     }
@@ -127,7 +127,7 @@ impl Accounts {
         self.accounts.iter().any(|account| is_at(&account.summary.part.address, name))
     }
 
-    /// Whether nobody was ever connected.
+    /// Whether no worker was ever connected.
     pub(super) fn is_empty(&self) -> bool {
         self.accounts.is_empty()
     }

@@ -73,7 +73,7 @@ impl AsyncCluster {
         }
     }
 
-    /// What each worker, and the cluster as a whole, did up to now.
+    /// Summaries of all workers, and counts over them.
     pub async fn summarise(&self) -> (Vec<WorkerSummary>, ClusterCounts) {
         let (reply, summaries) = oneshot::channel();
         self.tell(Message::Summarise(reply));

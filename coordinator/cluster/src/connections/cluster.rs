@@ -29,12 +29,12 @@ pub struct Cluster {
     runtime: Option<(Runtime, DropGuard)>,
 }
 
-/// What workers do now.
+/// Present state of the workers.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct ClusterStatus {
     /// Workers that are connected.
     pub workers: usize,
-    /// Jobs that they compute at the same time.
+    /// Number of jobs that they compute at the same time.
     pub threads: usize,
     /// Rays cast per second lately, for all handles.
     pub rays_per_second: f64,
@@ -104,20 +104,20 @@ impl Cluster {
         Handle::new(Arc::clone(&self.hub), priority)
     }
 
-    /// What the workers do now.
+    /// Present state of the workers.
     #[must_use]
     pub fn status(&self) -> ClusterStatus {
         let [workers, threads] = self.hub.connected();
         ClusterStatus { workers, threads, rays_per_second: self.hub.rays_per_second() }
     }
 
-    /// What each worker did up to now, lost ones included, in the order in which they were first connected.
+    /// Summaries of all workers, lost ones included, in the order in which they were first connected.
     #[must_use]
     pub fn workers(&self) -> Vec<WorkerSummary> {
         self.summarise().0
     }
 
-    /// What the cluster did up to now.
+    /// Counts over all workers.
     #[must_use]
     pub fn counts(&self) -> ClusterCounts {
         self.summarise().1

@@ -64,7 +64,7 @@ impl Handle {
         threads
     }
 
-    /// What each worker did for this handle, in the order of their first answers.
+    /// Work of each worker for this handle, in the order of their first answers.
     #[must_use]
     pub fn workers(&self) -> Vec<WorkerPart> {
         self.hub.workers(self.id)

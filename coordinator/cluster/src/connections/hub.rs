@@ -30,7 +30,7 @@ const MOST_PRIORITY: i32 = 100;
 /// The answer to a job of a handle, or why there is none.
 pub(super) type Outcome = Result<FinishedWork, ClusterError>;
 
-/// What handles and workers have in common.
+/// The state, and the way to the reactor.
 pub(super) struct Hub {
     state: Mutex<State>,
     messages: UnboundedSender<Message>,
@@ -46,17 +46,17 @@ struct State {
     jobs: HashMap<JobId, PendingJob>,
     /// How often each handle has published each replica.
     replicas: BTreeMap<(Digest, HandleId), usize>,
-    /// Why no rows can be had, where that is so.
+    /// Why no job can be computed, if so.
     lost: Option<ClusterError>,
     next_handle: u64,
     next_job: u64,
     recent: RecentRate,
 }
 
-/// What is known of a handle.
+/// State of a handle.
 struct Known {
     results: mpsc::Sender<Outcome>,
-    /// Who computed for it, in the order of their first answers.
+    /// Work of each worker for it, in the order of their first answers.
     workers: Vec<WorkerPart>,
 }
 
@@ -138,7 +138,7 @@ impl Hub {
         self.feed(&mut state);
     }
 
-    /// What each worker did for a handle.
+    /// Work of each worker for a handle.
     pub(super) fn workers(&self, handle: HandleId) -> Vec<WorkerPart> {
         self.lock().handles.get(&handle).map(|known| known.workers.clone()).unwrap_or_default()
     }
@@ -209,7 +209,7 @@ impl Hub {
         }
     }
 
-    /// Takes what came of a job.
+    /// Takes the result of a job.
     fn take(&self, result: reactor::Result) {
         let mut state = self.lock();
         match result {
@@ -258,7 +258,7 @@ impl State {
         }
     }
 
-    /// No rows can be had: all who wait for some are told.
+    /// Tells all handles with unanswered jobs that none can be computed.
     fn fail(&mut self, error: &ClusterError) {
         self.lost = Some(error.clone());
         for (handle, known) in &self.handles {

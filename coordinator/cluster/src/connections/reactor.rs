@@ -1,4 +1,4 @@
-//! The one task that owns the scheduler: turns messages into its events, and carries out its actions.
+//! The task that owns the scheduler: turns messages into its events and carries out its actions.
 
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
@@ -34,14 +34,14 @@ pub(super) struct Connected {
     pub(super) threads: AtomicUsize,
 }
 
-/// Observes a reactor: all that its scheduler decides, and what it holds. Nobody does, `()`, but simulations.
+/// Observes the decisions of a reactor's scheduler. `()` observes nothing, at no cost; simulations check.
 pub(crate) trait ReactorObserver: Send + 'static {
     /// Hands an event to the scheduler and returns its actions.
     fn decide(&mut self, scheduler: &mut Scheduler, event: Event) -> Vec<Action> {
         scheduler.handle(event)
     }
 
-    /// Takes the numbers of requests, of sessions, and of digests of answers that may come twice, between two messages.
+    /// Takes the numbers of requests, sessions, and digests of answers that may come twice, between two messages.
     fn held(&mut self, _requests: usize, _sessions: usize, _delivered: usize) {}
 }
 
@@ -68,16 +68,16 @@ pub(super) struct Reactor<O> {
 
 /// The first answer to a job.
 struct Delivered {
-    /// Of what it holds.
+    /// Of its content.
     digest: Digest,
-    /// Who sent it.
+    /// The worker that sent it.
     by: WorkerId,
-    /// Who holds the job too.
+    /// The worker that holds the job too.
     holder: WorkerId,
 }
 
 impl<O: ReactorObserver> Reactor<O> {
-    /// A reactor that waits for workers from so many names. Results of jobs go to `results`.
+    /// A reactor that waits for workers from this number of names. Results of jobs go to `results`.
     pub(super) fn new(
         observer: O,
         settings: ClusterSettings,
@@ -129,7 +129,7 @@ impl<O: ReactorObserver> Reactor<O> {
                     self.end_grace();
                 }
                 () = tick(&mut timer) => self.on(Event::Tick),
-                // The driver left without a word.
+                // The caller left without a goodbye.
                 () = leaving.cancelled(), if self.shutdown.is_none() => return,
             }
             self.show();
@@ -174,7 +174,7 @@ impl<O: ReactorObserver> Reactor<O> {
                     ignored_answers: self.scheduler.ignored_answers(),
                     lost_workers: self.accounts.losses(),
                 };
-                // Whoever asked may have left.
+                // The caller may have left.
                 let _ = reply.send((self.accounts.summaries(), counts));
             }
             Message::Shutdown(done) => {
@@ -224,7 +224,7 @@ impl<O: ReactorObserver> Reactor<O> {
         self.look_round();
     }
 
-    /// Tells that the cluster is ready when it is, and gives up where nobody can come any more.
+    /// Tells that the cluster is ready when it is, and gives up when no worker can come any more.
     fn look_round(&mut self) {
         if self.waiting.is_hopeless(!self.sessions.is_empty()) {
             self.end_grace();
@@ -328,7 +328,7 @@ impl<O: ReactorObserver> Reactor<O> {
         self.carry_out(actions, "");
     }
 
-    /// Does what the scheduler wants; `message` is what a worker said about the job that failed.
+    /// Carries out actions. `message` is the worker's, about a job that failed.
     fn carry_out(&mut self, actions: Vec<Action>, message: &str) {
         for action in actions {
             match action {
@@ -343,7 +343,7 @@ impl<O: ReactorObserver> Reactor<O> {
                     }
                 }
                 Action::Cancel { worker, job } => self.command(worker, Command::Cancel(job)),
-                // Where the answer is.
+                // Done where the answer is.
                 Action::Deliver { .. } => {}
                 Action::Abandon { job, why } => {
                     self.requests.remove(&job);
@@ -361,7 +361,7 @@ impl<O: ReactorObserver> Reactor<O> {
     }
 
     fn report(&self, result: Result) {
-        // A driver that left needs no results.
+        // A caller that left needs no results.
         let _ = self.results.send(result);
     }
 }

@@ -1,4 +1,4 @@
-//! What must hold between any two events.
+//! Invariants between any two events.
 
 use std::collections::BTreeSet;
 
@@ -7,7 +7,7 @@ use super::worker::Worker;
 use super::{JobId, Scheduler, WorkerId};
 
 impl Scheduler {
-    /// Checks what must hold between any two events: no job is lost, none has more than two copies, suspects are alone, and
+    /// Checks the invariants between two events: no job is lost, none has more than two copies, suspects are alone, and
     /// no worker idles that could work, unless the policy has jobs wait.
     ///
     /// # Panics
@@ -55,7 +55,7 @@ impl Scheduler {
         assert!(unsuspected.iter().chain(&suspects).all(known), "what waits is not over");
     }
 
-    /// What a worker holds is what the jobs say.
+    /// Workers hold the jobs that name them as holders.
     fn check_held(&self, id: WorkerId, worker: &Worker) {
         for held in &worker.under_way {
             match self.jobs.get(&held.job) {

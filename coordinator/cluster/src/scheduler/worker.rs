@@ -1,4 +1,4 @@
-//! What the scheduler knows of a worker.
+//! State of a worker.
 
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
@@ -84,7 +84,7 @@ impl Worker {
         replicas.iter().all(|digest| self.replicas.get(digest) == Some(&ReplicaState::Loaded))
     }
 
-    /// Takes one more job, after so many rounds.
+    /// Takes one more job, `rounds` after the start.
     pub(super) fn take(&mut self, held: Held, rounds: f64) {
         self.under_way.push(held);
         self.begin(rounds);
