@@ -5,7 +5,7 @@ use std::error::Error;
 use std::time::Duration;
 
 use bake::{BakeError, BakeSettings, RowService, Unobserved, bake};
-use cluster::{Cluster, FinishedJob, JobId, Workers};
+use cluster::{Cluster, FinishedJob, Handle, JobId, Workers};
 use kernel::replica::{Digest, EncodedReplica};
 use kernel::row::{Precision, Rounding, Row, RowRequest, encode_row};
 use tests::baking::imported;
@@ -34,10 +34,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         // Rows are rounded here, where both can be seen.
         let settings = BakeSettings { factor_rounding: 0.0, ..settings };
         let scene = imported(&glb);
-        let mut service = Weighing {
-            cluster: Cluster::start(&Workers::Embedded { threads: 2 }.into())?,
-            sums: Sums::default(),
-        };
+        let cluster = Cluster::start(&Workers::Embedded { threads: 2 }.into())?;
+        let mut service = Weighing { handle: cluster.handle(0), sums: Sums::default() };
         bake(&scene, &settings, &mut service, &mut Unobserved)?;
         let Sums { rows, receivers, factors, bytes, bytes_exact, error, largest_error } = service.sums;
         let per = |what: u64, of: u64| what as f64 / of as f64;
@@ -72,29 +70,29 @@ struct Sums {
 
 /// Workers whose rows are weighed as they come.
 struct Weighing {
-    cluster: Cluster,
+    handle: Handle,
     sums: Sums,
 }
 
 impl RowService for Weighing {
     fn publish(&mut self, replica: EncodedReplica) {
-        self.cluster.publish(replica);
+        self.handle.publish(replica);
     }
 
     fn release(&mut self, digest: Digest) {
-        self.cluster.release(digest);
+        self.handle.release(digest);
     }
 
     fn submit(&mut self, requests: Vec<(JobId, RowRequest)>) {
-        self.cluster.submit(requests);
+        self.handle.submit(requests);
     }
 
     fn withdraw(&mut self) {
-        self.cluster.withdraw();
+        self.handle.withdraw();
     }
 
     fn next(&mut self, patience: Duration) -> Result<Option<FinishedJob>, BakeError> {
-        let finished = RowService::next(&mut self.cluster, patience)?;
+        let finished = RowService::next(&mut self.handle, patience)?;
         for row in finished.iter().flat_map(|finished| &finished.rows) {
             self.sums.add(row);
         }

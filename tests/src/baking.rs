@@ -22,9 +22,9 @@ pub fn imported(glb: &[u8]) -> Scene {
 /// When it cannot be baked.
 #[must_use]
 pub fn baked_by(scene: &Scene, settings: &BakeSettings, threads: usize) -> Baked {
-    let mut cluster = Cluster::start(&Workers::Embedded { threads }.into()).expect("threads can be started");
-    let baked =
-        bake(scene, settings, &mut cluster, &mut Unobserved).unwrap_or_else(|error| panic!("{error}"));
+    let cluster = Cluster::start(&Workers::Embedded { threads }.into()).expect("threads can be started");
+    let baked = bake(scene, settings, &mut cluster.handle(0), &mut Unobserved)
+        .unwrap_or_else(|error| panic!("{error}"));
     cluster.shutdown();
     baked
 }

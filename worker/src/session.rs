@@ -4,12 +4,13 @@ use std::collections::HashMap;
 use std::time::Duration;
 
 use kernel::replica::Digest;
+use kernel::row::ROW_VERSION;
 use protocol::telemetry::Held;
 use protocol::worker::coordinator_message::Body as Incoming;
 use protocol::worker::worker_message::Body as Outgoing;
 use protocol::worker::{
     CancelJob, CoordinatorHello, CoordinatorMessage, Goodbye, KeepAlive, PROTOCOL_VERSION, WorkerHello,
-    WorkerMessage,
+    WorkerMessage, check_versions,
 };
 use tokio::sync::mpsc;
 use tokio::task::JoinSet;
@@ -72,6 +73,7 @@ impl Session<'_> {
             name: settings.name.clone(),
             software_version: env!("CARGO_PKG_VERSION").into(),
             instance: settings.instance,
+            row_version: ROW_VERSION,
         }))
         .await?;
         let hello = timeout(HELLO, inbound.message()).await;
@@ -177,17 +179,13 @@ impl Session<'_> {
 
 /// Checks the coordinator's first message.
 fn greet(message: Option<CoordinatorMessage>) -> Result<(), Status> {
-    let Some(Incoming::Hello(CoordinatorHello { protocol_version, name })) =
+    let Some(Incoming::Hello(CoordinatorHello { protocol_version, name, row_version })) =
         message.and_then(|message| message.body)
     else {
         return Err(Status::failed_precondition("the first message of a session is a hello"));
     };
-    if protocol_version != PROTOCOL_VERSION {
-        return Err(Status::failed_precondition(format!(
-            "coordinator {name} speaks protocol version {protocol_version}, this worker version \
-             {PROTOCOL_VERSION}: install the same release on both machines"
-        )));
-    }
+    check_versions("worker", protocol_version, row_version)
+        .map_err(|mismatch| Status::failed_precondition(format!("coordinator {name} {mismatch}")))?;
     tracing::info!(coordinator = name, "session open");
     Ok(())
 }

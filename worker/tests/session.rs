@@ -6,7 +6,7 @@ use std::num::NonZeroUsize;
 use glam::DVec3;
 use kernel::geometry::PlaneId;
 use kernel::replica::{Digest, EncodedReplica, Receiver, Receivers, encode_receivers, encode_scene};
-use kernel::row::{Precision, RowRequest, Shape, Shooter};
+use kernel::row::{Precision, ROW_VERSION, RowRequest, Shape, Shooter};
 use protocol::worker::coordinator_message::Body as Outgoing;
 use protocol::worker::worker_client::WorkerClient;
 use protocol::worker::worker_message::Body as Incoming;
@@ -49,12 +49,19 @@ struct Session {
 impl Session {
     /// Opens a session; the worker's hello is the next message.
     async fn open(client: &mut WorkerClient<Channel>, protocol_version: u32) -> Self {
+        Self::open_as(client, protocol_version, ROW_VERSION).await
+    }
+
+    /// The same, with a row version.
+    async fn open_as(client: &mut WorkerClient<Channel>, protocol_version: u32, row_version: u32) -> Self {
         let (outbound, messages) = mpsc::unbounded_channel();
         let inbound = client.session(UnboundedReceiverStream::new(messages)).await.unwrap().into_inner();
         let mut session = Self { outbound, inbound };
-        session.say(Outgoing::Hello(CoordinatorHello { protocol_version, name: "test".into() }));
+        let hello = CoordinatorHello { protocol_version, name: "test".into(), row_version };
+        session.say(Outgoing::Hello(hello));
         let Incoming::Hello(hello) = session.hear().await.unwrap() else { panic!("no hello") };
         assert_eq!((hello.protocol_version, hello.threads), (PROTOCOL_VERSION, 1));
+        assert_eq!(hello.row_version, ROW_VERSION);
         session
     }
 
@@ -122,6 +129,21 @@ async fn a_coordinator_of_another_version_is_refused() {
     assert_eq!(status.code(), Code::FailedPrecondition);
     for version in [PROTOCOL_VERSION, PROTOCOL_VERSION + 1] {
         assert!(status.message().contains(&format!("version {version}")), "{}", status.message());
+    }
+}
+
+#[tokio::test]
+async fn a_coordinator_of_another_row_version_is_refused() {
+    let Setup { mut client, .. } = setup().await.unwrap();
+    // 0 is what a release sends that does not know the field.
+    for theirs in [0, ROW_VERSION + 1] {
+        let mut session = Session::open_as(&mut client, PROTOCOL_VERSION, theirs).await;
+        let status = session.hear().await.unwrap_err();
+        assert_eq!(status.code(), Code::FailedPrecondition);
+        let (theirs, ours) = (format!("row version {theirs}"), format!("this worker version {ROW_VERSION}"));
+        for words in [theirs.as_str(), &ours, "install the same release"] {
+            assert!(status.message().contains(words), "{}", status.message());
+        }
     }
 }
 

@@ -1,4 +1,4 @@
-//! Figures of a bake under way, for Prometheus.
+//! Metrics of the cluster and of a bake, for Prometheus.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -13,14 +13,14 @@ use protocol::telemetry::Held;
 
 use bake::{Phase, Progress};
 
-/// What the cluster does and how far the bake is. A clone is another handle to the same figures.
+/// Metrics of the cluster and of the progress of a bake. Clones share their values.
 #[derive(Debug, Clone, Default)]
 pub struct Metrics {
-    figures: Arc<Figures>,
+    values: Arc<Values>,
 }
 
 #[derive(Debug, Default)]
-struct Figures {
+struct Values {
     workers: Gauge,
     reconnections: Counter,
     lost_workers: Counter,
@@ -48,9 +48,9 @@ struct PhaseLabel {
 }
 
 impl Metrics {
-    /// Shows the figures in a registry.
+    /// Registers the metrics.
     pub fn register(&self, registry: &mut Registry) {
-        let Figures {
+        let Values {
             workers,
             reconnections,
             lost_workers,
@@ -69,7 +69,7 @@ impl Metrics {
             unshot,
             vertices,
             rows_needed,
-        } = self.figures.as_ref();
+        } = self.values.as_ref();
         let registry = registry.sub_registry_with_prefix("halflight_coordinator");
         registry.register("workers", "Workers connected", workers.clone());
         registry.register("reconnections", "Workers that came back", reconnections.clone());
@@ -81,7 +81,7 @@ impl Metrics {
         registry.register("rays", "Rays cast for them", rays.clone());
         registry.register_with_unit(
             "busy",
-            "Time that the workers' threads spent on rows",
+            "Computing time, summed over threads",
             Unit::Seconds,
             busy.clone(),
         );
@@ -90,7 +90,7 @@ impl Metrics {
         registry.register("duplicates_sent", "Jobs sent to a second worker as well", duplicates_sent.clone());
         registry.register(
             "duplicates_dropped",
-            "Jobs taken back since another worker had answered",
+            "Answers dropped because another worker had answered before",
             duplicates_dropped.clone(),
         );
         registry.register("ignored_answers", "Answers that came late or twice", ignored_answers.clone());
@@ -100,78 +100,74 @@ impl Metrics {
         registry.register("rows_needed", "Rows known to be needed so far", rows_needed.clone());
     }
 
-    /// A worker is connected, for as long as this is held.
+    /// Counts a connected worker until it is dropped.
     #[must_use]
     pub fn connected(&self) -> Held {
-        Held::new(&self.figures.workers)
+        Held::new(&self.values.workers)
     }
 
-    /// Workers that are connected now.
+    /// Number of connected workers.
     #[must_use]
     pub fn workers(&self) -> usize {
-        usize::try_from(self.figures.workers.get()).unwrap_or_default()
+        usize::try_from(self.values.workers.get()).unwrap_or_default()
     }
 
-    /// A worker is connected that was before.
+    /// Counts a worker that came back.
     pub fn came_back(&self) {
-        self.figures.reconnections.inc();
+        self.values.reconnections.inc();
     }
 
-    /// A worker was lost.
+    /// Counts a lost worker.
     pub fn lost(&self) {
-        self.figures.lost_workers.inc();
+        self.values.lost_workers.inc();
     }
 
-    /// A worker has a job, for as long as this is held.
+    /// Counts a job that a worker holds until it is dropped.
     #[must_use]
     pub fn in_flight(&self) -> Held {
-        Held::new(&self.figures.jobs_in_flight)
+        Held::new(&self.values.jobs_in_flight)
     }
 
-    /// So many jobs are not finished, whether a worker holds them or not.
+    /// Sets the number of jobs that are not finished, whether a worker holds them or not.
     pub fn unfinished(&self, jobs: usize) {
-        let waiting = jobs as i64 - self.figures.jobs_in_flight.get();
-        self.figures.jobs_waiting.set(waiting.max(0));
+        let waiting = jobs as i64 - self.values.jobs_in_flight.get();
+        self.values.jobs_waiting.set(waiting.max(0));
     }
 
-    /// A worker answered a job, as the first or after another one: so many rows and rays, the time that it took, and the bytes of
-    /// the answer.
+    /// Counts an answer to a job: its rows, rays, computing time and bytes. Rows and rays count for the first answer only.
     pub fn answered(&self, is_first: bool, rows: u64, rays: u64, busy: Duration, bytes: u64) {
         if is_first {
-            self.figures.jobs.inc();
-            self.figures.rows.inc_by(rows);
-            self.figures.rays.inc_by(rays);
+            self.values.jobs.inc();
+            self.values.rows.inc_by(rows);
+            self.values.rays.inc_by(rays);
         }
-        self.figures.busy.inc_by(busy.as_secs_f64());
-        self.figures.bytes_received.inc_by(bytes);
+        self.values.busy.inc_by(busy.as_secs_f64());
+        self.values.bytes_received.inc_by(bytes);
     }
 
-    /// So many bytes of replicas and jobs went to a worker.
+    /// Counts bytes of replicas and jobs sent to a worker.
     pub fn sent(&self, bytes: u64) {
-        self.figures.bytes_sent.inc_by(bytes);
+        self.values.bytes_sent.inc_by(bytes);
     }
 
-    /// A job was taken back from a worker, since another one had answered.
-    pub fn taken_back(&self) {
-        self.figures.duplicates_dropped.inc();
-    }
-
-    /// What the scheduler counted up to now: jobs sent twice, answers of no use.
-    pub fn scheduled(&self, duplicates_sent: u64, ignored_answers: u64) {
+    /// Sets the counts of the scheduler: jobs sent twice, answers dropped because another worker was first, answers to jobs that the
+    /// worker did not hold.
+    pub fn scheduled(&self, duplicates_sent: u64, duplicates_dropped: u64, ignored_answers: u64) {
         let set = |counter: &Counter, value| counter.inner().store(value, Ordering::Relaxed);
-        set(&self.figures.duplicates_sent, duplicates_sent);
-        set(&self.figures.ignored_answers, ignored_answers);
+        set(&self.values.duplicates_sent, duplicates_sent);
+        set(&self.values.duplicates_dropped, duplicates_dropped);
+        set(&self.values.ignored_answers, ignored_answers);
     }
 
-    /// How far the bake is.
+    /// Sets the progress of the bake.
     pub fn progress(&self, progress: &Progress) {
         for phase in Phase::ALL {
             let is_on = i64::from(phase == progress.phase);
-            self.figures.phase.get_or_create(&PhaseLabel { phase: phase.name() }).set(is_on);
+            self.values.phase.get_or_create(&PhaseLabel { phase: phase.name() }).set(is_on);
         }
-        self.figures.unshot.set(progress.unshot);
-        self.figures.vertices.set(progress.vertices as i64);
-        self.figures.rows_needed.set(progress.rows_needed.try_into().unwrap_or(i64::MAX));
+        self.values.unshot.set(progress.unshot);
+        self.values.vertices.set(progress.vertices as i64);
+        self.values.rows_needed.set(progress.rows_needed.try_into().unwrap_or(i64::MAX));
     }
 }
 
@@ -193,8 +189,7 @@ mod tests {
         metrics.answered(true, 2, 10, Duration::from_millis(500), 100);
         metrics.answered(false, 2, 10, Duration::from_millis(500), 100);
         metrics.sent(7);
-        metrics.taken_back();
-        metrics.scheduled(1, 3);
+        metrics.scheduled(1, 1, 3);
         metrics.lost();
         let [left, _stays] = workers;
         drop(left);

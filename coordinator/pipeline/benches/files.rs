@@ -16,9 +16,8 @@ fn files(criterion: &mut Criterion) {
         .expect("the repository has tests/scenes/cornell.glb");
     let options = ImportOptions::default();
     let scene = import_slice(&cornell, &options).expect("cornell can be imported");
-    let mut cluster =
-        Cluster::start(&Workers::Embedded { threads: 2 }.into()).expect("threads can be started");
-    let baked = bake(&scene, &BakeSettings::for_error(0.03), &mut cluster, &mut Unobserved)
+    let cluster = Cluster::start(&Workers::Embedded { threads: 2 }.into()).expect("threads can be started");
+    let baked = bake(&scene, &BakeSettings::for_error(0.03), &mut cluster.handle(0), &mut Unobserved)
         .expect("cornell can be baked");
     cluster.shutdown();
     let folder = tempfile::tempdir().expect("a temporary folder can be made");

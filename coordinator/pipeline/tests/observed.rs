@@ -57,10 +57,10 @@ impl Observer for Curious {
 fn whoever_always_asks_changes_no_bit() {
     let scene = cornell();
     for rows in [RowStrategy::Exact, RowStrategy::Gather] {
-        let (mut alone, mut watched) = (cluster(), cluster());
-        let expected = bake(&scene, &settings(rows), &mut alone, &mut Unobserved).unwrap();
+        let (alone, watched) = (cluster(), cluster());
+        let expected = bake(&scene, &settings(rows), &mut alone.handle(0), &mut Unobserved).unwrap();
         let mut curious = Curious::default();
-        let baked = bake(&scene, &settings(rows), &mut watched, &mut curious).unwrap();
+        let baked = bake(&scene, &settings(rows), &mut watched.handle(0), &mut curious).unwrap();
         assert_eq!(baked.lit.vertices, expected.lit.vertices);
         assert_eq!(baked.lit.surfaces, expected.lit.surfaces);
         assert!(baked.lit.unshot.is_empty());
@@ -104,7 +104,7 @@ fn check_states(seen: &[(Phase, LitMesh)]) {
 fn a_present_state_can_be_written_with_what_is_unshot() {
     let scene = cornell();
     let mut curious = Curious::default();
-    bake(&scene, &settings(RowStrategy::Exact), &mut cluster(), &mut curious).unwrap();
+    bake(&scene, &settings(RowStrategy::Exact), &mut cluster().handle(0), &mut curious).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("present.glb");
     let (_, lit) = &curious.seen[curious.seen.len() / 2];
@@ -140,17 +140,16 @@ impl Observer for Impatient {
 #[test]
 fn a_cancelled_bake_ends_and_leaves_its_workers_to_the_next() {
     let scene = cornell();
-    let expected = bake(&scene, &settings(RowStrategy::Exact), &mut cluster(), &mut Unobserved).unwrap();
-    let mut cluster = cluster();
+    let expected =
+        bake(&scene, &settings(RowStrategy::Exact), &mut cluster().handle(0), &mut Unobserved).unwrap();
+    let cluster = cluster();
+    let mut handle = cluster.handle(0);
     for phase in [Phase::Light, Phase::Shoot, Phase::Refine, Phase::Settle, Phase::Measure] {
         let mut impatient = Impatient { phase, is_there: false };
-        let cancelled = bake(&scene, &settings(RowStrategy::Exact), &mut cluster, &mut impatient);
+        let cancelled = bake(&scene, &settings(RowStrategy::Exact), &mut handle, &mut impatient);
         assert!(matches!(cancelled.map(|_| ()), Err(BakeError::Cancelled)), "not cancelled in {phase:?}");
-        assert!(
-            !matches!(cluster.next_within(Duration::from_millis(50)), Ok(Some(_))),
-            "an answer to nobody"
-        );
+        assert!(!matches!(handle.next_within(Duration::from_millis(50)), Ok(Some(_))), "an answer to nobody");
     }
-    let baked = bake(&scene, &settings(RowStrategy::Exact), &mut cluster, &mut Unobserved).unwrap();
+    let baked = bake(&scene, &settings(RowStrategy::Exact), &mut handle, &mut Unobserved).unwrap();
     assert_eq!(baked.lit.vertices, expected.lit.vertices);
 }

@@ -60,7 +60,7 @@ pub use metrics::Metrics;
 pub use refusal::Refusal;
 pub use settings::{Limits, ServiceSettings};
 
-use cluster::SharedCluster;
+use cluster::Cluster;
 use ledger::Ledger;
 use progress::lock;
 use queue::Event;
@@ -81,7 +81,7 @@ pub struct Service {
 /// What all parts of the service share.
 struct Office {
     store: Store,
-    workers: SharedCluster,
+    workers: Cluster,
     limits: Limits,
     /// Held by whoever changes a job: on the disk first, then in memory.
     changing: Mutex<()>,
@@ -102,11 +102,7 @@ impl Service {
     ///
     /// # Errors
     /// When the folder cannot be used.
-    pub fn open(
-        settings: &ServiceSettings,
-        workers: SharedCluster,
-        metrics: Metrics,
-    ) -> Result<Self, StoreError> {
+    pub fn open(settings: &ServiceSettings, workers: Cluster, metrics: Metrics) -> Result<Self, StoreError> {
         let Opened { store, records, damaged } = Store::open(&settings.data)?;
         for path in damaged {
             tracing::error!(path = %path.display(), "a job's record is damaged and is passed over: take it from a back-up");

@@ -10,7 +10,7 @@ use tokio::sync::watch;
 use crate::present::Present;
 use bake::lit::LitMesh;
 use bake::{Observer, Phase, Progress};
-use cluster::SharedCluster;
+use cluster::Cluster;
 
 /// Between two states that watchers are told of: rows come by the ten thousand.
 const INTERVAL: Duration = Duration::from_millis(200);
@@ -154,7 +154,7 @@ pub struct Watched<'a> {
     /// The job.
     pub live: &'a Live,
     /// Its workers, and everybody's.
-    pub workers: &'a SharedCluster,
+    pub workers: &'a Cluster,
 }
 
 impl Observer for Watched<'_> {

@@ -20,7 +20,7 @@ use crate::store::Store;
 use bake::lit::LitMesh;
 use bake::{BakeError, BakeSettings, KeptLight, RelightError, bake, check_groups};
 use cluster::checkpoint::Checkpointed;
-use cluster::{ClusterError, SharedCluster};
+use cluster::{Cluster, ClusterError};
 use output::export::{ExportError, ExportSettings, Exported, export};
 use pipeline::options::{LONGEST_TEXT, MOST_NAMES, Violations, Wanted, wanted};
 use pipeline::summary::{Computed, Summary, extras};
@@ -45,7 +45,7 @@ pub struct Means<'a> {
     /// Where the files are.
     pub store: &'a Store,
     /// Who computes.
-    pub workers: &'a SharedCluster,
+    pub workers: &'a Cluster,
     /// How much a job may have.
     pub limits: &'a Limits,
 }
@@ -100,7 +100,7 @@ fn bake_whole(means: &Means<'_>, record: &Record, wanted: Wanted, live: &Live) -
     live.present.begin(Stage { scene: Arc::clone(&scene), export: wanted.export.clone() });
     let limit = means.limits.checkpoint_bytes;
     let path = means.store.checkpoint(record.id);
-    let rows = || means.workers.driver(record.header.priority);
+    let rows = || means.workers.handle(record.header.priority);
     let mut service = Checkpointed::open(rows(), &path, limit).or_else(|error| {
         // Rows of another release, or damaged: they are made again.
         tracing::warn!(job = %record.id, %error, "the checkpoint is of no use");
@@ -109,7 +109,7 @@ fn bake_whole(means: &Means<'_>, record: &Record, wanted: Wanted, live: &Live) -
     })?;
     let mut watched = Watched { live, workers: means.workers };
     let baked = bake(&scene, &settings, &mut service, &mut watched);
-    let (driver, recorded) = service.finish();
+    let (handle, recorded) = service.finish();
     let baked = baked.map_err(of_bake)?;
 
     live.enter(api::Phase::Export);
@@ -119,7 +119,7 @@ fn bake_whole(means: &Means<'_>, record: &Record, wanted: Wanted, live: &Live) -
     if let Some(kept) = &baked.kept {
         kept.write(&means.store.light(record.id)).map_err(of_light)?;
     }
-    let workers = driver.workers();
+    let workers = handle.workers();
     let summary = Summary {
         seconds: clock.elapsed().as_secs_f64(),
         unit: &export_settings.unit,

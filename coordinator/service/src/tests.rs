@@ -19,7 +19,7 @@ const DAY: Duration = Duration::from_secs(24 * 3600);
 fn service(folder: &TempDir, limits: Limits) -> Service {
     let nobody = Workers::Remote(vec!["127.0.0.1:1".into()]);
     let workers = ClusterSettings { grace: ClusterSettings::ENDLESS_GRACE, ..nobody.into() };
-    let workers = SharedCluster::start(&workers).unwrap();
+    let workers = Cluster::start_in_background(&workers).unwrap();
     let places = Places { all: 1, of_a_client: 1 };
     let settings = ServiceSettings { data: folder.path().join("data"), places, limits };
     Service::open(&settings, workers, Metrics::default()).unwrap()

@@ -145,9 +145,9 @@ fn an_unknown_light_is_an_error_that_lists_those_that_are() {
         error.to_string(),
         "group warm: the scene has no light candle; its lights are: lamp, bulb, sky"
     );
-    let mut cluster = Cluster::start(&Workers::Embedded { threads: 1 }.into()).unwrap();
+    let cluster = Cluster::start(&Workers::Embedded { threads: 1 }.into()).unwrap();
     let settings = BakeSettings { groups, ..settings() };
-    let refused = bake(&scene, &settings, &mut cluster, &mut Unobserved).map(|_| ());
+    let refused = bake(&scene, &settings, &mut cluster.handle(0), &mut Unobserved).map(|_| ());
     assert!(matches!(refused, Err(BakeError::UnknownLight { .. })));
     cluster.shutdown();
 }

@@ -30,9 +30,9 @@ fn lit(name: &str) -> (TempDir, PathBuf) {
 }
 
 fn take(file: &LitFile, camera: Camera, size: [u32; 2], samples: u32) -> Picture {
-    let mut cluster = Cluster::start(&Workers::Embedded { threads: 2 }.into()).unwrap();
+    let cluster = Cluster::start(&Workers::Embedded { threads: 2 }.into()).unwrap();
     let settings = TileSettings { camera, size, samples, background: DVec3::ZERO };
-    render_tiles(&mut cluster, encode_picture(&file.scene), &settings, &mut |_, _| ()).unwrap()
+    render_tiles(&mut cluster.handle(0), encode_picture(&file.scene), &settings, &mut |_, _| ()).unwrap()
 }
 
 fn at(picture: &Picture, x: u32, y: u32) -> DVec3 {

@@ -125,11 +125,12 @@ pub fn run(arguments: &RenderArguments, workers: &ClusterSettings) -> anyhow::Re
     let (camera, size, words) = camera(&file, arguments)?;
     let background = arguments.background.or(file.sky).unwrap_or(DVec3::ZERO);
     let settings = TileSettings { camera, size, samples: arguments.samples, background };
-    let mut cluster = Cluster::start(workers)?;
+    let cluster = Cluster::start(workers)?;
     let bar = Bar::new();
     let tracing = Instant::now();
     let scene = encode_picture(&file.scene);
-    let picture = render_tiles(&mut cluster, scene, &settings, &mut |done, total| bar.show(done, total))?;
+    let picture =
+        render_tiles(&mut cluster.handle(0), scene, &settings, &mut |done, total| bar.show(done, total))?;
     let tracing = tracing.elapsed().as_secs_f64();
     bar.0.finish_and_clear();
     let per_worker = cluster.workers();

@@ -8,7 +8,7 @@ use clap::builder::FalseyValueParser;
 use clap::error::ErrorKind;
 use clap::parser::ValueSource;
 use clap::{Arg, ArgAction, ArgMatches, Args, FromArgMatches};
-use cluster::{ClusterSettings, SharedCluster};
+use cluster::{Cluster, ClusterSettings};
 use protocol::security::{Tls, Transport};
 use protocol::server::stop_on_signal;
 use service::clients::Clients;
@@ -199,7 +199,7 @@ async fn serve(arguments: &ServeArguments, workers: ClusterSettings, metrics: Me
     };
     // Workers that are not there now come later, and jobs wait for them, unless this process may take their place.
     let grace = if workers.fallback.is_none() { ClusterSettings::ENDLESS_GRACE } else { workers.grace };
-    let workers = SharedCluster::start(&ClusterSettings { grace, ..workers })?;
+    let workers = Cluster::start_in_background(&ClusterSettings { grace, ..workers })?;
     let service = Service::open(&arguments.settings(), workers, metrics)?;
     let listener = TcpListener::bind(arguments.listen)
         .await

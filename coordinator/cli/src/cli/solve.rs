@@ -96,15 +96,14 @@ pub fn run(arguments: &SolveArguments, workers: &ClusterSettings) -> anyhow::Res
     }
     check_groups(&scene, &settings.groups)?;
     let mut shown = Shown { line: ProgressLine::new(), metrics: workers.metrics.clone() };
-    let mut cluster = Cluster::start(workers)?;
+    let cluster = Cluster::start(workers)?;
     let (baked, recorded) = match &arguments.checkpoint.checkpoint {
-        None => (bake(&scene, &settings, &mut cluster, &mut shown)?, None),
+        None => (bake(&scene, &settings, &mut cluster.handle(0), &mut shown)?, None),
         Some(path) => {
             let limit = arguments.checkpoint.checkpoint_size.saturating_mul(1 << 20);
-            let mut service = Checkpointed::open(cluster, path, limit)?;
+            let mut service = Checkpointed::open(cluster.handle(0), path, limit)?;
             let baked = bake(&scene, &settings, &mut service, &mut shown);
-            let recorded;
-            (cluster, recorded) = service.finish();
+            let (_, recorded) = service.finish();
             let kept = || format!("the rows made so far are in {}: the same command goes on", path.display());
             (baked.with_context(kept)?, Some(recorded))
         }

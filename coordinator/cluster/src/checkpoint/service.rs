@@ -6,14 +6,13 @@ use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use kernel::replica::{Digest, EncodedReplica};
-use kernel::row::{Row, RowRequest};
+use kernel::row::{FinishedJob, JobId, Row, RowRequest};
 use protocol::worker::RowStatistics;
 
 use super::file::{CheckpointFile, read};
 use super::record::{decode_body, is_whole, keys};
 use super::writer::{Writer, Written};
 use super::{CheckpointError, CheckpointSummary};
-use crate::connections::{FinishedJob, JobId};
 use bake::{BakeError, RowService};
 
 /// Rows from a checkpoint where they are in it, and from another service where they are not; those are added to it.

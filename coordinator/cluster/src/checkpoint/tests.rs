@@ -5,17 +5,16 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use glam::DVec3;
-use kernel::row::{Precision, Shape, Shooter};
+use kernel::row::{Precision, ROW_VERSION, Shape, Shooter, release};
 use proptest::prelude::*;
 
 use super::file::CheckpointFile;
 use super::record::{HEAD, TAIL, decode_head, encode, keys};
 use super::writer::{Storage, Writer, Written};
 use super::*;
-use crate::connections::{FinishedJob, JobId};
 use bake::{BakeError, RowService};
 use kernel::replica::{Digest, EncodedReplica};
-use kernel::row::{Row, RowRequest};
+use kernel::row::{FinishedJob, JobId, Row, RowRequest};
 use protocol::worker::RowStatistics;
 
 const RECEIVERS: usize = 5;
@@ -161,6 +160,23 @@ fn what_is_no_checkpoint_is_refused_and_left_alone() {
     drop(held);
     let nowhere = Checkpointed::open(Counting::default(), &folder.path().join("no/rows"), 0).err().unwrap();
     assert!(nowhere.to_string().contains("--checkpoint"), "{nowhere}");
+}
+
+#[test]
+fn a_checkpoint_of_another_row_version_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("rows");
+    bake(&path, u64::MAX, &[(0, 2)]);
+    let bytes = fs::read(&path).unwrap();
+    let header = |release: &str| format!("halflight checkpoint\n{release}\n").into_bytes();
+    let rows = bytes.strip_prefix(&header(&release())[..]).unwrap();
+    let other = release().replace(&format!("rows {ROW_VERSION}"), &format!("rows {}", ROW_VERSION + 1));
+    assert_ne!(other, release());
+    fs::write(&path, [&header(&other), rows].concat()).unwrap();
+    let error = Checkpointed::open(Counting::default(), &path, 0).err().unwrap().to_string();
+    for words in [other.as_str(), &release(), "remove the file"] {
+        assert!(error.contains(words), "{error}");
+    }
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! What each worker did, by the address that it was reached at: one that comes back goes on with its account.
+//! Accounts of workers, by address: a worker that comes back goes on with its account.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -6,9 +6,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use tokio::time::Instant;
 
-use super::WorkerSummary;
 use super::connect::is_at;
-use super::summary::FinishedWork;
+use super::summary::{FinishedWork, WorkerSummary};
 use crate::scheduler::WorkerId;
 
 /// The accounts of all workers that were ever connected.
@@ -22,7 +21,7 @@ pub(super) struct Accounts {
 
 struct Account {
     summary: WorkerSummary,
-    /// While it is connected: since when, and the bytes sent since.
+    /// While it is connected: the start, and the bytes sent since.
     open: Option<(Instant, Arc<AtomicU64>)>,
 }
 
@@ -44,7 +43,7 @@ impl Account {
 }
 
 impl Accounts {
-    /// A worker is connected; whether it was before.
+    /// A worker is connected. Returns whether it was before.
     pub(super) fn open(
         &mut self,
         worker: WorkerId,
@@ -68,7 +67,7 @@ impl Accounts {
         known.is_some()
     }
 
-    /// A worker answered a job, as the first or after another one.
+    /// A worker answered a job, as the first or not.
     pub(super) fn count(&mut self, worker: WorkerId, is_first: bool, work: &FinishedWork, bytes: u64) {
         let Some(summary) = self.of_worker.get(&worker).map(|index| &mut self.accounts[*index].summary)
         else {
@@ -77,13 +76,19 @@ impl Accounts {
         if is_first {
             summary.part.add(work, bytes);
         } else {
-            summary.late += 1;
             summary.part.busy += work.busy();
             summary.part.bytes_received += bytes;
         }
     }
 
-    /// A worker is lost; its name and address.
+    /// A worker answered a job that another one had answered before.
+    pub(super) fn count_late(&mut self, worker: WorkerId) {
+        if let Some(index) = self.of_worker.get(&worker) {
+            self.accounts[*index].summary.late += 1;
+        }
+    }
+
+    /// A worker is lost. Returns its name and address.
     pub(super) fn lose(&mut self, worker: WorkerId, reason: String) -> (String, String) {
         self.losses += 1;
         self.close(worker);
@@ -112,7 +117,7 @@ impl Accounts {
         known.map(|part| (part.name.clone(), part.address.clone(), part.threads)).unwrap_or_default()
     }
 
-    /// How many jobs a worker computes at the same time.
+    /// Number of jobs that a worker computes at the same time.
     pub(super) fn threads(&self, worker: WorkerId) -> usize {
         self.of_worker.get(&worker).map_or(0, |index| self.accounts[*index].summary.part.threads)
     }
@@ -122,7 +127,7 @@ impl Accounts {
         self.accounts.iter().any(|account| is_at(&account.summary.part.address, name))
     }
 
-    /// Whether nobody was ever connected.
+    /// Whether no worker was ever connected.
     pub(super) fn is_empty(&self) -> bool {
         self.accounts.is_empty()
     }

@@ -10,7 +10,7 @@ use protocol::worker::{Finished, RowStatistics, digest_of_rows};
 use super::summary::FinishedWork;
 use crate::scheduler::JobId;
 
-/// Larger figures than any row can cost, and small enough that those of a whole bake can be summed: 13 days, or as many rays.
+/// Largest plausible cost of a row, small enough to be summed over a bake: 13 days in nanoseconds, or as many rays.
 const LARGEST_FIGURE: u64 = 1 << 50;
 
 /// The answer to a job, decoded and checked.
@@ -20,21 +20,21 @@ pub struct Answer {
     pub job: JobId,
     /// One row for each shooter of the request.
     pub rows: Vec<Row>,
-    /// What each of them cost.
+    /// Cost of each row.
     pub statistics: Vec<RowStatistics>,
-    /// Digest of the rows as they came.
+    /// Digest of the encoded rows.
     pub digest: Digest,
-    /// Length of the rows as they came, in bytes.
+    /// Length of the encoded rows in bytes.
     pub bytes: u64,
 }
 
 /// An answer of either kind, decoded and checked.
 pub(super) struct Checked {
-    /// What was computed.
+    /// The rows or the tile.
     pub(super) work: FinishedWork,
-    /// Digest of it as it came.
+    /// Digest of its encoding.
     pub(super) digest: Digest,
-    /// Its length as it came, in bytes.
+    /// Length of its encoding in bytes.
     pub(super) bytes: u64,
 }
 
@@ -47,7 +47,7 @@ impl From<Answer> for Checked {
 /// Decodes a tile and checks that it answers this request.
 ///
 /// # Errors
-/// When it has not what was asked for, or what cannot be.
+/// When it does not fit the request, or is impossible.
 pub(super) fn check_tile(
     request: &TileRequest,
     finished: &messages::FinishedTile,
@@ -62,10 +62,10 @@ pub(super) fn check_tile(
     Ok(Checked { work, digest, bytes: finished.pixels.len() as u64 })
 }
 
-/// Why an answer cannot be what was asked for.
+/// Why an answer does not fit its request.
 #[derive(Debug, thiserror::Error)]
 pub enum AnswerError {
-    /// Another number of rows.
+    /// Wrong number of rows.
     #[error("{found} rows for job {job}, which asks for {expected}")]
     Rows {
         /// The job.
@@ -75,7 +75,7 @@ pub enum AnswerError {
         /// Rows that came.
         found: usize,
     },
-    /// Another number of statistics.
+    /// Wrong number of statistics.
     #[error("statistics of {found} rows for job {job}, which asks for {expected}")]
     Statistics {
         /// The job.
@@ -85,16 +85,16 @@ pub enum AnswerError {
         /// Statistics that came.
         found: usize,
     },
-    /// A row cannot have cost that.
-    #[error("statistics of job {0} that cannot be")]
+    /// An impossible cost.
+    #[error("impossible statistics of job {0}")]
     Cost(JobId),
     /// The rows changed on the way.
-    #[error("rows of job {0} whose digest is not theirs")]
+    #[error("rows of job {0} do not match their digest")]
     Digest(JobId),
-    /// Pixels that are not those of the tile.
+    /// Pixels that do not fit the tile.
     #[error("job {0}: {1}")]
     Tile(JobId, TileError),
-    /// Bytes that are no row.
+    /// Bytes that are not a row.
     #[error("job {0}: {1}")]
     Row(JobId, RowDecodeError),
 }
@@ -103,7 +103,7 @@ impl Answer {
     /// Decodes an answer and checks that it is one to this request.
     ///
     /// # Errors
-    /// When it has not what was asked for, or what cannot be.
+    /// When it does not fit the request, or is impossible.
     pub fn check(request: &RowRequest, finished: &Finished) -> Result<Self, AnswerError> {
         let job = JobId(finished.job_id);
         let expected = request.shooters.len();
@@ -134,7 +134,7 @@ impl Answer {
     }
 }
 
-/// Whether a row can have cost that: figures that the sums of a bake can take.
+/// Whether a cost is possible, and can be summed over a bake.
 fn can_be(cost: &RowStatistics) -> bool {
     let RowStatistics { rays, factors, sampled_pairs, busy_nanoseconds, pairs, occluded_pairs, .. } = *cost;
     let counts = [rays, factors, sampled_pairs, busy_nanoseconds, pairs, occluded_pairs];

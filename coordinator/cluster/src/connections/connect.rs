@@ -7,12 +7,14 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use hyper_util::rt::TokioIo;
+use kernel::row::ROW_VERSION;
 use protocol::security::{ClientSecurity, Credentials, SecuredChannel, explain};
 use protocol::worker::coordinator_message::Body as Outgoing;
 use protocol::worker::worker_client::WorkerClient;
 use protocol::worker::worker_message::Body as Incoming;
 use protocol::worker::{
     CoordinatorHello, CoordinatorMessage, MAX_MESSAGE_BYTES, PROTOCOL_VERSION, WorkerHello, WorkerMessage,
+    check_versions,
 };
 use tokio::io::DuplexStream;
 use tokio::sync::mpsc;
@@ -25,42 +27,41 @@ use tonic::transport::{Channel, Endpoint, Uri};
 use tower::service_fn;
 use worker::Settings;
 
-use super::ClusterError;
-use super::error::{is_refusal, reason, words};
+use super::error::{ClusterError, is_refusal, reason, words};
 use super::network::Network;
 
-/// How long a worker may take to take a connection, and then to say hello.
+/// Time limit for a worker to accept a connection, and again to say hello.
 pub(super) const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// Bytes of rows that may be on their way on one connection.
+/// Bytes in flight on one connection.
 const CONNECTION_WINDOW: u32 = 16 << 20;
 
-/// Most bytes of an HTTP/2 frame that comes from a worker: the rows of a job in one frame are copied once less than in many.
+/// Largest HTTP/2 frame from a worker, in bytes: the rows of a job in one frame are copied once less than in many.
 const LARGEST_FRAME: u32 = 1 << 20;
 
-/// Bytes that an embedded worker's connection holds.
+/// Buffer of an embedded worker's connection, in bytes.
 const MEMORY_BUFFER: usize = 1 << 20;
 
-/// What the worker of this process is called in messages.
+/// Name of this process's worker in messages.
 pub(super) const EMBEDDED: &str = "this process";
 
 /// A worker that said hello.
 pub(super) struct Connection {
-    /// Where it is, for messages.
+    /// Its place, for messages.
     pub address: String,
-    /// What it said.
+    /// Its first message.
     pub hello: WorkerHello,
-    /// Its half of the session.
+    /// Messages from it.
     pub inbound: Streaming<WorkerMessage>,
-    /// Our half of the session. Unbounded: what it holds is bounded by the jobs that a worker may have under way.
+    /// Messages to it. Unbounded: the jobs that a worker may hold bound them.
     pub outbound: mpsc::UnboundedSender<CoordinatorMessage>,
-    /// Uploads have a connection of their own: an upload that the worker is slow to read would hold up all other messages.
+    /// Connection for uploads, which would hold up other messages on the same one.
     pub uploads: WorkerClient<SecuredChannel>,
-    /// Whether the worker can fall silent while this process lives on.
+    /// Whether it can fall silent while this process lives.
     pub remote: bool,
 }
 
-/// Refuses what cannot be the address of a worker.
+/// Checks that an address has the form `host:port`.
 pub(super) fn check_name(address: &str) -> Result<(), ClusterError> {
     let well_formed = address.rsplit_once(':').is_some_and(|(host, port)| {
         !host.is_empty() && !host.contains('/') && port.parse().is_ok_and(|port: u16| port > 0)
@@ -68,7 +69,7 @@ pub(super) fn check_name(address: &str) -> Result<(), ClusterError> {
     if well_formed { Ok(()) } else { Err(ClusterError::Address { address: address.into() }) }
 }
 
-/// Dials one of the machines that the name `given` stands for.
+/// Dials one of the machines behind the name `given`.
 pub(super) async fn dial(
     network: &Arc<dyn Network>,
     security: &ClientSecurity,
@@ -114,13 +115,13 @@ fn with_certificates_in_mind(error: ClusterError) -> ClusterError {
     }
 }
 
-/// What a worker is called in messages: as the user gave it, and which of its machines.
+/// Name of a worker in messages: as the user gave it, with the machine's address.
 pub(super) fn place(given: &str, socket: SocketAddr) -> String {
     let socket = socket.to_string();
     if socket == given { socket } else { format!("{given} ({socket})") }
 }
 
-/// Whether a [`place`] is one of the machines that a name stands for, or the name itself.
+/// Whether a [`place`] is a name or one of the machines behind it.
 pub(super) fn is_at(place: &str, name: &str) -> bool {
     place.strip_prefix(name).is_some_and(|rest| rest.is_empty() || rest.starts_with(" ("))
 }
@@ -176,6 +177,7 @@ async fn greet(
     let hello = CoordinatorHello {
         protocol_version: PROTOCOL_VERSION,
         name: format!("coordinator {}", std::process::id()),
+        row_version: ROW_VERSION,
     };
     // The receiving end is in scope.
     let _ = outbound.send(CoordinatorMessage { body: Some(Outgoing::Hello(hello)) });
@@ -200,9 +202,8 @@ async fn greet(
     let (inbound, hello) = timeout(CONNECT_TIMEOUT, opening)
         .await
         .map_err(|_| unreachable("it does not say hello in time".into()))??;
-    if hello.protocol_version != PROTOCOL_VERSION {
-        let (theirs, ours) = (hello.protocol_version, PROTOCOL_VERSION);
-        return Err(ClusterError::Version { address, theirs, ours });
+    if let Err(mismatch) = check_versions("coordinator", hello.protocol_version, hello.row_version) {
+        return Err(ClusterError::Version { address, mismatch });
     }
     if hello.threads == 0 {
         return Err(refused("it has no threads".into()));

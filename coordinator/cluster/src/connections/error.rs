@@ -1,6 +1,7 @@
 use std::error::Error;
 
 use kernel::replica::Digest;
+use protocol::worker::VersionMismatch;
 use tonic::Code;
 
 use crate::scheduler::{Abandonment, JobId};
@@ -8,7 +9,7 @@ use crate::scheduler::{Abandonment, JobId};
 /// Why rows cannot be had.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum ClusterError {
-    /// There is nobody to work.
+    /// No worker is configured.
     #[error("no workers: give at least one thread or one address")]
     NoWorkers,
     /// The network threads or the embedded worker did not start.
@@ -20,31 +21,26 @@ pub enum ClusterError {
         /// As it was given.
         address: String,
     },
-    /// Nobody answers.
+    /// No worker answers.
     #[error(
         "no worker answers at {address}: {reason}; start one there with `worker --listen host:port`, or \
          correct the address"
     )]
     Unreachable {
-        /// As it was given, and what it stands for.
+        /// As it was given, with the machine's address.
         address: String,
-        /// What the system says.
+        /// Error of the system.
         reason: String,
     },
-    /// The worker is of another release.
-    #[error(
-        "worker at {address} speaks protocol version {theirs}, this coordinator version {ours}: install the \
-         same release on both machines"
-    )]
+    /// The worker is of another version.
+    #[error("worker at {address} {mismatch}")]
     Version {
         /// The worker's address.
         address: String,
-        /// The worker's version.
-        theirs: u32,
-        /// The version of this program.
-        ours: u32,
+        /// Which version differs.
+        mismatch: VersionMismatch,
     },
-    /// Somebody answers, but not as a worker does.
+    /// The peer is not a worker, or refuses.
     #[error("worker at {address} refuses the session: {reason}")]
     Refused {
         /// The worker's address.
@@ -52,7 +48,7 @@ pub enum ClusterError {
         /// The worker's words.
         reason: String,
     },
-    /// The connection would not be, or is not, what was asked for: plain text beyond this machine, a certificate refused.
+    /// The connection is not as secure as required: plain text beyond this machine, or a refused certificate.
     #[error("worker at {address} is not talked to: {reason}")]
     Insecure {
         /// The worker's address.
@@ -60,13 +56,13 @@ pub enum ClusterError {
         /// Why, and the cure.
         reason: String,
     },
-    /// Nobody is left, and nobody came back.
+    /// All workers are lost, and none came back.
     #[error("all workers are lost: {}", reasons.join("; "))]
     AllWorkersLost {
-        /// How each of them was lost, or why it was never reached.
+        /// How each was lost, or why it was never reached.
         reasons: Vec<String>,
     },
-    /// A job failed wherever it was tried.
+    /// A job failed on every try.
     #[error("job {job} cannot be computed, {why}: {message}")]
     Abandoned {
         /// The job.
@@ -79,7 +75,7 @@ pub enum ClusterError {
     /// A job needs a replica that was not published, or was released.
     #[error("replica {0} is not published, and a job needs it")]
     NotPublished(Digest),
-    /// The task that moves the messages is gone.
+    /// The cluster's task has ended.
     #[error("the cluster has stopped")]
     Stopped,
 }
@@ -94,7 +90,7 @@ impl ClusterError {
     }
 }
 
-/// Whether the other side itself said no, rather than the network between: then it says so again.
+/// Whether the peer itself refused, rather than the network: then it does so again.
 pub(super) fn is_refusal(status: &tonic::Status) -> bool {
     let says_no = matches!(
         status.code(),
@@ -108,7 +104,7 @@ pub(super) fn is_refusal(status: &tonic::Status) -> bool {
     says_no && status.source().is_none()
 }
 
-/// What lies at the bottom of an error: the words of the system below those of the libraries.
+/// Innermost source of an error: the message of the system below those of the libraries.
 pub(super) fn reason(error: &dyn Error) -> String {
     let mut innermost = error;
     while let Some(source) = innermost.source() {
@@ -117,7 +113,7 @@ pub(super) fn reason(error: &dyn Error) -> String {
     innermost.to_string()
 }
 
-/// What a status says: a worker's own words, or why the connection failed.
+/// Message of a status: the worker's own, or why the connection failed.
 pub(super) fn words(status: &tonic::Status) -> String {
     if status.source().is_some() { reason(status) } else { status.message().into() }
 }

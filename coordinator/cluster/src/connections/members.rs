@@ -1,4 +1,4 @@
-//! Who takes part: follows the names of the workers, dials, works with whoever answers, and dials again after a loss.
+//! Membership: follows the names of the workers, dials them, works with those that answer, and dials again after a loss.
 
 use std::collections::{HashMap, HashSet};
 use std::net::SocketAddr;
@@ -14,31 +14,32 @@ use tokio::time::{sleep, timeout};
 use tokio_util::sync::CancellationToken;
 
 use super::connect::{self, CONNECT_TIMEOUT, Connection, EMBEDDED, place};
+use super::error::ClusterError;
 use super::message::{Joined, Message};
 use super::network::Network;
 use super::session::{self, News};
-use super::{ClusterError, ClusterSettings};
+use super::settings::ClusterSettings;
 use crate::metrics::Metrics;
 use crate::scheduler::WorkerId;
 
-/// How often a name is looked up again: a machine that joins is found after so long.
+/// Interval between look-ups of a name: a new machine is found within it.
 const LOOK_UP_INTERVAL: Duration = Duration::from_secs(2);
 
-/// Before a worker that was lost, or does not answer, is dialled again; doubled each time up to the longest.
+/// Delay before a worker that was lost or does not answer is dialled again; doubled each time up to the longest.
 const FIRST_DELAY: Duration = Duration::from_millis(250);
 const LONGEST_DELAY: Duration = Duration::from_secs(5);
 
-/// Before an address that leads to a worker which is connected already is tried again.
+/// Delay before another address of a connected worker is tried again.
 const ALIAS_DELAY: Duration = Duration::from_secs(60);
 
-/// What all tasks that look after members share.
+/// State that the tasks of all members share.
 pub(super) struct Members {
     network: Arc<dyn Network>,
     security: ClientSecurity,
     metrics: Metrics,
     reactor: mpsc::UnboundedSender<Message>,
     next: AtomicU32,
-    /// Workers that are connected, whatever their address.
+    /// Instances of connected workers, by whatever address.
     instances: Mutex<HashSet<u64>>,
     /// Cancelled when the cluster ends; embedded workers end with it.
     leaving: CancellationToken,
@@ -63,12 +64,12 @@ impl Members {
         })
     }
 
-    /// Nobody is dialled any more.
+    /// Ends all dialling.
     pub(super) fn leave(&self) {
         self.leaving.cancel();
     }
 
-    /// Starts a worker in this process, and works with it.
+    /// Starts a worker in this process and works with it.
     pub(super) fn embed(self: &Arc<Self>, threads: NonZeroUsize) {
         let members = Arc::clone(self);
         tokio::spawn(async move {
@@ -86,7 +87,7 @@ impl Members {
         });
     }
 
-    /// Looks after all machines that a name stands for, now and later.
+    /// Looks after all machines behind a name, now and later.
     pub(super) fn follow(self: &Arc<Self>, name: String) {
         let members = Arc::clone(self);
         tokio::spawn(async move {
@@ -105,7 +106,7 @@ impl Members {
             let mut new = vec![];
             match timeout(CONNECT_TIMEOUT, self.network.resolve(name)).await {
                 Ok(Ok(sockets)) => {
-                    // What is not listed any more may finish its session, but is not dialled again.
+                    // A machine that is not listed any more may finish its session, but is not dialled again.
                     keepers.retain(|socket, keeper| {
                         sockets.contains(socket) || {
                             keeper.listed.cancel();
@@ -133,7 +134,7 @@ impl Members {
                 }
                 self.tell(Message::Tried { name });
             }
-            // An address stands for itself for ever: once it is given up there is nothing left to do.
+            // An address never stands for another machine: once it is given up there is nothing left to do.
             if name.parse::<SocketAddr>().is_ok() {
                 for keeper in keepers.into_values() {
                     let _ = keeper.task.await;
@@ -150,7 +151,7 @@ impl Members {
         self.tell(Message::Failed { place: name.into(), error });
     }
 
-    /// Starts to look after one machine. The receiver ends when it was dialled for the first time.
+    /// Starts to look after one machine. The receiver ends after the first dial.
     fn keep(self: &Arc<Self>, name: &str, socket: SocketAddr) -> (Keeper, oneshot::Receiver<()>) {
         let (trying, first_try) = oneshot::channel();
         let listed = self.leaving.child_token();
@@ -246,11 +247,11 @@ impl Members {
 
 /// How work with a machine ended.
 enum Parted {
-    /// It may come back; whether it had answered any job.
+    /// It may come back. `useful` if it had answered any job.
     Lost { useful: bool },
-    /// It shall not come back.
+    /// It is not dialled again.
     AtFault,
-    /// The same worker is connected by another address.
+    /// The worker is connected by another address.
     KnownAlready,
 }
 
@@ -260,7 +261,7 @@ struct Keeper {
     task: JoinHandle<()>,
 }
 
-/// A worker is connected as long as this lives.
+/// Marks a worker as connected until it is dropped.
 struct Claim<'a> {
     members: &'a Members,
     instance: u64,

@@ -1,4 +1,4 @@
-//! What the reactor is told.
+//! Messages to the reactor.
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
@@ -7,12 +7,13 @@ use kernel::replica::{Digest, EncodedReplica};
 use protocol::worker::WorkerHello;
 use tokio::sync::{mpsc, oneshot};
 
+use super::error::ClusterError;
 use super::request::Request;
 use super::session::{Command, News};
-use super::{ClusterCounts, ClusterError, WorkerSummary};
+use super::summary::{ClusterCounts, WorkerSummary};
 use crate::scheduler::{JobId, WorkerId};
 
-/// What the reactor is told.
+/// A message to the reactor.
 pub(super) enum Message {
     /// A replica that jobs may need from now on.
     Publish(EncodedReplica),
@@ -20,11 +21,9 @@ pub(super) enum Message {
     Release(Digest),
     /// More jobs.
     Submit(Vec<(JobId, Request)>),
-    /// Jobs that nobody waits for any more.
+    /// Jobs that are not wanted any more.
     Withdraw(Vec<JobId>),
-    /// Nobody waits for any job any more; the sender is dropped once none of them will be answered.
-    WithdrawAll(oneshot::Sender<()>),
-    /// What did each worker do?
+    /// Report what each worker did.
     Summarise(oneshot::Sender<(Vec<WorkerSummary>, ClusterCounts)>),
     /// Say goodbye to all workers; the sender is dropped when all have answered.
     Shutdown(oneshot::Sender<()>),
@@ -39,12 +38,12 @@ pub(super) enum Message {
         /// Why.
         error: ClusterError,
     },
-    /// All machines that a name stands for were dialled once.
+    /// All machines behind a name were dialled once.
     Tried {
         /// The name.
         name: String,
     },
-    /// Nobody can come from one of the addresses any more.
+    /// No worker can come from one of the addresses any more.
     GaveUp,
 }
 

@@ -1,4 +1,4 @@
-//! The network that workers are reached through: sockets in earnest, something else in simulations.
+//! The network between coordinator and workers: sockets, or a simulation.
 
 use std::future::Future;
 use std::io;
@@ -8,7 +8,7 @@ use std::pin::Pin;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::{TcpStream, lookup_host};
 
-/// What a [`Network`] answers with, later.
+/// Future answer of a [`Network`].
 pub type Answer<T> = Pin<Box<dyn Future<Output = io::Result<T>> + Send>>;
 
 /// Bytes in both directions.
@@ -18,16 +18,16 @@ impl<T: AsyncRead + AsyncWrite + Send + Unpin> ByteStream for T {}
 
 /// Names and connections.
 pub trait Network: Send + Sync + 'static {
-    /// All addresses that `host:port` stands for now.
+    /// Resolves `host:port` to all of its present addresses.
     ///
     /// # Errors
-    /// When the name is not known, or nobody can be asked.
+    /// When the name is unknown, or no name server answers.
     fn resolve(&self, name: &str) -> Answer<Vec<SocketAddr>>;
 
     /// Connects to an address.
     ///
     /// # Errors
-    /// When nobody answers there.
+    /// When no process accepts the connection.
     fn connect(&self, address: SocketAddr) -> Answer<Box<dyn ByteStream>>;
 }
 
@@ -44,7 +44,7 @@ impl Network for Sockets {
     fn connect(&self, address: SocketAddr) -> Answer<Box<dyn ByteStream>> {
         Box::pin(async move {
             let stream = TcpStream::connect(address).await?;
-            // Messages are whole when they are written: nothing is gained by waiting for more.
+            // Messages are written whole: waiting for more gains nothing.
             stream.set_nodelay(true)?;
             Ok(Box::new(stream) as Box<dyn ByteStream>)
         })

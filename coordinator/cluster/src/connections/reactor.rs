@@ -1,7 +1,8 @@
-//! The one task that owns the scheduler: turns messages into its events, and carries out its actions.
+//! The task that owns the scheduler: turns messages into its events and carries out its actions.
 
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
+use std::sync::atomic::AtomicUsize;
 use std::sync::atomic::Ordering::Relaxed;
 
 use kernel::replica::{Digest, EncodedReplica};
@@ -12,19 +13,42 @@ use tokio_util::sync::CancellationToken;
 
 use super::accounts::Accounts;
 use super::answer::Checked;
-use super::asynchronous::Connected;
+use super::error::ClusterError;
 use super::members::Members;
 use super::message::{Joined, Message};
 use super::request::Request;
 use super::session::{Command, LostWorkerReason, News};
-use super::summary::Delivery;
+use super::settings::{ClusterSettings, Schedule};
+use super::summary::{ClusterCounts, Delivery};
 use super::waiting::{Ready, Waiting};
-use super::{ClusterCounts, ClusterError, ClusterSettings, Schedule};
 use crate::scheduler::{Action, Event, JobId, Policy, Scheduler, WorkerId};
 
 pub(super) type Result = std::result::Result<Delivery, ClusterError>;
 
-pub(super) struct Reactor {
+/// The workers that are connected now.
+#[derive(Debug, Default)]
+pub(super) struct Connected {
+    /// Number of workers.
+    pub(super) workers: AtomicUsize,
+    /// Number of jobs that they compute at the same time.
+    pub(super) threads: AtomicUsize,
+}
+
+/// Observes the decisions of a reactor's scheduler. `()` observes nothing, at no cost; simulations check.
+pub(crate) trait ReactorObserver: Send + 'static {
+    /// Hands an event to the scheduler and returns its actions.
+    fn decide(&mut self, scheduler: &mut Scheduler, event: Event) -> Vec<Action> {
+        scheduler.handle(event)
+    }
+
+    /// Takes the numbers of requests, sessions, and digests of answers that may come twice, between two messages.
+    fn held(&mut self, _requests: usize, _sessions: usize, _delivered: usize) {}
+}
+
+impl ReactorObserver for () {}
+
+pub(super) struct Reactor<O> {
+    observer: O,
     settings: ClusterSettings,
     members: Arc<Members>,
     scheduler: Scheduler,
@@ -34,7 +58,7 @@ pub(super) struct Reactor {
     accounts: Accounts,
     /// Answers that were delivered, of jobs that another worker holds too, until it has answered or is lost.
     delivered: HashMap<JobId, Delivered>,
-    /// Whoever has a session, for the driver.
+    /// Counts the sessions.
     connected: Arc<Connected>,
     results: mpsc::UnboundedSender<Result>,
     waiting: Waiting,
@@ -44,17 +68,18 @@ pub(super) struct Reactor {
 
 /// The first answer to a job.
 struct Delivered {
-    /// Of what it holds.
+    /// Of its content.
     digest: Digest,
-    /// Who sent it.
+    /// The worker that sent it.
     by: WorkerId,
-    /// Who holds the job too.
+    /// The worker that holds the job too.
     holder: WorkerId,
 }
 
-impl Reactor {
-    /// A reactor that waits for workers from so many names. Results of jobs go to `results`.
+impl<O: ReactorObserver> Reactor<O> {
+    /// A reactor that waits for workers from this number of names. Results of jobs go to `results`.
     pub(super) fn new(
+        observer: O,
         settings: ClusterSettings,
         members: Arc<Members>,
         names: usize,
@@ -67,6 +92,7 @@ impl Reactor {
             Schedule::Periodic { .. } => Policy::Periodic,
         };
         Self {
+            observer,
             settings,
             members,
             scheduler: Scheduler::new(policy),
@@ -103,20 +129,15 @@ impl Reactor {
                     self.end_grace();
                 }
                 () = tick(&mut timer) => self.on(Event::Tick),
-                // The driver left without a word.
+                // The caller left without a goodbye.
                 () = leaving.cancelled(), if self.shutdown.is_none() => return,
             }
             self.show();
             if self.shutdown.is_some() && self.sessions.is_empty() {
                 return;
             }
-            #[cfg(test)]
             if self.shutdown.is_none() {
-                crate::simulation::watch::held(
-                    self.requests.len(),
-                    self.sessions.len(),
-                    self.delivered.len(),
-                );
+                self.observer.held(self.requests.len(), self.sessions.len(), self.delivered.len());
             }
         }
     }
@@ -125,7 +146,11 @@ impl Reactor {
     fn show(&self) {
         let (metrics, scheduler) = (&self.settings.metrics, &self.scheduler);
         metrics.unfinished(self.requests.len());
-        metrics.scheduled(scheduler.duplicates_sent(), scheduler.ignored_answers());
+        metrics.scheduled(
+            scheduler.duplicates_sent(),
+            scheduler.duplicates_dropped(),
+            scheduler.ignored_answers(),
+        );
     }
 
     fn take(&mut self, message: Message) {
@@ -143,17 +168,13 @@ impl Reactor {
                 self.on(Event::Submitted { jobs });
             }
             Message::Withdraw(jobs) => self.withdraw(jobs),
-            Message::WithdrawAll(done) => {
-                self.withdraw(self.requests.keys().copied().collect());
-                drop(done);
-            }
             Message::Summarise(reply) => {
                 let counts = ClusterCounts {
                     duplicates: self.scheduler.duplicates_sent(),
                     ignored_answers: self.scheduler.ignored_answers(),
                     lost_workers: self.accounts.losses(),
                 };
-                // Whoever asked may have left.
+                // The caller may have left.
                 let _ = reply.send((self.accounts.summaries(), counts));
             }
             Message::Shutdown(done) => {
@@ -178,9 +199,7 @@ impl Reactor {
         }
     }
 
-    fn withdraw(&mut self, mut jobs: Vec<JobId>) {
-        // In an order of their own, whatever that of the map.
-        jobs.sort_unstable();
+    fn withdraw(&mut self, jobs: Vec<JobId>) {
         for job in &jobs {
             self.requests.remove(job);
         }
@@ -205,7 +224,7 @@ impl Reactor {
         self.look_round();
     }
 
-    /// Tells that the cluster is ready when it is, and gives up where nobody can come any more.
+    /// Tells that the cluster is ready when it is, and gives up when no worker can come any more.
     fn look_round(&mut self) {
         if self.waiting.is_hopeless(!self.sessions.is_empty()) {
             self.end_grace();
@@ -240,7 +259,7 @@ impl Reactor {
                         Event::Failed { worker, job }
                     }
                 };
-                let actions = self.decide(event);
+                let actions = self.observer.decide(&mut self.scheduler, event);
                 self.carry_out(actions, &message);
             }
             News::Lost(reason) => self.lose(worker, &reason),
@@ -268,14 +287,14 @@ impl Reactor {
             tracing::warn!(seconds = self.settings.grace.as_secs_f64(), "no worker is left: waiting for one");
         }
         let event = Event::WorkerLost { worker, orderly: reason.is_orderly() };
-        let actions = self.decide(event);
+        let actions = self.observer.decide(&mut self.scheduler, event);
         self.carry_out(actions, &format!("worker {name} was lost: {reason}"));
         self.look_round();
     }
 
     fn finish(&mut self, worker: WorkerId, Checked { work, digest, bytes }: Checked) {
         let job = work.job();
-        let actions = self.decide(Event::Finished { worker, job });
+        let actions = self.observer.decide(&mut self.scheduler, Event::Finished { worker, job });
         let is_first = actions.contains(&Action::Deliver { job });
         self.accounts.count(worker, is_first, &work, bytes);
         self.settings.metrics.answered(is_first, work.rows(), work.rays(), work.busy(), bytes);
@@ -290,35 +309,26 @@ impl Reactor {
             self.requests.remove(&job);
             let by = self.accounts.who(worker);
             self.report(Ok(Delivery { work, by, bytes }));
-        } else if let Some(first) = self.delivered.remove(&job)
-            && first.digest != digest
-        {
-            tracing::error!(
-                %job,
-                first = self.accounts.name(first.by),
-                second = self.accounts.name(worker),
-                "two workers gave different answers to the same job: one of them is broken, and the output is in doubt"
-            );
+        } else if let Some(first) = self.delivered.remove(&job) {
+            self.accounts.count_late(worker);
+            if first.digest != digest {
+                tracing::error!(
+                    %job,
+                    first = self.accounts.name(first.by),
+                    second = self.accounts.name(worker),
+                    "two workers gave different answers to the same job: one of them is broken, and the output is in doubt"
+                );
+            }
         }
         self.carry_out(actions, "");
     }
 
-    /// Asks the scheduler what is to be done. Simulations watch.
-    fn decide(&mut self, event: Event) -> Vec<Action> {
-        #[cfg(test)]
-        let told = event.clone();
-        let actions = self.scheduler.handle(event);
-        #[cfg(test)]
-        crate::simulation::watch::scheduled(&told, &actions, &self.scheduler);
-        actions
-    }
-
     fn on(&mut self, event: Event) {
-        let actions = self.decide(event);
+        let actions = self.observer.decide(&mut self.scheduler, event);
         self.carry_out(actions, "");
     }
 
-    /// Does what the scheduler wants; `message` is what a worker said about the job that failed.
+    /// Carries out actions. `message` is the worker's, about a job that failed.
     fn carry_out(&mut self, actions: Vec<Action>, message: &str) {
         for action in actions {
             match action {
@@ -332,11 +342,8 @@ impl Reactor {
                         self.command(worker, Command::Job(job, Arc::clone(request)));
                     }
                 }
-                Action::Cancel { worker, job } => {
-                    self.settings.metrics.taken_back();
-                    self.command(worker, Command::Cancel(job));
-                }
-                // Where the answer is.
+                Action::Cancel { worker, job } => self.command(worker, Command::Cancel(job)),
+                // Done where the answer is.
                 Action::Deliver { .. } => {}
                 Action::Abandon { job, why } => {
                     self.requests.remove(&job);
@@ -354,7 +361,7 @@ impl Reactor {
     }
 
     fn report(&self, result: Result) {
-        // A driver that left needs no results.
+        // A caller that left needs no results.
         let _ = self.results.send(result);
     }
 }

@@ -1,15 +1,15 @@
-//! How much is done in a second, lately.
+//! Recent rate of work.
 
 use std::collections::VecDeque;
 use std::time::Duration;
 
-/// What is older than this does not count.
+/// Window of the rate.
 const LATELY: Duration = Duration::from_secs(5);
 
-/// Before so much time is over, the rate is that of so much: one fast job is no rate.
+/// Shortest time that a rate is taken over: one fast job is no rate.
 const LEAST: Duration = Duration::from_millis(500);
 
-/// A rate over the last seconds. Times are those of one clock of the caller's, and do not go back.
+/// Rate over the last seconds. Times are of one monotonic clock of the caller.
 #[derive(Debug, Clone, Default)]
 pub struct RecentRate {
     first: Option<Duration>,
@@ -17,14 +17,14 @@ pub struct RecentRate {
 }
 
 impl RecentRate {
-    /// So much was done by now.
+    /// Adds an amount done by `now`.
     pub fn add(&mut self, now: Duration, amount: u64) {
         self.first.get_or_insert(now);
         self.forget(now);
         self.amounts.push_back((now, amount));
     }
 
-    /// How much is done in a second: 0 where nothing was done for some seconds.
+    /// Amount per second; 0 if nothing was done for some seconds.
     pub fn per_second(&mut self, now: Duration) -> f64 {
         self.forget(now);
         let sum: u64 = self.amounts.iter().map(|(_, amount)| amount).sum();

@@ -1,4 +1,4 @@
-//! What a worker can be asked for.
+//! Requests to a worker.
 
 use kernel::picture::TileRequest;
 use kernel::replica::Digest;
@@ -7,7 +7,7 @@ use protocol::worker::coordinator_message::Body;
 
 use crate::scheduler::JobId;
 
-/// What a job asks for.
+/// Content of a job.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Request {
     /// Rows of form factors.
@@ -17,7 +17,7 @@ pub(super) enum Request {
 }
 
 impl Request {
-    /// The replicas that it needs.
+    /// Replicas that it needs.
     pub(super) fn needs(&self) -> Vec<Digest> {
         match self {
             Self::Rows(rows) => vec![rows.scene, rows.receivers],
@@ -25,7 +25,7 @@ impl Request {
         }
     }
 
-    /// The job as it travels.
+    /// Encodes the job as a message.
     pub(super) fn to_body(&self, job: JobId) -> Body {
         match self {
             Self::Rows(rows) => Body::Job(rows.to_job(job.0)),

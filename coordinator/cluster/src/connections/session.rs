@@ -1,4 +1,4 @@
-//! One worker's session: commands in, news out. Whatever goes wrong ends it, and is told in one way: as the loss of the worker.
+//! One worker's session: commands in, news out. Any failure ends it and is reported in one way, as the loss of the worker.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -26,25 +26,24 @@ use super::upload::{UploadFailure, upload};
 use crate::metrics::Metrics;
 use crate::scheduler::JobId;
 
-/// Time from one keep-alive of the session to the next. The only sign of life that is asked for: it goes the way of the jobs
-/// and answers, so whatever holds these up is noticed, be it the process, its machine or the network.
+/// Interval between keep-alives of the session. They take the way of the jobs and answers, so that a stall of the process, its machine
+/// or the network is noticed.
 const KEEP_ALIVE: Duration = Duration::from_millis(800);
 
-/// A worker that says nothing while so many keep-alives go out is lost: after four seconds at most. Counted rather than timed,
-/// so that a coordinator that was stopped for a while does not blame the worker.
+/// Keep-alives without any message from a worker before it is lost: after four seconds at most. Counted rather than timed, so that a
+/// coordinator that was stopped for a while does not blame the worker.
 const MOST_UNANSWERED: u32 = 4;
 
-/// A worker that holds jobs and answers none of them during so many keep-alives is lost: after ten minutes. Jobs take
-/// milliseconds to seconds.
+/// Keep-alives without an answer from a worker that holds jobs before it is lost: after ten minutes. Jobs take milliseconds to seconds.
 const MOST_IDLE: u32 = 750;
 
-/// What a session is to do.
+/// A command to a session.
 pub(super) enum Command {
-    /// Have this computed.
+    /// Send a job.
     Job(JobId, Arc<Request>),
     /// Load a replica.
     Load(EncodedReplica),
-    /// Tell the worker that nobody waits for a job any more.
+    /// Tell the worker that a job is not wanted any more.
     Cancel(JobId),
     /// Tell the worker that it may forget a replica.
     Release(Digest),
@@ -52,7 +51,7 @@ pub(super) enum Command {
     Goodbye,
 }
 
-/// What a session tells.
+/// News from a session.
 pub(super) enum News {
     /// A replica has arrived.
     Loaded(Digest),
@@ -62,16 +61,16 @@ pub(super) enum News {
     Failed {
         /// The job.
         job: JobId,
-        /// Decides what is done next.
+        /// Reason, which decides what happens next.
         reason: FailureReason,
         /// The worker's words.
         message: String,
     },
-    /// The last news: the session is over.
+    /// The session is over; no news follows.
     Lost(LostWorkerReason),
 }
 
-/// Why a worker counts as lost.
+/// Why a worker is lost.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum LostWorkerReason {
     #[error("it left: {0}")]
@@ -93,18 +92,18 @@ pub(super) enum LostWorkerReason {
 }
 
 impl LostWorkerReason {
-    /// Whether the worker drained and said goodbye: its jobs had nothing to do with it.
+    /// Whether the worker drained and said goodbye: its jobs are not to blame.
     pub(super) fn is_orderly(&self) -> bool {
         matches!(self, Self::Left(_) | Self::Leaving)
     }
 
-    /// Whether the worker is at fault, so that the same process is not asked again.
+    /// Whether the worker is at fault, so that it is not dialled again.
     pub(super) fn is_fault(&self) -> bool {
         matches!(self, Self::Garbage(_) | Self::Upload(_, UploadFailure::Refused(_)))
     }
 }
 
-/// Talks to a worker until it is lost. Tells everything but the loss, which it returns.
+/// Runs a session until the worker is lost. Tells everything but the loss, which it returns.
 pub(super) async fn run(
     connection: Connection,
     mut commands: mpsc::UnboundedReceiver<Command>,
@@ -142,7 +141,7 @@ pub(super) async fn run(
                 Ok((digest, Err(failure))) => Err(LostWorkerReason::Upload(digest, failure)),
                 Err(error) => Err(LostWorkerReason::Broken(error.to_string())),
             },
-            // A worker in this very process cannot be lost alone.
+            // A worker in this process cannot be lost alone.
             _ = keep_alive.tick(), if remote => {
                 unanswered += 1;
                 session.idle = if session.under_way.is_empty() { 0 } else { session.idle + 1 };
@@ -169,7 +168,7 @@ fn other_kind(job: u64) -> LostWorkerReason {
 
 struct Session<T> {
     outbound: mpsc::UnboundedSender<CoordinatorMessage>,
-    /// What the worker was asked and has not answered, each counted for as long as it is here.
+    /// Jobs that the worker has not answered, each counted in the metrics while it is here.
     under_way: HashMap<JobId, (Arc<Request>, Held)>,
     /// Keep-alives since the last answer to a job.
     idle: u32,
@@ -204,7 +203,7 @@ impl<T: Fn(News)> Session<T> {
         }
     }
 
-    /// Takes in what the worker says. Any end of its stream, whatever its code, is the loss of the worker.
+    /// Takes a message from the worker. Any end of its stream, whatever its code, is the loss of the worker.
     fn hear(&mut self, message: Result<Option<WorkerMessage>, Status>) -> Result<(), LostWorkerReason> {
         let message = message
             .map_err(|status| LostWorkerReason::Broken(words(&status)))?
@@ -243,7 +242,7 @@ impl<T: Fn(News)> Session<T> {
         self.metrics.sent(bytes as u64);
     }
 
-    /// What an answered job asked for.
+    /// Takes the request of an answered job.
     fn answered(&mut self, job: u64) -> Result<Arc<Request>, LostWorkerReason> {
         self.idle = 0;
         self.under_way.remove(&JobId(job)).map(|(request, _)| request).ok_or_else(|| {

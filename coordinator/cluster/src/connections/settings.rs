@@ -1,4 +1,4 @@
-//! Who works, and what happens when nobody does.
+//! Which workers, and what happens without any.
 
 use std::num::NonZeroUsize;
 use std::time::Duration;
@@ -7,12 +7,12 @@ use protocol::security::ClientSecurity;
 
 use crate::metrics::Metrics;
 
-/// Who works.
+/// The workers of a cluster.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Workers {
     /// A worker in this process.
     Embedded {
-        /// How many jobs it computes at the same time.
+        /// Number of jobs that it computes at the same time.
         threads: usize,
     },
     /// Worker processes, each `host:port`. A name stands for all machines that it resolves to, now and later.
@@ -25,35 +25,35 @@ pub enum Schedule {
     /// As soon as a worker has finished one.
     #[default]
     Finished,
-    /// When a timer rings: to measure against.
+    /// Periodically, as a baseline for measurements.
     Periodic {
-        /// From one time to the next.
+        /// The period.
         period: Duration,
     },
 }
 
-/// All that a cluster is told at its start.
+/// Settings of a cluster.
 #[derive(Debug, Clone)]
 pub struct ClusterSettings {
-    /// Who works.
+    /// The workers of a cluster.
     pub workers: Workers,
     /// When jobs are sent.
     pub schedule: Schedule,
-    /// How long a cluster without any worker waits for one, at the start and later.
+    /// How long a cluster without workers waits for one, at the start and later.
     pub grace: Duration,
-    /// Threads of the worker that this process starts when the grace is over. None: the cluster fails then.
+    /// Threads of the worker that this process starts after the grace; `None` fails instead.
     pub fallback: Option<NonZeroUsize>,
-    /// How remote workers are talked to.
+    /// Security of connections to remote workers.
     pub security: ClientSecurity,
-    /// Where the cluster counts what it does.
+    /// Metrics of the cluster.
     pub metrics: Metrics,
 }
 
 impl ClusterSettings {
-    /// How long a cluster waits where nobody asks for more or less: a worker that restarts, or a machine that does.
+    /// Default grace: enough for a worker or its machine to restart.
     pub const DEFAULT_GRACE: Duration = Duration::from_secs(30);
 
-    /// Waits on, however long no worker comes: for a service, whose workers come back.
+    /// Waits for workers without a limit, as a service does.
     pub const ENDLESS_GRACE: Duration = Duration::MAX;
 }
 

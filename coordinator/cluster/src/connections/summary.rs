@@ -1,4 +1,4 @@
-//! What comes out of a cluster: results of jobs, and what each worker did.
+//! Results of jobs, and summaries of what each worker did.
 
 use std::time::Duration;
 
@@ -23,6 +23,14 @@ impl FinishedWork {
         }
     }
 
+    /// The same under another id.
+    pub(super) fn named(self, job: JobId) -> Self {
+        match self {
+            Self::Rows(rows) => Self::Rows(FinishedJob { job, ..rows }),
+            Self::Tile(tile) => Self::Tile(FinishedTile { job, ..tile }),
+        }
+    }
+
     /// Rows in it.
     pub(super) fn rows(&self) -> u64 {
         match self {
@@ -39,7 +47,7 @@ impl FinishedWork {
         }
     }
 
-    /// Time that the worker computed, of one thread.
+    /// Computing time of one thread.
     pub(super) fn busy(&self) -> Duration {
         Duration::from_nanos(match self {
             Self::Rows(rows) => rows.statistics.iter().map(|row| row.busy_nanoseconds).sum(),
@@ -48,29 +56,29 @@ impl FinishedWork {
     }
 }
 
-/// What the worker at one address did of what was asked.
+/// Work of the worker at one address whose results were used.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct WorkerPart {
-    /// The name that it gave itself.
+    /// Its name, by its own account.
     pub name: String,
-    /// Where it is.
+    /// Its address.
     pub address: String,
-    /// How many jobs it computes at the same time.
+    /// Number of jobs that it computes at the same time.
     pub threads: usize,
-    /// Jobs of which its answer was the first.
+    /// Jobs that it answered first.
     pub jobs: u64,
     /// Rows in its jobs.
     pub rows: u64,
     /// Rays cast for them.
     pub rays: u64,
-    /// Time computed, summed over its threads.
+    /// Computing time, summed over its threads.
     pub busy: Duration,
     /// Length of the encoded rows, in bytes.
     pub bytes_received: u64,
 }
 
 impl WorkerPart {
-    /// Adds a job of which its answer was the first.
+    /// Adds a job that it answered first.
     pub(super) fn add(&mut self, work: &FinishedWork, bytes: u64) {
         self.jobs += 1;
         self.rows += work.rows();
@@ -80,12 +88,13 @@ impl WorkerPart {
     }
 }
 
-/// All that the worker at one address did.
+/// All work of the worker at one address.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct WorkerSummary {
-    /// Its part in what was asked; time computed and bytes received include late answers.
+    /// Work whose results were used; time computed and bytes received include answers that came
+    /// late or to withdrawn jobs.
     pub part: WorkerPart,
-    /// How often it was connected: once, if it was never lost.
+    /// Number of times that it connected: once, if it was never lost.
     pub connections: u64,
     /// Time that it was connected.
     pub connected: Duration,
@@ -110,14 +119,14 @@ impl WorkerSummary {
     }
 }
 
-/// Work that was asked for, from whoever answered first.
+/// First answer to a job.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Delivery {
-    /// What was asked for.
+    /// The rows or the tile.
     pub(super) work: FinishedWork,
-    /// Name and address of the worker, and how many jobs it computes at the same time.
+    /// Name, address and threads of the worker.
     pub(super) by: (String, String, usize),
-    /// Length of what it sent, in bytes.
+    /// Length of its answer in bytes.
     pub(super) bytes: u64,
 }
 
@@ -136,13 +145,13 @@ impl Delivery {
     }
 }
 
-/// What a cluster did, over all of its workers.
+/// Counts over all workers of a cluster.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct ClusterCounts {
     /// Jobs sent a second time, to an idle worker.
     pub duplicates: u64,
     /// Answers that came late or twice.
     pub ignored_answers: u64,
-    /// Times that a worker was lost, for whatever reason.
+    /// Times that a worker was lost, for any reason.
     pub lost_workers: u64,
 }

@@ -1,4 +1,4 @@
-//! A replica on its way to a worker.
+//! Sends a replica to a worker.
 
 use std::time::Duration;
 
@@ -11,17 +11,17 @@ use tokio::time::timeout;
 
 use super::error::{is_refusal, words};
 
-/// Bytes in one chunk: large enough to cost nothing, small enough that other messages get in between.
+/// Bytes per chunk: large enough to cost nothing, small enough to let other messages through.
 const CHUNK_BYTES: usize = 256 << 10;
 
-/// An upload may take so long, and a second more for each [`SLOWEST_BYTES`].
+/// Time limit of an upload, plus a second for each [`SLOWEST_BYTES`].
 const UPLOAD_TIMEOUT: Duration = Duration::from_secs(60);
 const SLOWEST_BYTES: u64 = 100_000;
 
-/// Why a replica is not on a worker.
+/// Why an upload failed.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum UploadFailure {
-    /// The worker itself says no, or says something that cannot be: it would do so again.
+    /// The worker refuses it, or gives an impossible answer: it would do so again.
     #[error("{0}")]
     Refused(String),
     /// The connection failed.
@@ -29,7 +29,7 @@ pub(super) enum UploadFailure {
     Broken(String),
 }
 
-/// Loads a replica to a worker; ends when the worker can use it.
+/// Sends a replica to a worker. Ends when the worker can use it.
 pub(super) async fn upload(
     mut client: WorkerClient<SecuredChannel>,
     replica: EncodedReplica,
@@ -46,7 +46,7 @@ pub(super) async fn upload(
     (digest, result)
 }
 
-/// Holds the worker's digest of what it holds against the one that it was sent.
+/// Compares the worker's digest with that of the replica sent.
 fn check(digest: Digest, reply: &LoadReplicaReply) -> Result<(), UploadFailure> {
     match Digest::try_from(reply.digest.as_ref()) {
         Ok(theirs) if theirs == digest => {
@@ -58,7 +58,7 @@ fn check(digest: Digest, reply: &LoadReplicaReply) -> Result<(), UploadFailure> 
     }
 }
 
-/// The header, then the bytes, which are shared and not copied.
+/// Splits a replica into its header and chunks of its bytes, which are shared and not copied.
 fn chunks(EncodedReplica { digest, kind, bytes }: EncodedReplica) -> impl Iterator<Item = ReplicaChunk> {
     let header = ReplicaHeader { digest: digest.to_bytes(), kind: kind.into(), length: bytes.len() as u64 };
     let data = (0..bytes.len())

@@ -1,4 +1,4 @@
-//! A cluster without workers: who may still come, how long that is waited for, and what is said when nobody does.
+//! Absent workers: which may still come, how long they are waited for, and the error when none comes.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -6,31 +6,31 @@ use std::time::Duration;
 use tokio::sync::oneshot;
 use tokio::time::Instant;
 
-use super::ClusterError;
 use super::accounts::Accounts;
 use super::connect::is_at;
+use super::error::ClusterError;
 
-/// Tells whoever started the cluster that it works, or why it does not.
+/// Tells the caller that the cluster is ready, or why it is not.
 pub(super) type Ready = oneshot::Sender<Result<(), ClusterError>>;
 
-/// What is known of workers that are not there.
+/// State of absent workers.
 pub(super) struct Waiting {
     /// Names that were not dialled yet.
     untried: usize,
-    /// Names from which somebody may still come.
+    /// Names from which a worker may still come.
     hopeful: usize,
-    /// Why each place that could not be reached could not.
+    /// Why each place could not be reached.
     failures: BTreeMap<String, ClusterError>,
-    /// Told when there is a worker and all names were dialled once, or when there is nobody to wait for.
+    /// Told when there is a worker and all names were dialled once, or when none can come.
     ready: Option<Ready>,
     /// Since when there is no worker.
     alone_since: Option<Instant>,
-    /// Whether it was said already that all workers are lost.
+    /// Whether the loss of all workers was reported.
     failed: bool,
 }
 
 impl Waiting {
-    /// For workers from so many names.
+    /// For workers from this number of names.
     pub(super) fn new(names: usize, ready: Ready) -> Self {
         Self {
             untried: names,
@@ -42,7 +42,7 @@ impl Waiting {
         }
     }
 
-    /// When a worker must be there, if there is none; `None` where that is beyond all times. Whoever was not dialled yet may come.
+    /// Deadline for a worker, if there is none; `None` without a deadline, or before all names were dialled.
     pub(super) fn ends(&self, grace: Duration) -> Option<Instant> {
         self.alone_since.filter(|_| self.untried == 0).and_then(|since| since.checked_add(grace))
     }
@@ -60,7 +60,7 @@ impl Waiting {
         self.failed = false;
     }
 
-    /// The last worker is gone; false where that makes no difference any more.
+    /// The last worker is gone. False if the loss was reported before.
     pub(super) fn is_alone(&mut self) -> bool {
         if !self.failed {
             self.alone_since = Some(Instant::now());
@@ -68,7 +68,7 @@ impl Waiting {
         !self.failed
     }
 
-    /// Nobody is waited for: the driver leaves, or this process does the work.
+    /// Stops waiting: the caller leaves, or this process does the work.
     pub(super) fn stop(&mut self) {
         self.alone_since = None;
     }
@@ -88,12 +88,12 @@ impl Waiting {
         }
     }
 
-    /// Nobody can come from one of the names any more.
+    /// No worker can come from one of the names any more.
     pub(super) fn gave_up(&mut self) {
         self.hopeful = self.hopeful.saturating_sub(1);
     }
 
-    /// Tells that the cluster is ready, if it is. True where there is no worker, and none can come.
+    /// Tells that the cluster is ready, if it is. True if there is no worker and none can come.
     pub(super) fn is_hopeless(&mut self, has_workers: bool) -> bool {
         if !has_workers {
             return self.hopeful == 0 && self.untried == 0 && self.alone_since.is_some();
@@ -101,19 +101,19 @@ impl Waiting {
         if self.untried == 0
             && let Some(ready) = self.ready.take()
         {
-            // Whoever started the cluster may have left.
+            // The caller may have left.
             let _ = ready.send(Ok(()));
         }
         false
     }
 
-    /// Nobody came. The error for the driver, unless it was told already, now or before.
+    /// No worker came. Returns the error to report, unless it was reported before.
     pub(super) fn fail(&mut self, accounts: &Accounts) -> Option<ClusterError> {
-        let error = self.nobody(accounts);
+        let error = self.no_worker(accounts);
         let is_news = !std::mem::replace(&mut self.failed, true);
         match self.ready.take() {
             Some(ready) => {
-                // Whoever started the cluster may have left.
+                // The caller may have left.
                 let _ = ready.send(Err(error));
                 None
             }
@@ -122,11 +122,11 @@ impl Waiting {
     }
 
     /// The error of a cluster without workers.
-    fn nobody(&self, accounts: &Accounts) -> ClusterError {
+    fn no_worker(&self, accounts: &Accounts) -> ClusterError {
         match (accounts.is_empty(), self.failures.len(), self.failures.values().next()) {
             (true, 1, Some(only)) => only.clone(),
             _ => {
-                // Of whoever was lost it says more how that was than that it does not answer since.
+                // For a lost worker the loss says more than that it does not answer since.
                 let unknown = self.failures.iter().filter(|(place, _)| !accounts.knows(place));
                 let reasons = accounts.reasons().chain(unknown.map(|(_, error)| error.to_string()));
                 ClusterError::AllWorkersLost { reasons: reasons.collect() }

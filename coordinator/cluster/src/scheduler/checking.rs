@@ -1,13 +1,14 @@
-//! What must hold between any two events.
+//! Invariants between any two events.
 
 use std::collections::BTreeSet;
 
+use super::choice::Place;
 use super::worker::Worker;
-use super::{JobId, Policy, Scheduler, WorkerId};
+use super::{JobId, Scheduler, WorkerId};
 
 impl Scheduler {
-    /// Checks what must hold between any two events: no job is lost, none has more than two copies, suspects are alone, and
-    /// nobody idles who could work.
+    /// Checks the invariants between two events: no job is lost, none has more than two copies, suspects are alone, and
+    /// no worker idles that could work, unless the policy has jobs wait.
     ///
     /// # Panics
     /// When it does not: the scheduler has a bug.
@@ -16,9 +17,17 @@ impl Scheduler {
         for (&id, worker) in &self.workers {
             worker.sanity_check();
             self.check_held(id, worker);
-            // Between two ticks workers may run out of work.
-            if self.policy == Policy::Finished {
+            if !self.policy.waits() {
                 self.check_at_work(id, worker);
+            }
+        }
+        if !self.policy.waits() {
+            for job in self.queue.suspects() {
+                let place = self.place_of(job);
+                assert!(
+                    !matches!(place, Some(Place::Empty(_))),
+                    "the suspect {job:?} waits beside an empty worker"
+                );
             }
         }
     }
@@ -46,7 +55,7 @@ impl Scheduler {
         assert!(unsuspected.iter().chain(&suspects).all(known), "what waits is not over");
     }
 
-    /// What a worker holds is what the jobs say.
+    /// Workers hold the jobs that name them as holders.
     fn check_held(&self, id: WorkerId, worker: &Worker) {
         for held in &worker.under_way {
             match self.jobs.get(&held.job) {
@@ -69,18 +78,10 @@ impl Scheduler {
                 "{id:?} is kept for a suspect, and there is none"
             );
         } else if worker.has_room() {
-            for (_, job, kind) in self.queue.first_of_each_kind() {
-                if self.may_try(id, kind) {
-                    assert!(!worker.holds(&kind.needs), "{id:?} has room for {job:?}, which waits");
-                    let is_loading = kind.needs.iter().all(|digest| worker.replicas.contains_key(digest));
-                    assert!(is_loading, "{id:?} could compute {job:?}, but nobody loads its replicas");
-                }
-            }
-        }
-        for job in self.queue.suspects() {
-            let kind = &self.jobs[&job].kind;
-            let could = worker.under_way.is_empty() && self.may_try(id, kind) && worker.holds(&kind.needs);
-            assert!(!could, "{id:?} is empty, and the suspect {job:?} waits");
+            let (job, missing) = self.next_for(id);
+            assert_eq!(job, None, "{id:?} has room for a job that waits");
+            let is_loading = missing.iter().all(|digest| worker.replicas.contains_key(digest));
+            assert!(is_loading, "{id:?} has room for a job whose replicas nobody loads");
         }
         if worker.is_idle() && self.reserved != Some(id) {
             self.check_help(id, worker);
@@ -96,11 +97,8 @@ impl Scheduler {
                 continue;
             }
             let job = &self.jobs[&held.job];
-            let could = self.may_try(id, &job.kind)
-                && worker.holds(&job.kind.needs)
-                && (!job.is_suspect() || worker.under_way.is_empty());
             assert!(
-                !could || job.holders.contains(&id),
+                !self.may_copy(id, job) || !worker.holds(&job.kind.needs) || job.holders.contains(&id),
                 "{id:?} idles, and nobody helps with {:?}",
                 held.job
             );

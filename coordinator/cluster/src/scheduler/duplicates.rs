@@ -1,31 +1,30 @@
-//! Idle workers take over what others are late with.
+//! Copies of jobs that others are late with, for idle workers.
 //!
-//! A worker that is slow, or hangs, holds up all others once they wait for its jobs. So a worker that has an idle thread, and
-//! finds nothing in the queue, gets a second copy of a job that another one holds. The first answer counts, the other copy is
-//! cancelled. No job has more than two copies, so what duplicates can waste is bounded, but it should be next to nothing where all
-//! is well. In this order:
+//! A worker that is slow or hangs holds up all others once they wait for its jobs. So a worker with an idle thread and nothing in the
+//! queue gets a second copy of a job that another one holds. The first answer counts, the other copy is cancelled. No job has more
+//! than two copies, which bounds the waste; it should be next to nothing while all is well. In this order:
 //!
 //! 1. Jobs *overdue*. There is no clock here, but the other threads are one: with n of them busy, a job that is finished moves the
-//!    time on by one nth of a *round*, and a job should take about one round. What has been computed for [`PATIENCE`] rounds is
-//!    overdue.
+//!    time on by one nth of a *round*, and a job should take about one round. A job computed for [`PATIENCE`] rounds is overdue.
 //! 2. Jobs that *wait* for a thread of their worker: deepest in its line first, so that it comes to them last. If the idle worker
 //!    is faster they are cancelled before they are begun, and nothing is wasted.
-//! 3. The *oldest* job, if no other copy is under way anywhere. It is what the driver waits for in the end. This is what keeps things
-//!    going when there is nothing to compare with: if all others are idle there is no further news, and only a copy brings some.
+//! 3. The *oldest* job, if no other copy is under way anywhere. The caller waits for it in the end. While all others are idle
+//!    no event would follow without a copy.
 
 use std::cmp::Reverse;
 
+use super::job::Job;
 use super::worker::{Load, Worker};
 use super::{Action, JobId, Scheduler, WorkerId};
 
-/// A job is overdue when it has been computed for so many rounds. At the end of a batch, when no more jobs follow, n busy threads
+/// Rounds after which a job that is computed is overdue. At the end of a batch, when no more jobs follow, n busy threads
 /// become one in ln n rounds: of 64 the last three are then given to others, of which there are plenty.
 pub(super) const PATIENCE: f64 = 3.0;
 
 /// A job that an idle worker may take over.
 #[derive(Clone, Copy)]
 struct Candidate {
-    /// What comes first; see above.
+    /// Lowest first; see above.
     rank: (Rank, u64),
     job: JobId,
     holder: WorkerId,
@@ -34,7 +33,7 @@ struct Candidate {
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Rank {
     Overdue,
-    /// So deep in the line of its worker, in jobs per thread: deepest first.
+    /// Depth in the line of its worker, in jobs per thread: deepest first.
     Waiting(Reverse<usize>),
     Oldest,
 }
@@ -64,7 +63,7 @@ impl Scheduler {
         held.any(|held| held.copy && held.begun.is_none_or(|begun| self.rounds - begun < PATIENCE))
     }
 
-    /// What idle workers may take over, most urgent first; what is computed and in time only where `all`.
+    /// Jobs that idle workers may take over, most urgent first; with `all`, also those that are computed in time.
     fn candidates(&self, all: bool) -> Vec<Candidate> {
         let mut candidates = vec![];
         for (&holder, worker) in &self.workers {
@@ -85,6 +84,11 @@ impl Scheduler {
         candidates
     }
 
+    /// Whether a worker may compute a copy of a job: a suspect only while it is empty.
+    pub(super) fn may_copy(&self, id: WorkerId, job: &Job) -> bool {
+        self.may_try(id, &job.kind) && (!job.is_suspect() || self.workers[&id].under_way.is_empty())
+    }
+
     /// Gives an idle worker a copy of the first job that it can compute. False where there is none.
     fn duplicate_one(
         &mut self,
@@ -99,10 +103,10 @@ impl Scheduler {
                 return false;
             }
             let Some(state) = self.jobs.get(&job).filter(|_| holder != id) else { continue };
-            let is_suspect = state.is_suspect();
-            if !self.may_try(id, &state.kind) || (is_suspect && !self.workers[&id].under_way.is_empty()) {
+            if !self.may_copy(id, state) {
                 continue;
             }
+            let is_suspect = state.is_suspect();
             if self.workers[&id].holds(&state.kind.needs) {
                 candidates.remove(place);
                 self.send(id, job, is_suspect, actions);

@@ -1,4 +1,4 @@
-//! What the scheduler is told, and what it wants done.
+//! Events, actions and policies of the scheduler.
 
 use kernel::replica::Digest;
 use kernel::row::JobId;
@@ -10,21 +10,39 @@ pub struct WorkerId(pub u32);
 /// When jobs are sent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Policy {
-    /// At once, whatever made it possible: as a rule the FINISHED of another job.
+    /// As soon as possible: as a rule when another job is finished.
     #[default]
     Finished,
-    /// On [`Event::Tick`] only. Slower at any period; kept to measure against.
+    /// On [`Event::Tick`] only. Slower at any period; kept as a baseline for measurements.
     Periodic,
 }
 
-/// What happened.
+impl Policy {
+    /// Whether jobs are sent after this event.
+    pub(super) fn decides_on(self, event: &Event) -> bool {
+        match self {
+            Self::Finished => true,
+            Self::Periodic => *event == Event::Tick,
+        }
+    }
+
+    /// Whether jobs may wait although a worker has room for them.
+    pub(super) fn waits(self) -> bool {
+        match self {
+            Self::Finished => false,
+            Self::Periodic => true,
+        }
+    }
+}
+
+/// An event.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Event {
     /// A worker is ready. It holds no replicas as far as is known.
     WorkerConnected {
         /// The worker.
         worker: WorkerId,
-        /// How many jobs it computes at the same time.
+        /// Number of jobs that it computes at the same time.
         threads: usize,
     },
     /// A worker is gone. Its jobs go back to their places in the queue.
@@ -39,14 +57,14 @@ pub enum Event {
         /// The jobs, most urgent first, each with the replicas that it needs. They come after all that wait already.
         jobs: Vec<(JobId, Vec<Digest>)>,
     },
-    /// Nobody waits for these jobs any more. Those that are over, or unknown, do no harm.
+    /// These jobs are not wanted any more. Those that are over or unknown are ignored.
     Withdrawn {
         /// The jobs.
         jobs: Vec<JobId>,
     },
     /// A replica has arrived.
     ReplicaLoaded {
-        /// Where.
+        /// The worker that holds it.
         worker: WorkerId,
         /// The replica.
         digest: Digest,
@@ -56,72 +74,72 @@ pub enum Event {
         /// The replica.
         digest: Digest,
     },
-    /// FINISHED: a job is done.
+    /// A job is done.
     Finished {
-        /// Who did it.
+        /// Its worker.
         worker: WorkerId,
         /// The job.
         job: JobId,
     },
-    /// A worker had not begun a job when it heard that it is not wanted any more.
+    /// A worker was told to cancel a job before it had begun it.
     Cancelled {
-        /// Who answered so.
+        /// The worker that answered.
         worker: WorkerId,
         /// The job.
         job: JobId,
     },
     /// A worker does not hold the replicas of a job any more. Does not count as a try.
     ForgotReplica {
-        /// Who answered so.
+        /// The worker that answered.
         worker: WorkerId,
         /// The job.
         job: JobId,
     },
-    /// A worker failed in the middle of a job: another one may do better.
+    /// A worker failed while it computed a job: another one may do better.
     Failed {
-        /// Who failed.
+        /// The worker that failed.
         worker: WorkerId,
         /// The job.
         job: JobId,
     },
-    /// A worker says that a job makes no sense: so would every other one.
+    /// A worker says that a job is invalid: so would every other one.
     Refused {
-        /// Who answered so.
+        /// The worker that answered.
         worker: WorkerId,
         /// The job.
         job: JobId,
     },
-    /// A period is over: see [`Policy::Periodic`].
+    /// The end of a period of [`Policy::Periodic`].
     Tick,
 }
 
-/// What is to be done.
+/// An action to carry out.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Action {
     /// Load a replica to a worker.
     LoadReplica {
-        /// Where to.
+        /// Its destination.
         worker: WorkerId,
         /// The replica.
         digest: Digest,
     },
     /// Tell a worker that it may forget a replica.
     ReleaseReplica {
-        /// Whom.
+        /// The worker.
         worker: WorkerId,
         /// The replica.
         digest: Digest,
     },
-    /// Send a job to a worker, which must answer it once, whatever comes after.
+    /// Send a job to a worker, which must answer it exactly once.
     Send {
-        /// Where to.
+        /// Its destination.
         worker: WorkerId,
         /// The job.
         job: JobId,
     },
-    /// Tell a worker that a job it holds is not wanted any more. It answers all the same.
+    /// Tell a worker that a job it holds is not wanted any more. It still answers.
     Cancel {
-        /// Whom.
+        /// The worker.
         worker: WorkerId,
         /// The job.
         job: JobId,
@@ -131,7 +149,7 @@ pub enum Action {
         /// The job.
         job: JobId,
     },
-    /// Report that a job cannot be done.
+    /// Report that a job is given up.
     Abandon {
         /// The job.
         job: JobId,
@@ -143,10 +161,10 @@ pub enum Action {
 /// Why a job is given up.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum Abandonment {
-    /// It failed on [`super::MOST_FAILURES`] tries.
+    /// It failed [`super::MOST_FAILURES`] times.
     #[error("it failed on {} tries", super::MOST_FAILURES)]
     FailedTooOften,
-    /// A worker says that it makes no sense.
+    /// A worker says that it is invalid.
     #[error("the worker refused it")]
     Refused,
     /// Workers forgot its replicas [`super::MOST_RELOADS`] times.

@@ -1,4 +1,4 @@
-//! What the scheduler knows of a job, and those that wait.
+//! State of a job, and the queue of those that wait.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -18,11 +18,11 @@ pub(super) struct Job {
     pub(super) losses: usize,
     /// Times that a worker was lost that held nothing else.
     pub(super) losses_alone: usize,
-    /// Who holds it: nobody while it waits, two at most.
+    /// Workers that hold it: none while it waits, two at most.
     pub(super) holders: SmallVec<[WorkerId; 2]>,
 }
 
-/// What decides who may compute a job: of a kind, jobs differ in nothing but their order.
+/// Properties that decide which workers may compute a job. Jobs of one kind differ only in their order.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Kind {
     /// Replicas that it needs.
@@ -37,7 +37,7 @@ impl Job {
         Self { order, kind, reloads: 0, losses: 0, losses_alone: 0, holders: SmallVec::new() }
     }
 
-    /// So many workers were lost with it that it might be what broke them.
+    /// Enough workers were lost with it that it may be what broke them.
     pub(super) fn is_suspect(&self) -> bool {
         self.losses >= SUSPECT_LOSSES
     }
@@ -46,7 +46,7 @@ impl Job {
 /// Jobs that no worker holds, in the order of submission.
 #[derive(Debug, Default)]
 pub(super) struct Queue {
-    /// Looked at kind by kind: however many jobs wait, there are only a few kinds.
+    /// By kind: many jobs wait, but of few kinds.
     kinds: BTreeMap<Kind, BTreeSet<(u64, JobId)>>,
     suspects: BTreeSet<(u64, JobId)>,
 }

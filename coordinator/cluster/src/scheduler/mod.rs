@@ -1,25 +1,26 @@
-//! Which worker computes which job. Pure: events in, actions out; no socket, no clock, no thread.
+//! Assigns jobs to workers. Pure: events in, actions out; no socket, no clock, no thread.
 //!
-//! | module | what lives there |
+//! | module | contents |
 //! |---|---|
-//! | `event` | what the scheduler is told, and what it wants done |
-//! | `job` | what it knows of a job; the queue |
-//! | `worker` | what it knows of a worker |
-//! | `sharing` | waiting jobs go to workers with room |
-//! | `duplicates` | idle workers take over what others are late with |
-//! | `checking` | what must hold between any two events |
+//! | `event` | events in, actions out, policies |
+//! | `job` | state of a job; the queue |
+//! | `worker` | state of a worker |
+//! | `choice` | which job goes next, and to which worker |
+//! | `turns` | the handle whose job goes next |
+//! | `duplicates` | copies of late jobs for idle workers |
+//! | `checking` | invariants between any two events |
 //!
-//! Load sharing: a worker holds a bounded number of jobs, and gets the next one when it finishes one, so a fast worker
-//! gets more of them. It holds more jobs than it has threads, so that a thread that finishes goes on at once, while the
-//! news of it travels.
+//! Load sharing: a worker holds a bounded number of jobs and gets the next one when it finishes one, so a fast worker gets more
+//! of them. It holds more jobs than it has threads, so that a thread that finishes goes on at once.
 //!
 //! Replicas are loaded to a worker when it has room for a job that needs them; meanwhile it gets other jobs.
 
 mod checking;
+mod choice;
 mod duplicates;
 mod event;
 mod job;
-mod sharing;
+mod turns;
 mod worker;
 
 #[cfg(test)]
@@ -31,20 +32,21 @@ use std::collections::btree_map::Entry;
 pub use event::{Abandonment, Action, Event, Policy, WorkerId};
 use job::{Job, Queue};
 pub use kernel::row::JobId;
+pub use turns::{HandleId, Turns};
 use worker::{ReplicaState, Worker};
 
-/// A job is given up when it failed on so many tries: then the fault is the job's.
+/// Failed tries after which a job is given up: the fault is the job's.
 pub const MOST_FAILURES: usize = 3;
 
-/// A job is given up when workers forgot its replicas so many times: their stores are too small for it, and each loading
-/// would push out what the next job needs.
+/// Times that workers forget a job's replicas before it is given up: their stores are too small, and each upload would evict what the
+/// next job needs.
 pub const MOST_RELOADS: usize = 100;
 
-/// A job that was held by so many workers when they were lost is a suspect: it may be what breaks them. From then on it is sent
-/// to an empty worker only, and alone, so that no other job shares the blame.
+/// Lost workers after which a job that they held is a suspect: it may be what breaks them. From then on it is sent to an empty worker
+/// only, and alone, so that no other job shares the blame.
 pub const SUSPECT_LOSSES: usize = 2;
 
-/// A suspect is given up when so many workers were lost while they computed nothing else.
+/// Workers lost while they computed nothing but a suspect before it is given up.
 pub const MOST_LOSSES_ALONE: usize = 3;
 
 /// The state of all jobs and workers.
@@ -60,7 +62,7 @@ pub struct Scheduler {
     reserved: Option<WorkerId>,
     /// Jobs submitted so far.
     submitted: u64,
-    /// Rounds so far, all that the scheduler knows of the time: in one round each busy thread finishes a job, on the average.
+    /// Rounds so far, the scheduler's only clock: in one round each busy thread finishes a job, on average.
     rounds: f64,
     ignored_answers: u64,
     duplicates_sent: u64,
@@ -74,30 +76,30 @@ impl Scheduler {
         Self { policy, ..Self::default() }
     }
 
-    /// Answers of workers to jobs that they do not hold. They do no harm: the same job has the same answer everywhere.
+    /// Number of answers to jobs that the worker did not hold. They do no harm: a job has the same answer everywhere.
     #[must_use]
     pub fn ignored_answers(&self) -> u64 {
         self.ignored_answers
     }
 
-    /// Jobs sent to a second worker while a first one held them.
+    /// Number of jobs sent to a second worker while a first one held them.
     #[must_use]
     pub fn duplicates_sent(&self) -> u64 {
         self.duplicates_sent
     }
 
-    /// Answers dropped, whatever they said, because another worker had answered before.
+    /// Number of answers dropped because another worker had answered before. Answers to withdrawn jobs do not count.
     #[must_use]
     pub fn duplicates_dropped(&self) -> u64 {
         self.duplicates_dropped
     }
 
-    /// Takes in what happened; returns what is to be done about it, in this order.
+    /// Takes in an event. Returns the actions that follow from it, in their order.
     pub fn handle(&mut self, event: Event) -> Vec<Action> {
         let mut actions = vec![];
-        let shares = self.policy == Policy::Finished || event == Event::Tick;
+        let decides = self.policy.decides_on(&event);
         self.take_in(event, &mut actions);
-        if shares {
+        if decides {
             self.share_out(&mut actions);
         }
         actions
@@ -123,13 +125,13 @@ impl Scheduler {
                     if let Some(state) = self.jobs.get(&job).filter(|state| state.holders.is_empty()) {
                         self.queue.remove(job, state);
                     }
-                    self.end(job, actions);
+                    self.end(job, true, actions);
                 }
             }
             Event::ReplicaLoaded { worker, digest } => {
                 let replica =
                     self.workers.get_mut(&worker).and_then(|worker| worker.replicas.get_mut(&digest));
-                // Released meanwhile otherwise.
+                // It may have been released meanwhile.
                 if let Some(replica) = replica {
                     *replica = ReplicaState::Loaded;
                 }
@@ -146,7 +148,7 @@ impl Scheduler {
                 if self.take_back(worker, job) {
                     self.rounds += 1.0 / busy as f64;
                     actions.push(Action::Deliver { job });
-                    self.end(job, actions);
+                    self.end(job, false, actions);
                 }
             }
             Event::ForgotReplica { worker, job } => {
@@ -174,13 +176,12 @@ impl Scheduler {
         }
     }
 
-    /// The worker does not hold the job any more. False where its answer is of no use: it did not hold it, or another worker
-    /// answered before.
+    /// The worker does not hold the job any more. False where its answer is dropped: it did not hold the job, or the job is over.
     fn take_back(&mut self, worker: WorkerId, job: JobId) -> bool {
         let held = self.workers.get_mut(&worker).and_then(|worker| worker.take_back(job, self.rounds));
         match held {
             None => self.ignored_answers += 1,
-            Some(held) if !held.wanted => self.duplicates_dropped += 1,
+            Some(held) if !held.wanted => self.duplicates_dropped += u64::from(!held.withdrawn),
             Some(_) => {
                 self.forget_holder(worker, job);
                 return true;
@@ -189,7 +190,7 @@ impl Scheduler {
         false
     }
 
-    /// Of two holders of a job, the other one is now the only one.
+    /// The other holder of a job, if any, is now the only one.
     fn forget_holder(&mut self, worker: WorkerId, job: JobId) {
         let Some(state) = self.jobs.get_mut(&job) else { return };
         state.holders.retain(|holder| *holder != worker);
@@ -253,15 +254,15 @@ impl Scheduler {
 
     fn abandon(&mut self, job: JobId, why: Abandonment, actions: &mut Vec<Action>) {
         actions.push(Action::Abandon { job, why });
-        self.end(job, actions);
+        self.end(job, false, actions);
     }
 
-    /// A job that nobody waits for is over; whoever holds it need not begin it.
-    fn end(&mut self, job: JobId, actions: &mut Vec<Action>) {
+    /// A job is over; its holders need not begin it.
+    fn end(&mut self, job: JobId, withdrawn: bool, actions: &mut Vec<Action>) {
         let Some(state) = self.jobs.remove(&job) else { return };
         for worker in state.holders {
             if let Some(held) = self.workers.get_mut(&worker).and_then(|other| other.held_mut(job)) {
-                held.wanted = false;
+                (held.wanted, held.withdrawn) = (false, withdrawn);
                 actions.push(Action::Cancel { worker, job });
             }
         }

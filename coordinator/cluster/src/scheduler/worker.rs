@@ -1,4 +1,4 @@
-//! What the scheduler knows of a worker.
+//! State of a worker.
 
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
@@ -36,6 +36,8 @@ pub(super) struct Held {
     pub(super) twice: bool,
     /// False once the job is over: the answer is then dropped.
     pub(super) wanted: bool,
+    /// The job was withdrawn: its answer is dropped, and is no duplicate.
+    pub(super) withdrawn: bool,
     /// When it came to be computed, in rounds (see [`super::duplicates`]); `None` while it waits for a thread.
     pub(super) begun: Option<f64>,
 }
@@ -82,7 +84,7 @@ impl Worker {
         replicas.iter().all(|digest| self.replicas.get(digest) == Some(&ReplicaState::Loaded))
     }
 
-    /// Takes one more job, after so many rounds.
+    /// Takes one more job, `rounds` after the start.
     pub(super) fn take(&mut self, held: Held, rounds: f64) {
         self.under_way.push(held);
         self.begin(rounds);

@@ -17,7 +17,7 @@ mod network;
 mod plan;
 mod room;
 mod run;
-pub(crate) mod watch;
+mod watch;
 
 use std::process::{Command, Output};
 use std::sync::Mutex;

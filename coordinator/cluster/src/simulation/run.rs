@@ -124,7 +124,7 @@ async fn coordinate(plan: Plan, names: NameServer, result: Rc<RefCell<Option<Vec
     if plan.periodic {
         settings.schedule = Schedule::Periodic { period: Duration::from_millis(100) };
     }
-    let mut cluster = AsyncCluster::start(&settings, Arc::new(names)).await?;
+    let mut cluster = AsyncCluster::start_observed(&settings, Arc::new(names), watch::Watcher).await?;
     let bits = bake(&Room::new(), &mut cluster).await?;
     *result.borrow_mut() = Some(bits);
     // Those that are away do not answer.

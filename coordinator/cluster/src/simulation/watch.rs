@@ -9,6 +9,7 @@ use std::time::Duration;
 use kernel::replica::Digest;
 
 use super::plan::Plan;
+use crate::connections::ReactorObserver;
 use crate::scheduler::{Action, Event, JobId, Scheduler, WorkerId};
 
 /// A worker holds at most so many jobs for each of its threads, and as many again of fixed size.
@@ -113,11 +114,23 @@ fn with(look: impl FnOnce(&mut Watch)) {
     WATCH.with_borrow_mut(|watch| watch.as_mut().map(look));
 }
 
-/// A scheduler was told something, and wants something done.
-pub(crate) fn scheduled(event: &Event, actions: &[Action], scheduler: &Scheduler) {
-    if WATCH.with_borrow(Option::is_none) {
-        return;
+/// Observes the reactor of the simulation that this thread runs.
+pub struct Watcher;
+
+impl ReactorObserver for Watcher {
+    fn decide(&mut self, scheduler: &mut Scheduler, event: Event) -> Vec<Action> {
+        let actions = scheduler.handle(event.clone());
+        scheduled(&event, &actions, scheduler);
+        actions
     }
+
+    fn held(&mut self, requests: usize, sessions: usize, delivered: usize) {
+        held(requests, sessions, delivered);
+    }
+}
+
+/// A scheduler was told something, and wants something done.
+fn scheduled(event: &Event, actions: &[Action], scheduler: &Scheduler) {
     let time = turmoil::sim_elapsed().unwrap_or_default();
     note(time, format!("{event:?} -> {actions:?}"));
     with(|watch| {
@@ -137,7 +150,7 @@ pub(crate) fn scheduled(event: &Event, actions: &[Action], scheduler: &Scheduler
 }
 
 /// What a reactor holds between two messages: requests of jobs, sessions, and digests of answers that may come twice.
-pub(crate) fn held(requests: usize, sessions: usize, delivered: usize) {
+fn held(requests: usize, sessions: usize, delivered: usize) {
     with(|watch| {
         let unfinished = watch.submitted.len() - watch.delivered.len();
         let copies: usize = watch.workers.values().map(|worker| worker.under_way.len()).sum();

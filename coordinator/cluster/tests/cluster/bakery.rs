@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use cluster::{Cluster, JobId};
+use cluster::{Handle, JobId};
 use glam::DVec3;
 use kernel::geometry::{ConvexPolygon, PlaneId};
 use kernel::replica::{Digest, EncodedReplica, Receiver, Receivers, encode_receivers, encode_scene};
@@ -36,7 +36,7 @@ impl Bakery {
         Self { occluders, receivers, scene_replica, receivers_replica }
     }
 
-    pub fn publish(&self, cluster: &Cluster) {
+    pub fn publish(&self, cluster: &Handle) {
         self.replicas().into_iter().for_each(|replica| cluster.publish(replica));
     }
 
@@ -88,12 +88,12 @@ impl Bakery {
 }
 
 /// Submits all requests, with their places as ids.
-pub fn submit_all(cluster: &Cluster, bakery: &Bakery) {
+pub fn submit_all(cluster: &Handle, bakery: &Bakery) {
     cluster.submit((0..).map(JobId).zip(bakery.requests()).collect());
 }
 
 /// Waits for as many results as there are requests.
-pub fn take_all(cluster: &mut Cluster, bakery: &Bakery) -> BTreeMap<u64, Vec<Row>> {
+pub fn take_all(cluster: &mut Handle, bakery: &Bakery) -> BTreeMap<u64, Vec<Row>> {
     let results = bakery.requests().into_iter().map(|_| cluster.next().unwrap());
     results.map(|finished| (finished.job.0, finished.rows)).collect()
 }

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use kernel::replica::Digest;
+use kernel::row::ROW_VERSION;
 use protocol::worker::coordinator_message::Body as Incoming;
 use protocol::worker::replica_chunk::Body as Chunk;
 use protocol::worker::worker_client::WorkerClient;
@@ -72,7 +73,8 @@ impl Server {
         answer: impl Fn(&RowJob) -> Option<Body> + Send + Sync + 'static,
     ) -> Self {
         let instance = Settings::random_instance();
-        Self::fake_with(Fake { protocol_version, hears: true, instance, answer: Arc::new(answer) })
+        let answer = Arc::new(answer);
+        Self::fake_with(Fake { protocol_version, row_version: ROW_VERSION, hears: true, instance, answer })
     }
 
     /// The same, of this version.
@@ -82,9 +84,15 @@ impl Server {
 
     /// Says hello, and then nothing ever.
     pub fn deaf() -> Self {
+        Self::of_row_version(ROW_VERSION)
+    }
+
+    /// The same, of this row version.
+    pub fn of_row_version(row_version: u32) -> Self {
         let instance = Settings::random_instance();
         let answer = Arc::new(|_: &RowJob| None);
-        Self::fake_with(Fake { protocol_version: PROTOCOL_VERSION, hears: false, instance, answer })
+        let protocol_version = PROTOCOL_VERSION;
+        Self::fake_with(Fake { protocol_version, row_version, hears: false, instance, answer })
     }
 
     fn fake_with(fake: Fake) -> Self {
@@ -101,7 +109,8 @@ impl Server {
 
     /// Makes a real worker forget these replicas, as another coordinator may.
     pub fn forget(&self, digests: &[Digest]) {
-        let hello = CoordinatorHello { protocol_version: PROTOCOL_VERSION, name: "other".into() };
+        let (protocol_version, row_version) = (PROTOCOL_VERSION, ROW_VERSION);
+        let hello = CoordinatorHello { protocol_version, name: "other".into(), row_version };
         let release = |digest: &Digest| Incoming::Release(ReleaseReplica { digest: digest.to_bytes() });
         let mut messages = vec![Incoming::Hello(hello)];
         messages.extend(digests.iter().map(release));
@@ -138,6 +147,7 @@ type Answer = dyn Fn(&RowJob) -> Option<Body> + Send + Sync;
 #[derive(Clone)]
 struct Fake {
     protocol_version: u32,
+    row_version: u32,
     /// Whether it takes messages in.
     hears: bool,
     instance: u64,
@@ -162,6 +172,7 @@ impl Worker for Fake {
                 name: "fake".into(),
                 software_version: "0".into(),
                 instance: fake.instance,
+                row_version: fake.row_version,
             };
             let send = async |body| outbound.send(Ok(WorkerMessage { body: Some(body) })).await;
             let _ = send(Body::Hello(hello)).await;

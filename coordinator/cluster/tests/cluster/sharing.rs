@@ -1,12 +1,12 @@
-//! Several drivers and one set of workers.
+//! Several handles and one set of workers.
 
 use std::collections::BTreeMap;
 use std::net::TcpListener;
 use std::path::Path;
 use std::time::Duration;
 
-use bake::{BakeError, BakeSettings, Baked, Observer, Phase, Progress, RowService, Unobserved, bake};
-use cluster::{ClusterSettings, Driver, JobId, SharedCluster, Workers};
+use bake::{BakeError, BakeSettings, Baked, Observer, Phase, Progress, Unobserved, bake};
+use cluster::{Cluster, ClusterSettings, Handle, JobId, Workers};
 use kernel::row::Row;
 use scene::Scene;
 use scene::{ImportOptions, import};
@@ -17,8 +17,8 @@ use super::server::Server;
 /// Longer than any answer takes.
 const LONG: Duration = Duration::from_secs(60);
 
-fn embedded() -> SharedCluster {
-    SharedCluster::start(&Workers::Embedded { threads: 2 }.into()).unwrap()
+fn embedded() -> Cluster {
+    Cluster::start(&Workers::Embedded { threads: 2 }.into()).unwrap()
 }
 
 fn scene(name: &str) -> Scene {
@@ -30,8 +30,8 @@ fn settings() -> BakeSettings {
     BakeSettings { shooter_edge: 0.3, mesh_error: 0.05, validation_samples: 64, ..BakeSettings::default() }
 }
 
-fn baked(scene: &Scene, mut driver: Driver) -> Baked {
-    bake(scene, &settings(), &mut driver, &mut Unobserved).unwrap()
+fn baked(scene: &Scene, mut handle: Handle) -> Baked {
+    bake(scene, &settings(), &mut handle, &mut Unobserved).unwrap()
 }
 
 fn assert_same(one: &Baked, other: &Baked) {
@@ -43,14 +43,14 @@ fn assert_same(one: &Baked, other: &Baked) {
 #[test]
 fn bakes_at_once_give_what_each_gives_alone() {
     let [cornell, table] = ["cornell", "table"].map(scene);
-    let alone = [&cornell, &table].map(|scene| baked(scene, embedded().driver(0)));
+    let alone = [&cornell, &table].map(|scene| baked(scene, embedded().handle(0)));
     let cluster = embedded();
     // Twice the same scene: replicas of one are those of the other, and stay when the first is done.
     let together = std::thread::scope(|scope| {
         let bakes = [(&cornell, 0), (&table, 20), (&cornell, -20)];
         let threads = bakes.map(|(scene, priority)| {
-            let driver = cluster.driver(priority);
-            scope.spawn(move || baked(scene, driver))
+            let handle = cluster.handle(priority);
+            scope.spawn(move || baked(scene, handle))
         });
         threads.map(|thread| thread.join().unwrap())
     });
@@ -78,14 +78,14 @@ impl Observer for Impatient {
 #[test]
 fn a_cancelled_bake_takes_nothing_from_another_of_the_same_scene() {
     let cornell = scene("cornell");
-    let alone = baked(&cornell, embedded().driver(0));
+    let alone = baked(&cornell, embedded().handle(0));
     let cluster = embedded();
     let stays = std::thread::scope(|scope| {
-        let driver = cluster.driver(0);
-        let stays = scope.spawn(|| baked(&cornell, driver));
+        let handle = cluster.handle(0);
+        let stays = scope.spawn(|| baked(&cornell, handle));
         for _ in 0..3 {
-            let (mut driver, mut impatient) = (cluster.driver(0), Impatient::default());
-            let cancelled = bake(&cornell, &settings(), &mut driver, &mut impatient);
+            let (mut handle, mut impatient) = (cluster.handle(0), Impatient::default());
+            let cancelled = bake(&cornell, &settings(), &mut handle, &mut impatient);
             assert!(matches!(cancelled.map(|_| ()), Err(BakeError::Cancelled)));
         }
         stays.join().unwrap()
@@ -94,18 +94,18 @@ fn a_cancelled_bake_takes_nothing_from_another_of_the_same_scene() {
 }
 
 /// Has the rows of the bakery made so many times over; how many jobs these are.
-fn submit(driver: &mut Driver, bakery: &Bakery, times: usize) -> usize {
-    bakery.replicas().into_iter().for_each(|replica| driver.publish(replica));
+fn submit(handle: &mut Handle, bakery: &Bakery, times: usize) -> usize {
+    bakery.replicas().into_iter().for_each(|replica| handle.publish(replica));
     let requests: Vec<_> = (0..times).flat_map(|_| bakery.requests()).collect();
     let count = requests.len();
-    driver.submit((0..).map(JobId).zip(requests).collect());
+    handle.submit((0..).map(JobId).zip(requests).collect());
     count
 }
 
 /// Takes so many answers, and holds them to those of the engine.
-fn take(driver: &mut Driver, expected: &BTreeMap<u64, Vec<Row>>, count: usize) {
+fn take(handle: &mut Handle, expected: &BTreeMap<u64, Vec<Row>>, count: usize) {
     for _ in 0..count {
-        let finished = driver.next(LONG).unwrap().expect("an answer in time");
+        let finished = handle.next_within(LONG).unwrap().expect("an answer in time");
         let first = finished.job.0 % expected.len() as u64;
         assert_eq!(finished.rows, expected[&first]);
     }
@@ -116,40 +116,43 @@ fn who_comes_later_does_not_wait_for_a_long_queue() {
     let bakery = Bakery::new();
     let expected = bakery.rows();
     let cluster = embedded();
-    let [mut long, mut short] = [cluster.driver(0), cluster.driver(0)];
+    let [mut long, mut short] = [cluster.handle(0), cluster.handle(0)];
     submit(&mut long, &bakery, 50);
     take(&mut long, &expected, 20);
     let count = submit(&mut short, &bakery, 1);
     take(&mut short, &expected, count);
     let mut answered = 0;
-    while let Ok(Some(_)) = long.next(Duration::ZERO) {
+    while let Ok(Some(_)) = long.next_within(Duration::ZERO) {
         answered += 1;
     }
     assert!(answered < 10 * count, "{answered} of the long queue came before {count} of the short one");
     long.withdraw();
-    assert!(matches!(long.next(Duration::from_millis(100)), Ok(None)), "an answer that nobody waits for");
+    assert!(
+        matches!(long.next_within(Duration::from_millis(100)), Ok(None)),
+        "an answer that nobody waits for"
+    );
     let count = submit(&mut long, &bakery, 1);
     take(&mut long, &expected, count);
 }
 
 #[test]
-fn without_workers_every_driver_is_told_once_the_grace_is_over() {
+fn without_workers_every_handle_is_told_once_the_grace_is_over() {
     let bakery = Bakery::new();
     let address = unused_address();
     let workers = Workers::Remote(vec![address.clone()]);
     let settings = ClusterSettings { grace: Duration::from_millis(300), ..workers.into() };
-    let cluster = SharedCluster::start(&settings).unwrap();
-    let mut drivers = [cluster.driver(0), cluster.driver(0)];
-    for driver in &mut drivers {
-        submit(driver, &bakery, 1);
+    let cluster = Cluster::start_in_background(&settings).unwrap();
+    let mut handles = [cluster.handle(0), cluster.handle(0)];
+    for handle in &mut handles {
+        submit(handle, &bakery, 1);
     }
-    for driver in &mut drivers {
-        let error = driver.next(LONG).unwrap_err().to_string();
+    for handle in &mut handles {
+        let error = handle.next_within(LONG).unwrap_err().to_string();
         assert!(error.contains(&address), "{error}");
     }
-    let mut late = cluster.driver(0);
+    let mut late = cluster.handle(0);
     submit(&mut late, &bakery, 1);
-    assert!(late.next(LONG).is_err());
+    assert!(late.next_within(LONG).is_err());
 }
 
 #[test]
@@ -159,20 +162,20 @@ fn with_endless_grace_jobs_wait_for_their_workers() {
     let address = unused_address();
     let workers = Workers::Remote(vec![address.clone()]);
     let settings = ClusterSettings { grace: ClusterSettings::ENDLESS_GRACE, ..workers.into() };
-    let cluster = SharedCluster::start(&settings).unwrap();
-    let mut driver = cluster.driver(0);
-    let count = submit(&mut driver, &bakery, 1);
-    assert!(matches!(driver.next(Duration::from_millis(300)), Ok(None)));
+    let cluster = Cluster::start_in_background(&settings).unwrap();
+    let mut handle = cluster.handle(0);
+    let count = submit(&mut handle, &bakery, 1);
+    assert!(matches!(handle.next_within(Duration::from_millis(300)), Ok(None)));
     assert_eq!(cluster.status().workers, 0);
     let first = Server::real_at(&address);
-    take(&mut driver, &expected, count / 2);
+    take(&mut handle, &expected, count / 2);
     drop(first);
     let _second = Server::real_at(&address);
-    take(&mut driver, &expected, count - count / 2);
+    take(&mut handle, &expected, count - count / 2);
     assert_eq!(cluster.status().workers, 1);
     drop(cluster);
-    submit(&mut driver, &bakery, 1);
-    assert!(driver.next(LONG).is_err());
+    submit(&mut handle, &bakery, 1);
+    assert!(handle.next_within(LONG).is_err());
 }
 
 /// Nobody listens there.

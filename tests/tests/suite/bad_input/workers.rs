@@ -73,6 +73,7 @@ impl Worker for FutureWorker {
             name: "future".into(),
             software_version: "99".into(),
             instance: 99,
+            row_version: 99,
         };
         let messages = tokio_stream::once(Ok(WorkerMessage { body: Some(Body::Hello(hello)) }));
         Ok(Response::new(Box::pin(messages.chain(tokio_stream::pending()))))

@@ -2,6 +2,7 @@
 
 use std::sync::{Arc, Mutex};
 
+use kernel::row::ROW_VERSION;
 use protocol::worker::coordinator_message::Body as Incoming;
 use protocol::worker::replica_chunk::Body as Chunk;
 use protocol::worker::worker_message::Body as Outgoing;
@@ -101,6 +102,7 @@ impl Service {
             name: "fake".into(),
             software_version: "0".into(),
             instance: self.instance,
+            row_version: ROW_VERSION,
         }));
         while let Ok(Some(message)) = inbound.message().await {
             match message.body {

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, HashMap};
 use std::time::Duration;
 
 use bake::{BakeError, BakeSettings, Baked, RowService, Unobserved, bake};
-use cluster::{Cluster, FinishedJob, JobId, Workers};
+use cluster::{Cluster, FinishedJob, Handle, JobId, Workers};
 use glam::DVec3;
 use kernel::form_factor::point_to_polygon;
 use kernel::replica::{Digest, EncodedReplica, Receivers, decode_receivers, decode_scene};
@@ -84,11 +84,11 @@ pub fn checked(builder: &SceneBuilder, settings: &BakeSettings, expected: Expect
 /// [`checked`], for a scene that was imported elsewhere.
 pub fn checked_scene(scene: &Scene, settings: &BakeSettings, expected: Expectation) -> Baked {
     let cluster = Cluster::start(&Workers::Embedded { threads: 2 }.into()).unwrap();
-    let mut service = CheckedRows::new(cluster);
+    let mut service = CheckedRows::new(cluster.handle(0));
     let baked =
         bake(scene, settings, &mut service, &mut Unobserved).unwrap_or_else(|error| panic!("{error}"));
     service.check_sums(scene, &baked, expected);
-    service.cluster.shutdown();
+    cluster.shutdown();
     for vertex in &baked.lit.vertices {
         let irradiance = vertex.irradiance;
         assert!(irradiance.is_finite() && irradiance.min_element() >= 0.0, "irradiance {irradiance}");
@@ -192,7 +192,7 @@ pub fn assert_same_bits(a: &Checked, b: &Checked, factor: f64) {
 
 /// A row service that looks at every factor on its way through.
 struct CheckedRows {
-    cluster: Cluster,
+    handle: Handle,
     receivers: HashMap<Digest, Receivers>,
     /// Whether each scene has anything that can block.
     has_occluders: HashMap<Digest, bool>,
@@ -202,9 +202,9 @@ struct CheckedRows {
 }
 
 impl CheckedRows {
-    fn new(cluster: Cluster) -> Self {
+    fn new(handle: Handle) -> Self {
         Self {
-            cluster,
+            handle,
             receivers: HashMap::new(),
             has_occluders: HashMap::new(),
             requests: HashMap::new(),
@@ -279,24 +279,24 @@ impl RowService for CheckedRows {
                 self.has_occluders.insert(replica.digest, !polygons.is_empty());
             }
         }
-        self.cluster.publish(replica);
+        self.handle.publish(replica);
     }
 
     fn release(&mut self, digest: Digest) {
-        self.cluster.release(digest);
+        self.handle.release(digest);
     }
 
     fn submit(&mut self, requests: Vec<(JobId, RowRequest)>) {
         self.requests.extend(requests.iter().cloned());
-        self.cluster.submit(requests);
+        self.handle.submit(requests);
     }
 
     fn withdraw(&mut self) {
-        self.cluster.withdraw();
+        self.handle.withdraw();
     }
 
     fn next(&mut self, patience: Duration) -> Result<Option<FinishedJob>, BakeError> {
-        let finished = RowService::next(&mut self.cluster, patience)?;
+        let finished = RowService::next(&mut self.handle, patience)?;
         if let Some(finished) = &finished
             && let Some(request) = self.requests.remove(&finished.job)
         {

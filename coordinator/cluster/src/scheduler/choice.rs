@@ -1,4 +1,12 @@
-//! Waiting jobs go to workers with room.
+//! Which job goes next, and to which worker. With [`turns`](super::turns), which picks the handle whose job enters the queue, all
+//! of it is decided here, in this order:
+//!
+//! 1. *Suspects*, the oldest first: each goes to an empty worker, and alone.
+//! 2. *Waiting* jobs: the worker with the fewest jobs per thread gets the first one that it can compute now, and the replicas loaded
+//!    that jobs before it need.
+//! 3. *Copies* of jobs that others are late with, for idle workers: see [`duplicates`](super::duplicates).
+//!
+//! [`checking`](super::checking) asks the same questions, and finds that nothing is left to be sent.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -8,6 +16,16 @@ use kernel::replica::Digest;
 use super::job::Kind;
 use super::worker::{Held, ReplicaState, Worker};
 use super::{Action, JobId, Scheduler, WorkerId};
+
+/// Where a suspect goes.
+pub(super) enum Place {
+    /// To this worker, now.
+    Empty(WorkerId),
+    /// To this worker, which gets no other job until it is empty.
+    Reserved(WorkerId),
+    /// To this worker, once it holds the replicas.
+    WithoutReplicas(WorkerId),
+}
 
 impl Scheduler {
     /// Gives out all that can be given out.
@@ -38,26 +56,29 @@ impl Scheduler {
         worker.has_room() && self.reserved != Some(id)
     }
 
-    /// Gives this worker the first waiting job that it can compute now, and has the replicas loaded that jobs before it
-    /// need. False where there is no such job.
+    /// Gives this worker its next job, and the replicas that jobs before it need. False where there is no such job.
     fn give_one(&mut self, id: WorkerId, actions: &mut Vec<Action>) -> bool {
+        let (job, missing) = self.next_for(id);
+        self.load(id, &missing, actions);
+        if let Some(job) = job {
+            self.send(id, job, false, actions);
+        }
+        job.is_some()
+    }
+
+    /// The first waiting job that a worker can compute now, and the replicas that jobs before it need.
+    pub(super) fn next_for(&self, id: WorkerId) -> (Option<JobId>, Vec<Digest>) {
         let mut missing = vec![];
-        let mut found = None;
         for (_, job, kind) in self.queue.first_of_each_kind() {
             if !self.may_try(id, kind) {
                 continue;
             }
             if self.workers[&id].holds(&kind.needs) {
-                found = Some(job);
-                break;
+                return (Some(job), missing);
             }
             missing.extend_from_slice(&kind.needs);
         }
-        self.load(id, &missing, actions);
-        if let Some(job) = found {
-            self.send(id, job, false, actions);
-        }
-        found.is_some()
+        (None, missing)
     }
 
     /// A job that failed goes to a worker that has not tried it, while there is one.
@@ -90,7 +111,8 @@ impl Scheduler {
         let twice = !state.holders.is_empty();
         state.holders.push(id);
         if let Some(worker) = self.workers.get_mut(&id) {
-            let held = Held { job, order: state.order, alone, copy: twice, twice, wanted: true, begun: None };
+            let (order, copy, begun) = (state.order, twice, None);
+            let held = Held { job, order, alone, copy, twice, wanted: true, withdrawn: false, begun };
             worker.take(held, self.rounds);
         }
         actions.push(Action::Send { worker: id, job });
@@ -101,23 +123,32 @@ impl Scheduler {
     fn share_suspects(&mut self, actions: &mut Vec<Action>) {
         let mut reserved = None;
         for job in self.queue.suspects().collect::<Vec<_>>() {
-            let kind = self.jobs[&job].kind.clone();
-            let least_loaded = |choice: &dyn Fn(&Worker) -> bool| {
-                let able =
-                    self.workers.iter().filter(|(id, worker)| self.may_try(**id, &kind) && choice(worker));
-                able.map(|(id, worker)| worker.load(*id)).min().map(|load| load.worker)
-            };
-            let is_able = |worker: &Worker| worker.holds(&kind.needs);
-            if let Some(id) = least_loaded(&|worker| worker.under_way.is_empty() && is_able(worker)) {
-                self.send(id, job, true, actions);
-            } else if let Some(id) = least_loaded(&is_able) {
-                // One that was chosen before stays.
-                let chosen = self.reserved.filter(|id| self.workers.get(id).is_some_and(is_able));
-                reserved = reserved.or(chosen).or(Some(id));
-            } else if let Some(id) = least_loaded(&|_| true) {
-                self.load(id, &kind.needs, actions);
+            match self.place_of(job) {
+                Some(Place::Empty(id)) => self.send(id, job, true, actions),
+                Some(Place::Reserved(id)) => reserved = reserved.or(Some(id)),
+                Some(Place::WithoutReplicas(id)) => {
+                    let needs = self.jobs[&job].kind.needs.clone();
+                    self.load(id, &needs, actions);
+                }
+                None => {}
             }
         }
         self.reserved = reserved;
+    }
+
+    /// The worker that a suspect goes to; none without any that may try it.
+    pub(super) fn place_of(&self, suspect: JobId) -> Option<Place> {
+        let kind = &self.jobs[&suspect].kind;
+        let least_loaded = |choice: &dyn Fn(&Worker) -> bool| {
+            let able = self.workers.iter().filter(|(id, worker)| self.may_try(**id, kind) && choice(worker));
+            able.map(|(id, worker)| worker.load(*id)).min().map(|load| load.worker)
+        };
+        let is_able = |worker: &Worker| worker.holds(&kind.needs);
+        let empty = least_loaded(&|worker| worker.under_way.is_empty() && is_able(worker));
+        // One that was reserved before stays.
+        let chosen = || self.reserved.filter(|id| self.workers.get(id).is_some_and(is_able));
+        let reserved = || least_loaded(&is_able).map(|id| chosen().unwrap_or(id));
+        let without = || least_loaded(&|_| true).map(Place::WithoutReplicas);
+        empty.map(Place::Empty).or_else(|| reserved().map(Place::Reserved)).or_else(without)
     }
 }
