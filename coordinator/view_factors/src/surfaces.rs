@@ -27,7 +27,7 @@ pub fn named(scene: &Scene, division: Division) -> Result<Vec<NamedSurface>, Vie
         Division::Surfaces => surfaces
             .map(|(surface, name)| NamedSurface {
                 name,
-                polygons: surface.facets.iter().map(whole).collect(),
+                polygons: surface.facets.iter().map(Facet::polygon).collect(),
             })
             .collect(),
         Division::Facets => surfaces
@@ -42,11 +42,6 @@ pub fn named(scene: &Scene, division: Division) -> Result<Vec<NamedSurface>, Vie
             })
             .collect(),
     })
-}
-
-fn whole(facet: &Facet) -> ConvexPolygon {
-    let corners = facet.corners.iter().map(|corner| corner.position).collect();
-    ConvexPolygon { plane: facet.plane, corners }
 }
 
 /// The polygons of the file that a facet was joined from. Files hold triangles only: those that follow each other and fan out
