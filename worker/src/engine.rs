@@ -10,7 +10,7 @@ use kernel::occluder::Occluder;
 use kernel::replica::{Receiver, Receivers, ScenePolygons};
 use kernel::row::{Hemisphere, Precision, Rounding, Row, Shape, Shooter};
 use kernel::visibility::{
-    MANY_POLYGONS, ManyPolygons, Panes, ReceiverGroups, View, VisibilityKernel, pair_seed,
+    MANY_POLYGONS, ManyPolygons, ReceiverGroups, TransparentOccluders, VisibilityKernel, pair_seed,
 };
 use protocol::worker::RowStatistics;
 
@@ -18,7 +18,7 @@ use protocol::worker::RowStatistics;
 pub struct Scene {
     replica: ScenePolygons,
     occluder: OnceLock<Occluder>,
-    panes: OnceLock<Option<Panes>>,
+    transparent: OnceLock<Option<TransparentOccluders>>,
     seen: OnceLock<SeenPolygons>,
 }
 
@@ -48,15 +48,15 @@ impl Scene {
     }
 
     /// The polygons that stop a part of the light, where there are any.
-    fn panes(&self) -> Option<&Panes> {
-        let panes = self.panes.get_or_init(|| {
+    fn transparent(&self) -> Option<&TransparentOccluders> {
+        let transparent = self.transparent.get_or_init(|| {
             let ScenePolygons { polygons, opacities } = &self.replica;
-            let panes = polygons.iter().zip(opacities).filter(|(_, opacity)| (0.0..1.0).contains(*opacity));
+            let some = polygons.iter().zip(opacities).filter(|(_, opacity)| (0.0..1.0).contains(*opacity));
             let (polygons, opacities): (Vec<_>, Vec<_>) =
-                panes.map(|(polygon, opacity)| (polygon.clone(), *opacity)).unzip();
-            (!polygons.is_empty()).then(|| Panes::new(&polygons, &opacities))
+                some.map(|(polygon, opacity)| (polygon.clone(), *opacity)).unzip();
+            (!polygons.is_empty()).then(|| TransparentOccluders::new(&polygons, &opacities))
         });
-        panes.as_ref()
+        transparent.as_ref()
     }
 
     /// The polygons as what is seen.
@@ -67,7 +67,7 @@ impl Scene {
 
 impl From<ScenePolygons> for Scene {
     fn from(replica: ScenePolygons) -> Self {
-        Self { replica, occluder: OnceLock::new(), panes: OnceLock::new(), seen: OnceLock::new() }
+        Self { replica, occluder: OnceLock::new(), transparent: OnceLock::new(), seen: OnceLock::new() }
     }
 }
 
@@ -123,7 +123,7 @@ pub fn compute_row(
     let row: Vec<f64> = match &shooter.shape {
         Shape::Polygons(polygons) if polygons.len() >= MANY_POLYGONS => {
             let prepared = polygons.iter().map(PreparedPolygon::new).collect();
-            let mut many = ManyPolygons::new(prepared, scene.occluder(), scene.panes(), precision);
+            let mut many = ManyPolygons::new(prepared, scene.occluder(), scene.transparent(), precision);
             let factor = |(index, receiver)| many.factor(receiver, seed(index), &mut statistics);
             receivers.iter().enumerate().map(factor).collect()
         }
@@ -131,18 +131,19 @@ pub fn compute_row(
             let mut kernel = VisibilityKernel::new(scene.occluder(), precision);
             let mut factors = vec![0.0; receivers.len()];
             for polygon in polygons.iter().map(PreparedPolygon::new) {
-                match scene.panes() {
+                match scene.transparent() {
                     None => kernel.add_form_factors(groups, &polygon, seed, &mut factors, &mut statistics),
-                    Some(panes) => {
+                    Some(transparent) => {
                         let mut own = vec![0.0; receivers.len()];
                         kernel.add_form_factors(groups, &polygon, seed, &mut own, &mut statistics);
                         for (index, (factor, own)) in factors.iter_mut().zip(own).enumerate() {
                             if own > 0.0 {
-                                let view = View { receiver: &receivers[index], polygon: &polygon };
-                                let dimmed = panes.before(&view, scene.occluder(), seed(index));
-                                statistics.rays += u64::from(dimmed.rays);
-                                statistics.sampling_variance += own * own * dimmed.variance;
-                                *factor += own * dimmed.fraction;
+                                let receiver = &receivers[index];
+                                let passed =
+                                    transparent.before(receiver, &polygon, scene.occluder(), seed(index));
+                                statistics.rays += u64::from(passed.rays);
+                                statistics.sampling_variance += own * own * passed.variance;
+                                *factor += own * passed.fraction;
                             }
                         }
                     }
@@ -203,9 +204,9 @@ fn point_light_factor(
             return 0.0;
         }
     }
-    let through = scene.panes().map_or(1.0, |panes| {
+    let through = scene.transparent().map_or(1.0, |transparent| {
         statistics.rays += 1;
-        panes.between(receiver.position, light, [receiver.plane; 2])
+        transparent.between(receiver.position, light, [receiver.plane; 2])
     });
     weight * cosine / squared * through
 }
@@ -230,9 +231,9 @@ fn directional_factor(
             return 0.0;
         }
     }
-    let through = scene.panes().map_or(1.0, |panes| {
+    let through = scene.transparent().map_or(1.0, |transparent| {
         statistics.rays += 1;
-        panes.from_far(receiver.position, along, receiver.plane)
+        transparent.from_far(receiver.position, along, receiver.plane)
     });
     cosine * through
 }

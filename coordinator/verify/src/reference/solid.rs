@@ -1,6 +1,7 @@
 //! The triangles of a scene behind a bounding volume hierarchy.
 
 use glam::{DVec3, Vec3A};
+use kernel::geometry::Bounds;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::builder::build_bvh2;
@@ -25,7 +26,7 @@ pub(super) struct Frame {
 impl Frame {
     fn of(scene: &PlainScene) -> Self {
         let corners = scene.triangles.iter().flat_map(|triangle| triangle.corners);
-        let (low, high) = corners.fold((DVec3::MAX, DVec3::MIN), |(low, high), p| (low.min(p), high.max(p)));
+        let Bounds { low, high } = Bounds::around(corners);
         Self { centre: low + (high - low) * 0.5, scale: (high - low).max_element() }
     }
 

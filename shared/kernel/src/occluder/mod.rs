@@ -1,10 +1,10 @@
 //! The surfaces that block light, behind a BVH.
 
 mod bodies;
-mod bundle;
-mod front;
+mod candidates;
+mod pyramids;
 mod segment;
-mod shafts;
+mod shaft;
 mod wide;
 
 use glam::{DVec3, Vec3A};
@@ -19,9 +19,9 @@ use crate::geometry::{ConvexPolygon, PlaneId, area_vector};
 use segment::Tree;
 
 pub use bodies::{Body, Edge, convex_bodies};
-pub use bundle::{Bounds, Bundle};
-pub use front::{Blocker, Front, Identity};
-pub use shafts::{Reach, Shafts};
+pub use candidates::{Blocker, CandidateList, Identity};
+pub use pyramids::{Pyramids, Reach};
+pub use shaft::Shaft;
 
 /// Boxes are padded by this part of the scene's largest coordinate: rays are rounded to f32 when they meet a box, and must
 /// not slip past one that their exact counterpart touches.
@@ -151,7 +151,7 @@ impl Occluder {
         self.polygons.len()
     }
 
-    /// True where an occluder, one of those with these numbers, stands between all of the shafts' apexes, the corners of a box around
+    /// True where an occluder, one of those with these numbers, stands between all of the pyramids' apexes, the corners of a box around
     /// points in these planes, and all of the polygon at which they are aimed.
     ///
     /// What a convex occluder hides of a point is convex, and so is the set of points from which it hides a point that is not on it:
@@ -160,7 +160,7 @@ impl Occluder {
     pub fn cuts_off(
         &self,
         numbers: &[u32],
-        shafts: &Shafts,
+        pyramids: &Pyramids,
         planes: &[PlaneId],
         apexes: &[DVec3],
         polygon: &PreparedPolygon,
@@ -173,13 +173,13 @@ impl Occluder {
                 return false;
             }
             let is_own = face.plane == polygon.plane() || planes.binary_search(&face.plane).is_ok();
-            if !is_own && shafts.are_cut_off_by(face) {
+            if !is_own && pyramids.are_cut_off_by(face) {
                 return true;
             }
             face.body.is_some_and(|body| {
                 let body = &self.bodies[body as usize];
                 polygon.corners().iter().all(|corner| body.is_outside(*corner))
-                    && shafts.are_cut_off_by_body(body, polygon)
+                    && pyramids.are_cut_off_by_body(body, polygon)
             })
         })
     }

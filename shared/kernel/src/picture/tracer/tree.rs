@@ -6,6 +6,7 @@
 //! Ray/Triangle Intersection*, JCGT 2013, without its projection, which f64 does not need). Corners that were rounded apart, and
 //! corners on another triangle's edge, are closed by a slack: a ray hits that misses an edge by no more than the rounding.
 
+use crate::geometry::Bounds;
 use crate::picture::{PictureScene, Ray};
 use glam::{DVec3, Vec3A};
 use obvhs::aabb::Aabb;
@@ -32,7 +33,7 @@ pub(super) struct Tree {
     /// In the order of the BVH's leaves.
     triangles: Vec<Triangle>,
     /// Box around all of them.
-    bounds: [DVec3; 2],
+    bounds: Bounds,
     /// Square of the distance by which a ray may miss an edge.
     slack: f64,
     /// Distances along a ray that differ by so much are those of one place.
@@ -116,21 +117,17 @@ impl Tree {
         };
         let corners = || triangles().flat_map(|triangle| triangle.corners);
         let largest = corners().map(|corner| corner.abs().max_element()).fold(0.0, f64::max);
-        let padding = largest * PADDING + scene.rounding;
+        let padding = DVec3::splat(largest * PADDING + scene.rounding);
         let boxes: Vec<PaddedBox> = triangles()
             .map(|Triangle { corners: [a, b, c], .. }| {
-                let low = (a.min(b).min(c) - padding).as_vec3a();
-                let high = (a.max(b).max(c) + padding).as_vec3a();
-                PaddedBox(Aabb::new(low, high))
+                let Bounds { low, high } = Bounds::around([a, b, c]).padded(padding);
+                PaddedBox(Aabb::new(low.as_vec3a(), high.as_vec3a()))
             })
             .collect();
         let bvh = build_bvh2(&boxes, BvhBuildParams::medium_build(), &mut Default::default());
         let mut unordered: Vec<Option<Triangle>> = triangles().map(Some).collect();
         let triangles = bvh.primitive_indices.iter().filter_map(|index| unordered[*index as usize].take());
-        let bounds = [
-            corners().fold(DVec3::INFINITY, DVec3::min) - padding,
-            corners().fold(DVec3::NEG_INFINITY, DVec3::max) + padding,
-        ];
+        let bounds = Bounds::around(corners()).padded(padding);
         let slack = scene.rounding + largest * ROUNDING;
         Self { triangles: triangles.collect(), bvh, bounds, slack: slack * slack, same: SAME * slack }
     }
@@ -139,7 +136,8 @@ impl Tree {
     /// are small then. `None` where the ray misses the box.
     pub(super) fn enter(&self, ray: &Ray) -> Option<Entered> {
         let inverse = ray.direction.recip();
-        let [first, second] = self.bounds.map(|corner| (corner - ray.origin) * inverse);
+        let [first, second] =
+            [self.bounds.low, self.bounds.high].map(|corner| (corner - ray.origin) * inverse);
         // A ray within a side of the box gives NaN, which minimum and maximum leave out.
         let axes = [0, 1, 2];
         let near = axes.map(|axis| first[axis].min(second[axis])).into_iter().fold(ray.start, f64::max);
