@@ -7,15 +7,15 @@ mod segment;
 mod shaft;
 mod wide;
 
-use glam::{DVec3, Vec3A};
-use obvhs::aabb::Aabb;
+use glam::DVec3;
+use obvhs::BvhBuildParams;
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::builder::build_bvh2;
-use obvhs::{Boundable, BvhBuildParams};
 use smallvec::SmallVec;
 
 use crate::form_factor::PreparedPolygon;
 use crate::geometry::{ConvexPolygon, PlaneId, area_vector};
+use crate::hierarchy::PaddedBox;
 use segment::Tree;
 
 pub use bodies::{Body, Edge, convex_bodies};
@@ -89,28 +89,15 @@ impl OccluderPolygon {
     }
 }
 
-struct PaddedBox(Aabb);
-
-impl Boundable for PaddedBox {
-    fn aabb(&self) -> Aabb {
-        self.0
-    }
-}
-
 impl Occluder {
     /// Builds the BVH over these polygons.
     #[must_use]
     pub fn new(polygons: &[ConvexPolygon]) -> Self {
         let corners = || polygons.iter().flat_map(|polygon| &polygon.corners);
         let largest = corners().map(|corner| corner.abs().max_element()).fold(0.0, f64::max);
-        let padding = Vec3A::splat((largest * PADDING) as f32);
         let boxes: Vec<PaddedBox> = polygons
             .iter()
-            .map(|polygon| {
-                let points: Vec<Vec3A> = polygon.corners.iter().map(|p| p.as_vec3a()).collect();
-                let tight = Aabb::from_points(&points);
-                PaddedBox(Aabb::new(tight.min - padding, tight.max + padding))
-            })
+            .map(|polygon| PaddedBox::around(polygon.corners.iter().copied(), largest * PADDING))
             .collect();
         let bvh = build_bvh2(&boxes, BvhBuildParams::medium_build(), &mut Default::default());
         let mut place = vec![0; polygons.len()];

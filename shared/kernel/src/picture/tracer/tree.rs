@@ -7,13 +7,9 @@
 //! corners on another triangle's edge, are closed by a slack: a ray hits that misses an edge by no more than the rounding.
 
 use crate::geometry::Bounds;
+use crate::hierarchy::Hierarchy;
 use crate::picture::{PictureScene, Ray};
-use glam::{DVec3, Vec3A};
-use obvhs::aabb::Aabb;
-use obvhs::bvh2::Bvh2;
-use obvhs::bvh2::builder::build_bvh2;
-use obvhs::ray::{Ray as SingleRay, RayHit};
-use obvhs::{Boundable, BvhBuildParams};
+use glam::DVec3;
 
 /// Boxes are padded by this part of the largest coordinate: eight times what rounding a ray to f32 moves it within the scene.
 const PADDING: f64 = 4e-6;
@@ -29,9 +25,7 @@ const SAME: f64 = 16.0;
 
 /// All triangles behind a BVH.
 pub(super) struct Tree {
-    bvh: Bvh2,
-    /// In the order of the BVH's leaves.
-    triangles: Vec<Triangle>,
+    triangles: Hierarchy<Triangle>,
     /// Box around all of them.
     bounds: Bounds,
     /// Square of the distance by which a ray may miss an edge.
@@ -94,19 +88,14 @@ pub(super) struct Entered {
     start: f64,
 }
 
-struct PaddedBox(Aabb);
-
-impl Boundable for PaddedBox {
-    fn aabb(&self) -> Aabb {
-        self.0
-    }
-}
-
 impl Tree {
     /// Builds the BVH.
     pub(super) fn new(scene: &PictureScene) -> Self {
-        let triangles = || {
-            scene.parts.iter().zip(0..).flat_map(|(part, number)| {
+        let triangles: Vec<Triangle> = scene
+            .parts
+            .iter()
+            .zip(0..)
+            .flat_map(|(part, number)| {
                 part.triangles.iter().zip(0..).map(move |(vertices, triangle)| Triangle {
                     corners: vertices.map(|vertex| DVec3::from_array(part.positions[vertex as usize])),
                     part: number,
@@ -114,22 +103,15 @@ impl Tree {
                     double_sided: part.double_sided,
                 })
             })
-        };
-        let corners = || triangles().flat_map(|triangle| triangle.corners);
+            .collect();
+        let corners = || triangles.iter().flat_map(|triangle| triangle.corners);
         let largest = corners().map(|corner| corner.abs().max_element()).fold(0.0, f64::max);
         let padding = DVec3::splat(largest * PADDING + scene.rounding);
-        let boxes: Vec<PaddedBox> = triangles()
-            .map(|Triangle { corners: [a, b, c], .. }| {
-                let Bounds { low, high } = Bounds::around([a, b, c]).padded(padding);
-                PaddedBox(Aabb::new(low.as_vec3a(), high.as_vec3a()))
-            })
-            .collect();
-        let bvh = build_bvh2(&boxes, BvhBuildParams::medium_build(), &mut Default::default());
-        let mut unordered: Vec<Option<Triangle>> = triangles().map(Some).collect();
-        let triangles = bvh.primitive_indices.iter().filter_map(|index| unordered[*index as usize].take());
         let bounds = Bounds::around(corners()).padded(padding);
+        let around = |triangle: &Triangle| Bounds::around(triangle.corners).padded(padding).into();
+        let triangles = Hierarchy::new(triangles, around);
         let slack = scene.rounding + largest * ROUNDING;
-        Self { triangles: triangles.collect(), bvh, bounds, slack: slack * slack, same: SAME * slack }
+        Self { triangles, bounds, slack: slack * slack, same: SAME * slack }
     }
 
     /// Moves the start of a ray to where it enters the box around the scene, which may be far away from the eye: coordinates
@@ -156,11 +138,9 @@ impl Tree {
         behind: Behind,
         is_hole: impl Fn(&Hit) -> bool,
     ) -> Option<Hit> {
-        let (origin, direction): (Vec3A, Vec3A) = (ray.origin.as_vec3a(), ray.direction.as_vec3a());
-        let single = SingleRay::new(origin, direction, 0.0, f32::INFINITY);
         let mut nearest: Option<Hit> = None;
-        self.bvh.ray_traverse(single, &mut RayHit::none(), |_, place| {
-            let Some(hit) = self.hit(ray, place) else { return f32::INFINITY };
+        self.triangles.along_ray(ray.origin, ray.direction, |place, triangle| {
+            let Some(hit) = self.hit(ray, place, triangle) else { return f32::INFINITY };
             let is_nearer =
                 nearest.is_none_or(|found| (hit.distance, hit.place) < (found.distance, found.place));
             if !is_nearer || !behind.is_before(&hit, self.same) || is_hole(&hit) {
@@ -172,8 +152,8 @@ impl Tree {
         nearest
     }
 
-    fn hit(&self, ray: &Entered, place: usize) -> Option<Hit> {
-        let &Triangle { corners, part, triangle, double_sided } = &self.triangles[place];
+    fn hit(&self, ray: &Entered, place: usize, triangle: &Triangle) -> Option<Hit> {
+        let &Triangle { corners, part, triangle, double_sided } = triangle;
         let [a, b, c] = corners.map(|corner| corner - ray.origin);
         let along = ray.direction;
         let volumes = DVec3::new(along.dot(b.cross(c)), along.dot(c.cross(a)), along.dot(a.cross(b)));
