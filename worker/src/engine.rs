@@ -14,7 +14,7 @@ use kernel::visibility::{
 };
 use protocol::worker::RowStatistics;
 
-/// A scene replica made ready. What a job needs of it is built by the first that does.
+/// A prepared scene replica. Each part is built by the first job that needs it.
 pub struct Scene {
     replica: ScenePolygons,
     occluder: OnceLock<Occluder>,
@@ -23,7 +23,7 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// Of polygons that stop all light. The same polygons give the same bits everywhere.
+    /// A scene of opaque polygons. The same polygons give the same bits everywhere.
     #[must_use]
     pub fn new(polygons: &[ConvexPolygon]) -> Self {
         ScenePolygons { polygons: polygons.to_vec(), opacities: vec![] }.into()
@@ -35,7 +35,7 @@ impl Scene {
         self.replica.polygons.len()
     }
 
-    /// The polygons that stop all light.
+    /// The opaque occluders.
     fn occluder(&self) -> &Occluder {
         self.occluder.get_or_init(|| {
             let ScenePolygons { polygons, opacities } = &self.replica;
@@ -47,7 +47,7 @@ impl Scene {
         })
     }
 
-    /// The polygons that stop a part of the light, where there are any.
+    /// The transparent occluders, if any.
     fn transparent(&self) -> Option<&TransparentOccluders> {
         let transparent = self.transparent.get_or_init(|| {
             let ScenePolygons { polygons, opacities } = &self.replica;
@@ -59,7 +59,7 @@ impl Scene {
         transparent.as_ref()
     }
 
-    /// The polygons as what is seen.
+    /// The polygons for hemisphere rows.
     fn seen(&self) -> &SeenPolygons {
         self.seen.get_or_init(|| SeenPolygons::new(&self.replica.polygons, &self.replica.opacities))
     }
@@ -91,7 +91,7 @@ pub fn compute_hemisphere(
     (Row::of_some(scene.polygons(), &seen.factors), statistics)
 }
 
-/// A receiver replica made ready.
+/// A prepared receiver replica.
 pub struct ReceiverSet {
     /// Key of the first receiver.
     pub first_key: u64,

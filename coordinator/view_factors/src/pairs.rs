@@ -35,9 +35,9 @@ pub struct PairCounts {
     pub all: u64,
     /// Turned away from each other, or in one plane.
     pub turned_away: u64,
-    /// Hidden from each other: proven, but for those under `found_hidden`.
+    /// Hidden from each other: proven, except those under `found_hidden`.
     pub hidden: u64,
-    /// Hidden as far as the points of one element tell.
+    /// Hidden according to sample points.
     pub found_hidden: u64,
     /// Nothing stands between: known up to rounding, or 1e-7 of themselves.
     pub exact: u64,

@@ -1,4 +1,4 @@
-//! What stands between two clusters, or two elements: nothing, something, or a polygon that hides one from the other whole.
+//! Occlusion between two clusters or elements: none, some, or a polygon that hides one from the other.
 
 use glam::DVec3;
 use kernel::geometry::{Bounds, ConvexPolygon, PlaneId, area_vector};

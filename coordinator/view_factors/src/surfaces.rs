@@ -1,4 +1,4 @@
-//! Which surfaces there are, what they are called, and the polygons that they are made of.
+//! The surfaces of a scene, their names and polygons.
 
 use std::collections::{HashMap, HashSet};
 
@@ -53,7 +53,7 @@ fn polygons(facet: &Facet) -> Vec<ConvexPolygon> {
         if let Some(fan) = polygons.last_mut()
             && fan[0] == a
         {
-            // A polygon seen from behind, or mirrored, has its triangles in the other order.
+            // A polygon seen from its back, or mirrored, has its triangles in the other order.
             let place = match () {
                 () if fan[fan.len() - 1] == b => Some((fan.len(), c)),
                 () if fan[1] == c => Some((1, b)),

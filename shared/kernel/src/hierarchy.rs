@@ -1,4 +1,4 @@
-//! Items behind a bounding volume hierarchy. Boxes are culled in f32, padded for it; whether and where an item is met is for the
+//! Items in a bounding volume hierarchy. Boxes are culled in f32, padded for it; whether and where an item is met is for the
 //! caller to compute in f64.
 
 use glam::{DVec3, Vec3A};
@@ -37,7 +37,7 @@ impl Boundable for PaddedBox {
     }
 }
 
-/// Items behind a BVH. The same items give the same tree everywhere.
+/// Items in a BVH. The same items give the same tree everywhere.
 pub struct Hierarchy<T> {
     bvh: Bvh2,
     items: Vec<T>,

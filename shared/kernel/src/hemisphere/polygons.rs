@@ -1,4 +1,4 @@
-//! Polygons behind a BVH that finds the nearest one.
+//! Polygons in a BVH that finds the nearest one.
 
 use glam::DVec3;
 use obvhs::BvhBuildParams;
@@ -26,7 +26,7 @@ pub struct SeenPolygons {
     /// Of each polygon; empty where all are opaque.
     opacities: Vec<f32>,
     bvh: CwBvh,
-    /// Distance by which a ray behind a pane starts anew.
+    /// Distance by which a ray starts anew beyond a transparent occluder.
     clearance: f64,
 }
 

@@ -94,7 +94,7 @@ impl Body {
         Self { faces, corners, edges, rounding }
     }
 
-    /// True where a point sees the front of a face. In the plane of two faces at once, but for rounding, it is in line with their
+    /// True where a point sees the front of a face. In the plane of two faces at once, up to rounding, it is in line with their
     /// edge, and the plane through both would be any: such faces are not seen.
     #[must_use]
     pub fn sees(&self, side: &Side, point: DVec3) -> bool {

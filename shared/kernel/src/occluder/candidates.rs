@@ -1,4 +1,4 @@
-//! The occluders between a group of points and a polygon.
+//! Candidate lists: the occluders between a group of points and a polygon.
 
 use std::ops::Range;
 
@@ -160,8 +160,8 @@ impl CandidateList {
         body.faces.iter().filter(move |face| occluder.polygons[**face as usize].plane != plane)
     }
 
-    /// What a part does to the pyramids between some receivers and the polygon. Occluders in a receiver's own plane, which `planes`
-    /// tells, do not count.
+    /// What a part does to the pyramids between some receivers and the polygon. Occluders in a receiver's own plane, given by
+    /// `planes`, do not count.
     #[must_use]
     pub fn reach(
         &self,

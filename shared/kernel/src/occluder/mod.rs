@@ -1,4 +1,4 @@
-//! The surfaces that block light, behind a BVH.
+//! The surfaces that block light, in a BVH.
 
 mod bodies;
 mod candidates;

@@ -1,10 +1,10 @@
-//! How much of a form factor the occluders leave.
+//! The visible part of form factors.
 //!
-//! Where few occluders stand between a point and a polygon, the visible part of the polygon is *computed*: the occluders are
-//! cut out of it as the point sees them, and the rest is summed up exactly. Where there are many, rays sample it.
+//! With few occluders between a point and a polygon, visibility is *computed*: the occluders are cut out of the polygon as the point
+//! sees them, and the rest is integrated exactly. With many it is sampled with rays.
 //!
-//! What can be decided for a whole group of receivers is: that they look away from the polygon, that nothing stands between,
-//! that one occluder hides it from all of them.
+//! Three cases are decided for a whole group of receivers: all face away from the polygon, nothing lies between, or one occluder
+//! hides it from all.
 
 mod cut;
 mod groups;
@@ -31,10 +31,10 @@ use partial::PartialView;
 pub use sample::pair_seed;
 pub use transparent::{Transmitted, TransparentOccluders};
 
-/// A group that reaches behind a polygon's plane by less than this part of its size does so by rounding.
-const BEHIND: f64 = 1e-9;
+/// A group that crosses a polygon's plane by less than this part of its size does so by rounding.
+const BACK_FACE: f64 = 1e-9;
 
-/// Level of the groups whose occluders are looked up together: those of some hundred receivers.
+/// Level of the groups that share a candidate list: those of some hundred receivers.
 const COLLECTING: usize = 2;
 
 /// Computes visible form factors. Keeps its buffers between calls.
@@ -88,7 +88,7 @@ impl<'a> VisibilityKernel<'a> {
         let mut stack = vec![(groups.top(), 0)];
         while let Some((level, index)) = stack.pop() {
             let Some(node) = groups.node(level, index) else { continue };
-            if looks_away(node, polygon) {
+            if faces_away(node, polygon) {
                 continue;
             }
             if level > 0 && self.is_hidden(node, polygon) {
@@ -114,10 +114,10 @@ impl<'a> VisibilityKernel<'a> {
 
     /// True where one occluder stands between a whole group and the polygon.
     fn is_hidden(&mut self, node: &Node, polygon: &PreparedPolygon) -> bool {
-        // Behind the polygon's plane nothing is seen of it: what reaches there by rounding does not matter.
+        // The back-face check: what crosses the plane by rounding does not matter.
         let nearest = -node.bounds.farthest_along(-polygon.normal());
         let over_plane = nearest - polygon.normal().dot(polygon.centre());
-        if self.occluder.is_empty() || over_plane < -BEHIND * node.bounds.diagonal() {
+        if self.occluder.is_empty() || over_plane < -BACK_FACE * node.bounds.diagonal() {
             return false;
         }
         self.occluder.near_segment(node.bounds.centre(), polygon.centre(), &mut self.found);
@@ -244,7 +244,7 @@ impl<'a> VisibilityKernel<'a> {
 }
 
 /// True where no receiver of a group sees the polygon's front above its horizon.
-fn looks_away(node: &Node, polygon: &PreparedPolygon) -> bool {
+fn faces_away(node: &Node, polygon: &PreparedPolygon) -> bool {
     let farthest = node.bounds.farthest_along(polygon.normal());
     if node.planes == [polygon.plane()] || farthest <= polygon.normal().dot(polygon.centre()) {
         return true;

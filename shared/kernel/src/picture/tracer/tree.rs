@@ -23,7 +23,7 @@ const ROUNDING: f64 = 16.0 * f64::EPSILON;
 /// Two triangles of an edge are met at distances that differ by some slacks, where they are seen at an angle.
 const SAME: f64 = 16.0;
 
-/// All triangles behind a BVH.
+/// All triangles in a BVH.
 pub(super) struct Tree {
     triangles: Hierarchy<Triangle>,
     /// Box around all of them.
@@ -59,13 +59,13 @@ pub(super) struct Hit {
 /// What was seen already: all that is nearer than this, or as near and earlier in the order of the leaves, and what belongs to the
 /// same surface in the same place: on an edge a ray meets both of its triangles.
 #[derive(Clone, Copy)]
-pub(super) struct Behind {
+pub(super) struct Passed {
     distance: f64,
     place: u32,
     part: u32,
 }
 
-impl Behind {
+impl Passed {
     /// Nothing was seen.
     pub(super) const NOTHING: Self = Self { distance: f64::NEG_INFINITY, place: 0, part: u32::MAX };
 
@@ -135,7 +135,7 @@ impl Tree {
     pub(super) fn nearest(
         &self,
         ray: &Entered,
-        behind: Behind,
+        passed: Passed,
         is_hole: impl Fn(&Hit) -> bool,
     ) -> Option<Hit> {
         let mut nearest: Option<Hit> = None;
@@ -143,7 +143,7 @@ impl Tree {
             let Some(hit) = self.hit(ray, place, triangle) else { return f32::INFINITY };
             let is_nearer =
                 nearest.is_none_or(|found| (hit.distance, hit.place) < (found.distance, found.place));
-            if !is_nearer || !behind.is_before(&hit, self.same) || is_hole(&hit) {
+            if !is_nearer || !passed.is_before(&hit, self.same) || is_hole(&hit) {
                 return f32::INFINITY;
             }
             nearest = Some(hit);
