@@ -10,20 +10,20 @@ use kernel::occluder::Occluder;
 use kernel::replica::{Receiver, Receivers, ScenePolygons};
 use kernel::row::{Hemisphere, Precision, Rounding, Row, Shape, Shooter};
 use kernel::visibility::{
-    MANY_POLYGONS, ManyPolygons, Panes, ReceiverGroups, View, VisibilityKernel, pair_seed,
+    MANY_POLYGONS, ManyPolygons, ReceiverGroups, TransparentOccluders, VisibilityKernel, pair_seed,
 };
 use protocol::worker::RowStatistics;
 
-/// A scene replica made ready. What a job needs of it is built by the first that does.
+/// A prepared scene replica. Each part is built by the first job that needs it.
 pub struct Scene {
     replica: ScenePolygons,
     occluder: OnceLock<Occluder>,
-    panes: OnceLock<Option<Panes>>,
+    transparent: OnceLock<Option<TransparentOccluders>>,
     seen: OnceLock<SeenPolygons>,
 }
 
 impl Scene {
-    /// Of polygons that stop all light. The same polygons give the same bits everywhere.
+    /// A scene of opaque polygons. The same polygons give the same bits everywhere.
     #[must_use]
     pub fn new(polygons: &[ConvexPolygon]) -> Self {
         ScenePolygons { polygons: polygons.to_vec(), opacities: vec![] }.into()
@@ -35,7 +35,7 @@ impl Scene {
         self.replica.polygons.len()
     }
 
-    /// The polygons that stop all light.
+    /// The opaque occluders.
     fn occluder(&self) -> &Occluder {
         self.occluder.get_or_init(|| {
             let ScenePolygons { polygons, opacities } = &self.replica;
@@ -47,19 +47,19 @@ impl Scene {
         })
     }
 
-    /// The polygons that stop a part of the light, where there are any.
-    fn panes(&self) -> Option<&Panes> {
-        let panes = self.panes.get_or_init(|| {
+    /// The transparent occluders, if any.
+    fn transparent(&self) -> Option<&TransparentOccluders> {
+        let transparent = self.transparent.get_or_init(|| {
             let ScenePolygons { polygons, opacities } = &self.replica;
-            let panes = polygons.iter().zip(opacities).filter(|(_, opacity)| (0.0..1.0).contains(*opacity));
+            let some = polygons.iter().zip(opacities).filter(|(_, opacity)| (0.0..1.0).contains(*opacity));
             let (polygons, opacities): (Vec<_>, Vec<_>) =
-                panes.map(|(polygon, opacity)| (polygon.clone(), *opacity)).unzip();
-            (!polygons.is_empty()).then(|| Panes::new(&polygons, &opacities))
+                some.map(|(polygon, opacity)| (polygon.clone(), *opacity)).unzip();
+            (!polygons.is_empty()).then(|| TransparentOccluders::new(&polygons, &opacities))
         });
-        panes.as_ref()
+        transparent.as_ref()
     }
 
-    /// The polygons as what is seen.
+    /// The polygons for hemisphere rows.
     fn seen(&self) -> &SeenPolygons {
         self.seen.get_or_init(|| SeenPolygons::new(&self.replica.polygons, &self.replica.opacities))
     }
@@ -67,7 +67,7 @@ impl Scene {
 
 impl From<ScenePolygons> for Scene {
     fn from(replica: ScenePolygons) -> Self {
-        Self { replica, occluder: OnceLock::new(), panes: OnceLock::new(), seen: OnceLock::new() }
+        Self { replica, occluder: OnceLock::new(), transparent: OnceLock::new(), seen: OnceLock::new() }
     }
 }
 
@@ -91,7 +91,7 @@ pub fn compute_hemisphere(
     (Row::of_some(scene.polygons(), &seen.factors), statistics)
 }
 
-/// A receiver replica made ready.
+/// A prepared receiver replica.
 pub struct ReceiverSet {
     /// Key of the first receiver.
     pub first_key: u64,
@@ -123,7 +123,7 @@ pub fn compute_row(
     let row: Vec<f64> = match &shooter.shape {
         Shape::Polygons(polygons) if polygons.len() >= MANY_POLYGONS => {
             let prepared = polygons.iter().map(PreparedPolygon::new).collect();
-            let mut many = ManyPolygons::new(prepared, scene.occluder(), scene.panes(), precision);
+            let mut many = ManyPolygons::new(prepared, scene.occluder(), scene.transparent(), precision);
             let factor = |(index, receiver)| many.factor(receiver, seed(index), &mut statistics);
             receivers.iter().enumerate().map(factor).collect()
         }
@@ -131,18 +131,19 @@ pub fn compute_row(
             let mut kernel = VisibilityKernel::new(scene.occluder(), precision);
             let mut factors = vec![0.0; receivers.len()];
             for polygon in polygons.iter().map(PreparedPolygon::new) {
-                match scene.panes() {
+                match scene.transparent() {
                     None => kernel.add_form_factors(groups, &polygon, seed, &mut factors, &mut statistics),
-                    Some(panes) => {
+                    Some(transparent) => {
                         let mut own = vec![0.0; receivers.len()];
                         kernel.add_form_factors(groups, &polygon, seed, &mut own, &mut statistics);
                         for (index, (factor, own)) in factors.iter_mut().zip(own).enumerate() {
                             if own > 0.0 {
-                                let view = View { receiver: &receivers[index], polygon: &polygon };
-                                let dimmed = panes.before(&view, scene.occluder(), seed(index));
-                                statistics.rays += u64::from(dimmed.rays);
-                                statistics.sampling_variance += own * own * dimmed.variance;
-                                *factor += own * dimmed.fraction;
+                                let receiver = &receivers[index];
+                                let passed =
+                                    transparent.before(receiver, &polygon, scene.occluder(), seed(index));
+                                statistics.rays += u64::from(passed.rays);
+                                statistics.sampling_variance += own * own * passed.variance;
+                                *factor += own * passed.fraction;
                             }
                         }
                     }
@@ -203,9 +204,9 @@ fn point_light_factor(
             return 0.0;
         }
     }
-    let through = scene.panes().map_or(1.0, |panes| {
+    let through = scene.transparent().map_or(1.0, |transparent| {
         statistics.rays += 1;
-        panes.between(receiver.position, light, [receiver.plane; 2])
+        transparent.between(receiver.position, light, [receiver.plane; 2])
     });
     weight * cosine / squared * through
 }
@@ -230,9 +231,9 @@ fn directional_factor(
             return 0.0;
         }
     }
-    let through = scene.panes().map_or(1.0, |panes| {
+    let through = scene.transparent().map_or(1.0, |transparent| {
         statistics.rays += 1;
-        panes.from_far(receiver.position, along, receiver.plane)
+        transparent.from_far(receiver.position, along, receiver.plane)
     });
     cosine * through
 }

@@ -1,4 +1,4 @@
-//! Whether a worker serves, and what it speaks: `grpc.health.v1` and reflection, on the port of the worker itself.
+//! Health (`grpc.health.v1`) and reflection, on the port of the worker itself.
 
 use std::time::Duration;
 
@@ -19,24 +19,24 @@ use tonic_reflection::server::v1::{ServerReflection, ServerReflectionServer};
 /// How long a check may take.
 const PATIENCE: Duration = Duration::from_secs(5);
 
-/// What is asked about: the whole worker, and the one service that it has.
+/// Names of a health check: the whole worker, and its one service.
 const NAMES: [&str; 2] = ["", SERVICE_NAME];
 
-/// What health checks are told.
+/// Status for health checks.
 pub(crate) struct Health(HealthReporter);
 
 impl Health {
-    /// The worker serves; the service tells it.
+    /// Reports that the worker serves.
     pub(crate) async fn new() -> (Self, HealthServer<impl HealthChecks>) {
         let (reporter, service) = health_reporter();
         let health = Self(reporter);
-        health.tell(ServingStatus::Serving).await;
+        health.report(ServingStatus::Serving).await;
         (health, service)
     }
 
     /// The worker finishes what it has, and takes nothing new.
     pub(crate) async fn drain(&self) {
-        self.tell(ServingStatus::NotServing).await;
+        self.report(ServingStatus::NotServing).await;
     }
 
     /// Ends the calls of those who watch: they would keep their connections open.
@@ -46,14 +46,14 @@ impl Health {
         }
     }
 
-    async fn tell(&self, status: ServingStatus) {
+    async fn report(&self, status: ServingStatus) {
         for name in NAMES {
             self.0.set_service_status(name, status).await;
         }
     }
 }
 
-/// Tells the protocol to those who ask in it, such as grpcurl.
+/// Serves reflection to clients such as grpcurl.
 pub(crate) fn reflection()
 -> Result<ServerReflectionServer<impl ServerReflection>, tonic_reflection::server::Error> {
     tonic_reflection::server::Builder::configure()

@@ -19,8 +19,7 @@ use crate::pool::Panicked;
 use crate::store::{Replica, ReplicaStore};
 
 /// Rays that a job may take at most: pairs of a receiver and a polygon, times the rays that a pair may have. A bake's jobs have
-/// some 10^10 of them in the worst case, and cast few; this many are far from any use, and all that whoever may call can keep a
-/// thread busy with at a time.
+/// some 10^10 of them in the worst case, and cast few; this bounds how long a caller can keep a thread busy.
 const MOST_RAYS: u64 = 1 << 42;
 
 /// A job that can be computed: it holds all that it needs.

@@ -1,20 +1,22 @@
-//! The worker: replicas in, rows out.
+//! The worker: computes rows of form factors and tiles of pictures for coordinators, and keeps nothing.
 //!
-//! | module | what lives there |
+//! In: replicas of scenes, receivers and pictures, and jobs that name them. Out: encoded rows and tiles. It must not know meshes,
+//! energies, files or other workers. Begin reading at [`engine`], then [`job`] and `session`.
+//!
+//! | module | contents |
 //! |---|---|
-//! | [`engine`] | computes rows: pure |
-//! | [`store`] | the replicas that the worker holds |
+//! | [`engine`] | computes rows; pure |
+//! | [`store`] | the replicas held |
 //! | [`upload`] | checks a replica on its way in |
 //! | [`job`] | checks and computes one job |
 //! | [`tile`] | checks and computes one tile of a picture |
 //! | [`pool`] | the threads that compute |
-//! | [`metrics`] | figures for Prometheus |
+//! | [`metrics`] | metrics for Prometheus |
 //! | [`incoming`] | connections from outside, up to the point where HTTP/2 begins |
-//! | [`health`] | whether the worker serves, for those who ask, and what it speaks |
+//! | [`health`] | health checks and reflection |
 //! | `session`, `service` | the conversation with a coordinator |
 //!
-//! [`serve`] runs a worker on whatever connections it is given: sockets in the `worker` binary, memory in a coordinator
-//! that starts its own.
+//! [`serve`] runs a worker on any stream of connections: sockets in the `worker` binary, memory in a coordinator with local workers.
 
 pub mod engine;
 pub mod health;
@@ -60,33 +62,33 @@ const BOUNDS: ConnectionBounds = ConnectionBounds {
     keep_alive: Duration::from_secs(10),
 };
 
-/// How long a worker that was told to stop waits for the jobs that it computes.
+/// How long a stopping worker waits for the jobs that it computes.
 const DRAIN: Duration = Duration::from_secs(20);
 
-/// What a worker is.
+/// Settings of a worker.
 #[derive(Debug, Clone)]
 pub struct Settings {
     /// Name for the logs.
     pub name: String,
-    /// Tells this worker from every other, whatever the address that it is reached by: a random number.
+    /// Random number that identifies this worker, whatever its address.
     pub instance: u64,
-    /// How many jobs are computed at the same time.
+    /// Number of jobs computed at the same time.
     pub threads: NonZeroUsize,
     /// Encoded size of the replicas held at the same time, in bytes; a single one may have a quarter of it.
     pub replica_bytes: u64,
     /// Token that every call must carry.
     pub token: Option<Token>,
-    /// Where it counts what it does.
+    /// Metrics.
     pub metrics: Metrics,
     /// How jobs are computed.
     pub compute: Compute,
 }
 
 impl Settings {
-    /// Room for replicas where nobody asks for more or less, in bytes.
+    /// Default room for replicas, in bytes.
     pub const DEFAULT_REPLICA_BYTES: u64 = 4 << 30;
 
-    /// A worker of this name, with as much room as where nobody asks for more or less, that demands no token.
+    /// Default settings with this name and without a token.
     #[must_use]
     pub fn new(name: &str, threads: NonZeroUsize) -> Self {
         Self {
@@ -108,13 +110,13 @@ impl Settings {
     }
 }
 
-/// Why a worker does not serve.
+/// Error of [`serve`].
 #[derive(Debug, thiserror::Error)]
 pub enum ServeError {
     /// The system refused to start the threads.
     #[error("cannot start the computing threads: {0}")]
     Threads(#[from] rayon::ThreadPoolBuildError),
-    /// The protocol cannot be told to those who ask.
+    /// Reflection failed.
     #[error("cannot offer reflection: {0}")]
     Reflection(#[from] tonic_reflection::server::Error),
     /// The server failed.

@@ -65,7 +65,7 @@ async fn run(options: Options) -> anyhow::Result<()> {
     let listener = TcpListener::bind(options.listen)
         .await
         .with_context(|| format!("cannot listen on {}: choose another --listen address", options.listen))?;
-    let address = listener.local_addr().context("cannot tell the address")?;
+    let address = listener.local_addr().context("cannot read the address of the listener")?;
     let threads = match options.threads {
         Some(threads) => threads,
         None => std::thread::available_parallelism().context("cannot count the cores: give --threads")?,
@@ -84,7 +84,7 @@ async fn run(options: Options) -> anyhow::Result<()> {
     Ok(worker::serve(incoming, settings, shutdown).await?)
 }
 
-/// Shows figures to Prometheus, where that is asked for.
+/// Serves metrics to Prometheus, if wanted.
 fn show(metrics: &Metrics, address: Option<SocketAddr>) -> anyhow::Result<Option<MetricsPage>> {
     let Some(address) = address else { return Ok(None) };
     let mut registry = Registry::default();

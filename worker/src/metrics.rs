@@ -1,4 +1,4 @@
-//! Figures of a worker, for Prometheus.
+//! Metrics of a worker, for Prometheus.
 
 use std::sync::atomic::AtomicU64;
 
@@ -10,7 +10,7 @@ use prometheus_client::registry::{Registry, Unit};
 use protocol::worker::worker_message::Body;
 use protocol::worker::{FailureReason, Finished, FinishedTile, RowStatistics};
 
-/// What a worker does and did. A clone is another handle to the same figures.
+/// Counters of a worker. A clone is another handle to the same ones.
 #[derive(Debug, Clone, Default)]
 pub struct Metrics {
     /// Coordinators in conversation.
@@ -58,7 +58,7 @@ impl From<FailureReason> for Failure {
 }
 
 impl Metrics {
-    /// Shows the figures in a registry.
+    /// Registers the metrics.
     pub fn register(&self, registry: &mut Registry) {
         let registry = registry.sub_registry_with_prefix("halflight_worker");
         registry.register("sessions", "Coordinators in conversation", self.sessions.clone());

@@ -45,7 +45,7 @@ enum Pool {
 pub struct Panicked(String);
 
 impl ComputePool {
-    /// Starts so many threads.
+    /// Starts the threads.
     ///
     /// # Errors
     /// When the system refuses to start a thread.
@@ -57,7 +57,7 @@ impl ComputePool {
         Ok(Self(Pool::Threads(Arc::new(pool))))
     }
 
-    /// A pool for so many pieces of work at the same time.
+    /// A pool that does this many pieces of work at the same time.
     ///
     /// # Errors
     /// When the system refuses to start a thread.
@@ -70,7 +70,7 @@ impl ComputePool {
         }
     }
 
-    /// Queues work behind all that was queued before, and waits for its result without holding a thread.
+    /// Queues work after all that was queued before, and waits for its result without holding a thread.
     ///
     /// # Errors
     /// When the work panics; the thread goes on with other work.
@@ -82,7 +82,7 @@ impl ComputePool {
             Pool::Threads(threads) => {
                 let (sender, receiver) = oneshot::channel();
                 threads.spawn_fifo(move || {
-                    // Whoever asked may have left meanwhile.
+                    // The caller may have left meanwhile.
                     let _ = sender.send(caught(work));
                 });
                 receiver.await.unwrap_or_else(|_| Err(Panicked("its thread is gone".into())))

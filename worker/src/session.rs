@@ -110,7 +110,7 @@ impl Session<'_> {
                             self.start(job.job_id, tile, |tile| Outgoing::Tile(tile.compute()));
                         }
                         Some(Some(Incoming::Cancel(CancelJob { job_id }))) => {
-                            // Answered already otherwise: the answer and the cancel crossed.
+                            // Answered already: the answer and the cancel crossed.
                             if let Some(job) = self.unanswered.get(&job_id) {
                                 job.cancel();
                             }

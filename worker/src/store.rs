@@ -13,11 +13,11 @@ use kernel::picture::tracer::Picture;
 /// A replica made ready for jobs. A clone is another handle to the same one.
 #[derive(Clone)]
 pub enum Replica {
-    /// The occluders, behind their BVH.
+    /// The occluders, in their BVH.
     Scene(Arc<Scene>),
     /// Points at which irradiance is wanted.
     Receivers(Arc<ReceiverSet>),
-    /// A lit scene, behind its BVH.
+    /// A lit scene, in its BVH.
     Picture(Arc<Picture>),
 }
 
@@ -58,7 +58,7 @@ struct Entry {
 }
 
 impl ReplicaStore {
-    /// An empty store for so many bytes of encoded replicas. Decoded they take up to about four times as much.
+    /// An empty store with a capacity in bytes of encoded replicas. Decoded they take up to about four times as much.
     #[must_use]
     pub fn new(capacity: u64) -> Self {
         Self { capacity, held: 0, uses: 0, entries: HashMap::new() }
@@ -71,7 +71,7 @@ impl ReplicaStore {
         self.capacity / 4
     }
 
-    /// How many replicas are held.
+    /// Number of replicas held.
     #[must_use]
     pub fn count(&self) -> usize {
         self.entries.len()
@@ -91,8 +91,8 @@ impl ReplicaStore {
         Some(entry.replica.clone())
     }
 
-    /// Keeps a replica of so many encoded bytes, and drops the least recently used others until all fit. A replica that is
-    /// held already stays.
+    /// Keeps a replica, given its encoded size in bytes, and drops the least recently used others until all fit. A replica
+    /// that is held already stays.
     pub fn insert(&mut self, digest: Digest, replica: Replica, bytes: u64) {
         if self.get(digest).is_some() {
             return;

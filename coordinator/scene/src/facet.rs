@@ -1,7 +1,7 @@
 //! Flat convex pieces of surfaces, with the triangles of the input that they join.
 
 use glam::DVec3;
-use kernel::geometry::PlaneId;
+use kernel::geometry::{ConvexPolygon, PlaneId};
 
 /// A flat convex piece of a surface: one triangle, or several coplanar ones joined.
 #[derive(Debug, Clone)]
@@ -15,6 +15,19 @@ pub struct Facet {
     /// The triangles that it is made of, as the primitive's vertex indices, in the facet's winding: for the exporter, which
     /// interpolates the other vertex attributes in them.
     pub triangles: Vec<SourceTriangle>,
+}
+
+impl Facet {
+    /// Positions of the corners.
+    pub fn positions(&self) -> impl ExactSizeIterator<Item = DVec3> + Clone {
+        self.corners.iter().map(|corner| corner.position)
+    }
+
+    /// The facet as a polygon of the kernel.
+    #[must_use]
+    pub fn polygon(&self) -> ConvexPolygon {
+        ConvexPolygon { plane: self.plane, corners: self.positions().collect() }
+    }
 }
 
 /// A corner of a facet.

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use kernel::form_factor::PreparedPolygon;
-use kernel::geometry::{ConvexPolygon, PlaneId};
+use kernel::geometry::{Bounds, ConvexPolygon, PlaneId};
 
 use super::exchange::Quadrature;
 
@@ -66,9 +66,7 @@ impl Element {
 
 fn fills_box(corners: &[DVec3], normal: DVec3) -> bool {
     let near = |a: f64, b: f64| (a - b).abs() <= IN_PLANE;
-    let (low, high) = corners
-        .iter()
-        .fold((corners[0], corners[0]), |(low, high), corner| (low.min(*corner), high.max(*corner)));
+    let Bounds { low, high } = Bounds::around(corners);
     let on_box =
         |corner: &DVec3| (0..3).all(|axis| near(corner[axis], low[axis]) || near(corner[axis], high[axis]));
     normal.abs().max_element() > 1.0 - 1e-12 && corners.len() == 4 && corners.iter().all(on_box)

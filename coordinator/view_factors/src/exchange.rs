@@ -160,10 +160,10 @@ fn by_rule(a: &Quadrature, b: &Quadrature) -> Option<Exchange> {
     if distance <= 0.0 || a.area <= 0.0 || b.area <= 0.0 {
         return None;
     }
-    // The integral relative to that of 1 / (pi distance^2), as the two centres tell it.
+    // The integral relative to that of 1 / (pi distance^2), at the two centres.
     let cosines = -a.normal.dot(offset) * b.normal.dot(offset) / squared;
     let share = cosines * distance * distance / squared;
-    // Half for each polygon, and a third of it since the centres may tell too much.
+    // Half for each polygon, and a third of it since the centres may overestimate.
     let wanted = RULE_ERROR / 6.0 * share;
     let (from, to) = (a.nodes(distance, wanted)?, b.nodes(distance, wanted)?);
     if (from * to).pow(2) > MOST_POINT_PAIRS {

@@ -1,12 +1,15 @@
-//! View factors between the surfaces of a scene: the form factor F of a surface to another is the part of what leaves the first
-//! that arrives on the other, with everything between them in the way. Thermal engineers call it so.
+//! View factors between the surfaces of a scene, as thermal engineers call form factors: the part of the radiation that leaves one
+//! surface and arrives on another, with occlusion.
 //!
-//! | file | what it does |
+//! In: a scene. Out: a table of factors with their errors. It must not know workers, rows of a bake or lit files. Begin reading at
+//! `pairs`.
+//!
+//! | file | contents |
 //! |---|---|
-//! | `surfaces` | which surfaces there are, and the polygons that they are made of |
-//! | `element` | such a polygon, made ready |
-//! | `tree`, `shaft`, `pairs` | which polygons see each other at all: decided for whole clusters of them |
-//! | `exchange` | pairs that see each other unhindered |
+//! | `surfaces` | the surfaces, and their polygons |
+//! | `element` | a prepared polygon |
+//! | `tree`, `shaft`, `pairs` | which polygons see each other at all, decided for whole clusters |
+//! | `exchange` | pairs without occluders |
 //! | `sampling` | pairs that are partly hidden |
 //! | `rows`, `openness`, `closing` | rows of surfaces that see nothing but surfaces sum to 1 |
 //! | `table` | the factors as CSV |
@@ -114,7 +117,7 @@ pub struct ViewFactors {
     pub pairs: Vec<ExchangePair>,
     /// How the pairs of polygons were decided.
     pub counts: PairCounts,
-    /// Polygons that the surfaces are made of.
+    /// Polygons of all surfaces.
     pub polygons: usize,
     /// Surfaces that see nothing but surfaces: their rows were closed.
     pub closed_rows: usize,
@@ -142,7 +145,7 @@ impl ViewFactors {
 }
 
 /// Computes the view factors of a scene, on the threads of the pool that this is called in; their number changes no bit of the
-/// answer. `progress` is told that so many of so many pairs of polygons were decided.
+/// answer. `progress` gets the number of decided pairs of polygons, and of all.
 ///
 /// # Errors
 /// When no surface has a name, or one has a name that it must not have.

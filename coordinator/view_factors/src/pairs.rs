@@ -4,7 +4,7 @@
 //! Else the larger of both is divided. The polygons that can stand between go down with it, so that fewer and fewer are left to
 //! look at; where none is left, all pairs below see each other unhindered.
 
-use glam::DVec3;
+use kernel::geometry::Bounds;
 use kernel::occluder::Occluder;
 use kernel::row::Precision;
 use kernel::visibility::VisibilityKernel;
@@ -12,7 +12,7 @@ use kernel::visibility::VisibilityKernel;
 use super::element::Element;
 use super::exchange::unoccluded;
 use super::sampling::{Sampler, Sampling};
-use super::shaft::{Blocker, Shaft, box_corners};
+use super::shaft::{Between, Blocker, box_corners};
 use super::tree::Tree;
 
 /// The exchange area of two elements that see each other.
@@ -35,9 +35,9 @@ pub struct PairCounts {
     pub all: u64,
     /// Turned away from each other, or in one plane.
     pub turned_away: u64,
-    /// Hidden from each other: proven, but for those under `found_hidden`.
+    /// Hidden from each other: proven, except those under `found_hidden`.
     pub hidden: u64,
-    /// Hidden as far as the points of one element tell.
+    /// Hidden according to sample points.
     pub found_hidden: u64,
     /// Nothing stands between: known up to rounding, or 1e-7 of themselves.
     pub exact: u64,
@@ -214,10 +214,9 @@ impl Way<'_> {
         if candidates.is_empty() {
             return Verdict::Divide;
         }
-        let shaft =
-            Shaft::new((first.low, first.high), (second.low, second.high), [first.plane, second.plane]);
+        let shaft = Between::new([first.bounds, second.bounds], [first.plane, second.plane]);
         own.extend(candidates.iter().filter(|index| shaft.may_hold(&self.blockers[**index as usize])));
-        let corners = [first, second].map(|cluster| box_corners(cluster.low, cluster.high));
+        let corners = [first, second].map(|cluster| box_corners(cluster.bounds));
         let hides = |index: &u32| {
             let blocker = &self.blockers[*index as usize];
             let touch = [first, second].map(|cluster| cluster.is_across(blocker.normal()));
@@ -271,13 +270,8 @@ impl Way<'_> {
         if candidates.is_empty() {
             return smallvec::SmallVec::new();
         }
-        let bounds = |element: &Element| {
-            let corners = element.corners().iter();
-            corners.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), corner| {
-                (low.min(*corner), high.max(*corner))
-            })
-        };
-        let mut shaft = Shaft::new(bounds(a), bounds(b), [Some(a.plane()), Some(b.plane())]);
+        let bounds = [a, b].map(|element| Bounds::around(element.corners()));
+        let mut shaft = Between::new(bounds, [Some(a.plane()), Some(b.plane())]);
         if !(a.fills_box && b.fills_box) {
             shaft.tighten(a.corners(), b.corners());
         }

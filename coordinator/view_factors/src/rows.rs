@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::closing::close;
 use super::element::Element;
 use super::{ExchangePair, openness};
-use scene::{Scene, Side};
+use scene::{Facet, Scene, Side};
 
 /// A row counts as closed if no ray leaves the scene and it misses 1 by no more than this many of its standard errors: from four
 /// replicates of a pair these are uncertain, with heavy tails.
@@ -67,10 +67,7 @@ pub fn finish(
         .iter()
         .filter(|surface| surface.side == Side::Front)
         .flat_map(|surface| &surface.facets)
-        .map(|facet| ConvexPolygon {
-            plane: facet.plane,
-            corners: facet.corners.iter().map(|corner| corner.position).collect(),
-        })
+        .map(Facet::polygon)
         .collect();
     let all = Occluder::new(&all);
     let is_closed = |index: usize| {

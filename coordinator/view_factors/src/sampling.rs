@@ -81,7 +81,7 @@ impl<'a> Sampler<'a> {
         };
         self.whole.extend(self.receivers.iter().map(view));
         let (fraction, variance) = ratio(&self.visible, &self.whole, each as usize);
-        // What so many points can overlook: a hidden corner over the cell of one of them.
+        // What the points can overlook: a hidden corner over the cell of one of them.
         let overlooked = 0.5 / (self.receivers.len() as f64).powf(1.5);
         let deviation = whole.area * variance.sqrt().max(overlooked);
         (whole.area * fraction, deviation * deviation + whole.error * whole.error)

@@ -1,7 +1,8 @@
-//! What stands between two clusters, or two elements: nothing, something, or a polygon that hides one from the other whole.
+//! Occlusion between two clusters or elements: none, some, or a polygon that hides one from the other.
 
-use glam::{DVec2, DVec3};
-use kernel::geometry::{ConvexPolygon, PlaneId, area_vector};
+use glam::DVec3;
+use kernel::geometry::{Bounds, ConvexPolygon, PlaneId, area_vector};
+use kernel::occluder::Shaft;
 use smallvec::SmallVec;
 
 use super::element::IN_PLANE;
@@ -14,8 +15,7 @@ pub struct Blocker {
     plane: PlaneId,
     normal: DVec3,
     height: f64,
-    low: DVec3,
-    high: DVec3,
+    bounds: Bounds,
     corners: SmallVec<[DVec3; 4]>,
     /// Inward unit normals of the sides, in the polygon's plane, and their heights.
     sides: SmallVec<[(DVec3, f64); 4]>,
@@ -36,8 +36,7 @@ impl Blocker {
             plane: polygon.plane,
             normal,
             height: normal.dot(corners[0]),
-            low: corners.iter().fold(DVec3::INFINITY, |low, corner| low.min(*corner)),
-            high: corners.iter().fold(DVec3::NEG_INFINITY, |high, corner| high.max(*corner)),
+            bounds: Bounds::around(corners),
             corners: corners.iter().copied().collect(),
             sides: corners.iter().zip(next).map(side).collect(),
         }
@@ -70,7 +69,7 @@ impl Blocker {
                 return false;
             }
         }
-        let slack = ROUNDING * self.low.abs().max(self.high.abs()).max_element();
+        let slack = ROUNDING * self.bounds.largest_coordinate();
         self.sides.iter().all(|(inward, offset)| {
             let inside = |points: &[DVec3]| -> SmallVec<[f64; 8]> {
                 points.iter().map(|point| inward.dot(*point) - offset).collect()
@@ -91,7 +90,7 @@ impl Blocker {
 
 /// The corners of a box, each once: four of a flat one.
 #[must_use]
-pub fn box_corners(low: DVec3, high: DVec3) -> SmallVec<[DVec3; 8]> {
+pub fn box_corners(Bounds { low, high }: Bounds) -> SmallVec<[DVec3; 8]> {
     let mut corners = SmallVec::from_slice(&[low]);
     for axis in 0..3 {
         if high[axis] > low[axis] {
@@ -105,62 +104,22 @@ pub fn box_corners(low: DVec3, high: DVec3) -> SmallVec<[DVec3; 8]> {
     corners
 }
 
-/// The hull of two boxes. Its faces are faces of the boxes, and planes parallel to an axis through an edge of each (Haines and
-/// Wallace, *Shaft Culling for Efficient Ray-Traced Radiosity*, 1991).
-pub struct Shaft {
-    low: DVec3,
-    high: DVec3,
-    /// The two boxes: centre and half extent.
-    boxes: [(DVec3, DVec3); 2],
-    /// The planes of all elements in either box, where that is one.
+/// The space between two clusters or elements: a [`Shaft`] that also knows both ends.
+pub struct Between {
+    shaft: Shaft,
+    ends: [Bounds; 2],
+    /// The planes of all elements at either end, where that is one.
     planes: [Option<PlaneId>; 2],
-    /// Inward normal and offset: inside where normal . x >= offset.
-    sides: SmallVec<[(DVec3, f64); 12]>,
-    /// Corners of both ends, where the boxes do not tell enough.
+    /// Corners of both ends, where they do not fill their boxes.
     corners: SmallVec<[DVec3; 8]>,
 }
 
-impl Shaft {
-    /// Between two boxes, given by their corners, and the planes in which the elements in them lie.
+impl Between {
+    /// Between two boxes, and the planes in which the elements in them lie.
     #[must_use]
-    pub fn new(a: (DVec3, DVec3), b: (DVec3, DVec3), planes: [Option<PlaneId>; 2]) -> Self {
-        let mut sides = SmallVec::new();
-        for [x, y] in [[0, 1], [1, 2], [2, 0]] {
-            let pick = |(low, high): (DVec3, DVec3), [far_x, far_y]: [bool; 2]| {
-                DVec2::new(if far_x { high[x] } else { low[x] }, if far_y { high[y] } else { low[y] })
-            };
-            // The corners of both rectangles, those of the same kind side by side.
-            let kinds = [[false, false], [false, true], [true, true], [true, false]];
-            let corners = kinds.map(|kind| [pick(a, kind), pick(b, kind)]);
-            for [from, to] in corners {
-                let across = (to - from).perp();
-                let offset = across.dot(from);
-                let slack = ROUNDING * across.length() * (from.length() + to.length());
-                let heights = corners.iter().flatten().map(|corner| across.dot(*corner) - offset);
-                let (least, most) = heights
-                    .fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), height| {
-                        (least.min(height), most.max(height))
-                    });
-                let sign = match () {
-                    () if least >= -slack && most > slack => 1.0,
-                    () if most <= slack && least < -slack => -1.0,
-                    () => continue,
-                };
-                let mut normal = DVec3::ZERO;
-                (normal[x], normal[y]) = (across.x * sign, across.y * sign);
-                // What reaches in by no more than rounding does not count.
-                sides.push((normal, offset * sign + IN_PLANE * across.length()));
-            }
-        }
-        let middle = |(low, high): (DVec3, DVec3)| ((low + high) * 0.5, (high - low) * 0.5);
-        Self {
-            low: a.0.min(b.0),
-            high: a.1.max(b.1),
-            boxes: [middle(a), middle(b)],
-            planes,
-            sides,
-            corners: SmallVec::new(),
-        }
+    pub fn new(ends: [Bounds; 2], planes: [Option<PlaneId>; 2]) -> Self {
+        // Blockers that reach in by no more than rounding do not count.
+        Self { shaft: Shaft::new(&ends[0], &ends[1], IN_PLANE), ends, planes, corners: SmallVec::new() }
     }
 
     /// Adds the planes that hold an edge of one set of corners, a corner of the other, and all of both on one side: with them
@@ -179,9 +138,9 @@ impl Shaft {
                     if normal == DVec3::ZERO {
                         continue;
                     } else if heights().all(|height| height >= -slack) {
-                        self.sides.push((normal, offset + IN_PLANE));
+                        self.shaft.add_side(normal, offset + IN_PLANE);
                     } else if heights().all(|height| height <= slack) {
-                        self.sides.push((-normal, -offset + IN_PLANE));
+                        self.shaft.add_side(-normal, -offset + IN_PLANE);
                     }
                 }
             }
@@ -191,16 +150,15 @@ impl Shaft {
     /// False where a polygon certainly blocks nothing: outside, in the plane of either end, or with both ends on one side.
     #[must_use]
     pub fn may_hold(&self, blocker: &Blocker) -> bool {
-        let is_beyond = blocker.low.cmpgt(self.high).any() || blocker.high.cmplt(self.low).any();
-        if is_beyond || self.planes.contains(&Some(blocker.plane)) {
+        if !self.shaft.bounds().meets(&blocker.bounds) || self.planes.contains(&Some(blocker.plane)) {
             return false;
         }
-        let range = |(centre, half): (DVec3, DVec3)| {
-            let height = blocker.normal.dot(centre) - blocker.height;
-            let reach = blocker.normal.abs().dot(half);
+        let range = |end: Bounds| {
+            let height = blocker.normal.dot(end.centre()) - blocker.height;
+            let reach = blocker.normal.abs().dot(end.half());
             (height - reach, height + reach)
         };
-        let [a, b] = self.boxes.map(range);
+        let [a, b] = self.ends.map(range);
         if a.0.min(b.0) >= -IN_PLANE || a.1.max(b.1) <= IN_PLANE {
             return false;
         }
@@ -210,9 +168,6 @@ impl Shaft {
                 return false;
             }
         }
-        let outside = |(normal, offset): &(DVec3, f64)| {
-            blocker.corners.iter().all(|corner| normal.dot(*corner) <= *offset)
-        };
-        !self.sides.iter().any(outside)
+        self.shaft.meets(&blocker.corners)
     }
 }

@@ -1,4 +1,4 @@
-//! Which surfaces there are, what they are called, and the polygons that they are made of.
+//! The surfaces of a scene, their names and polygons.
 
 use std::collections::{HashMap, HashSet};
 
@@ -27,7 +27,7 @@ pub fn named(scene: &Scene, division: Division) -> Result<Vec<NamedSurface>, Vie
         Division::Surfaces => surfaces
             .map(|(surface, name)| NamedSurface {
                 name,
-                polygons: surface.facets.iter().map(whole).collect(),
+                polygons: surface.facets.iter().map(Facet::polygon).collect(),
             })
             .collect(),
         Division::Facets => surfaces
@@ -44,11 +44,6 @@ pub fn named(scene: &Scene, division: Division) -> Result<Vec<NamedSurface>, Vie
     })
 }
 
-fn whole(facet: &Facet) -> ConvexPolygon {
-    let corners = facet.corners.iter().map(|corner| corner.position).collect();
-    ConvexPolygon { plane: facet.plane, corners }
-}
-
 /// The polygons of the file that a facet was joined from. Files hold triangles only: those that follow each other and fan out
 /// from one corner were one polygon, as long as that is convex.
 fn polygons(facet: &Facet) -> Vec<ConvexPolygon> {
@@ -58,7 +53,7 @@ fn polygons(facet: &Facet) -> Vec<ConvexPolygon> {
         if let Some(fan) = polygons.last_mut()
             && fan[0] == a
         {
-            // A polygon seen from behind, or mirrored, has its triangles in the other order.
+            // A polygon seen from its back, or mirrored, has its triangles in the other order.
             let place = match () {
                 () if fan[fan.len() - 1] == b => Some((fan.len(), c)),
                 () if fan[1] == c => Some((1, b)),

@@ -1,11 +1,11 @@
 //! Culling against random segments: what it calls hidden or free must be so for all of them.
 
 use glam::{DQuat, DVec3};
-use kernel::geometry::{ConvexPolygon, PlaneId, uniform_point};
+use kernel::geometry::{Bounds, ConvexPolygon, PlaneId, uniform_point};
 use proptest::prelude::*;
 
 use super::element::Element;
-use super::shaft::{Blocker, Shaft, box_corners};
+use super::shaft::{Between, Blocker, box_corners};
 use super::tree::Tree;
 
 fn point(reach: f64) -> impl Strategy<Value = DVec3> {
@@ -44,10 +44,6 @@ fn segments<'a>(from: &'a [DVec3], to: &'a [DVec3]) -> impl Iterator<Item = (DVe
     })
 }
 
-fn bounds(corners: &[DVec3]) -> (DVec3, DVec3) {
-    corners.iter().fold((corners[0], corners[0]), |(low, high), corner| (low.min(*corner), high.max(*corner)))
-}
-
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(2000))]
 
@@ -62,12 +58,13 @@ proptest! {
         let to = rectangle(sizes[1], turns[1], DVec3::X * distance + offset);
         let wall = rectangle(wall, turns[2], DVec3::X * distance * 0.5);
         let blocker = Blocker::new(&convex(2, wall.clone()));
-        let mut shaft = Shaft::new(bounds(&from), bounds(&to), [Some(PlaneId(0)), Some(PlaneId(1))]);
+        let boxes = [Bounds::around(&from), Bounds::around(&to)];
+        let mut shaft = Between::new(boxes, [Some(PlaneId(0)), Some(PlaneId(1))]);
         let loose = shaft.may_hold(&blocker);
         shaft.tighten(&from, &to);
         let tight = shaft.may_hold(&blocker);
         prop_assert!(loose || !tight);
-        let boxes = [&from, &to].map(|corners| { let (low, high) = bounds(corners); box_corners(low, high) });
+        let boxes = boxes.map(box_corners);
         let hides_boxes = blocker.hides(&boxes[0], &boxes[1], [false; 2]);
         let hides = blocker.hides(&from, &to, [true; 2]);
         prop_assert!(hides || !hides_boxes);
@@ -99,9 +96,10 @@ fn walls_hide_what_is_behind_them() {
 /// Boxes have every corner once, flat ones too.
 #[test]
 fn boxes_have_their_corners() {
-    assert_eq!(box_corners(DVec3::ZERO, DVec3::ONE).len(), 8);
-    assert_eq!(box_corners(DVec3::ZERO, DVec3::new(1.0, 0.0, 2.0)).len(), 4);
-    assert_eq!(box_corners(DVec3::ONE, DVec3::ONE).as_slice(), [DVec3::ONE]);
+    let corners = |low, high| box_corners(Bounds { low, high });
+    assert_eq!(corners(DVec3::ZERO, DVec3::ONE).len(), 8);
+    assert_eq!(corners(DVec3::ZERO, DVec3::new(1.0, 0.0, 2.0)).len(), 4);
+    assert_eq!(corners(DVec3::ONE, DVec3::ONE).as_slice(), [DVec3::ONE]);
 }
 
 /// The halves of every cluster hold its elements, and a cluster that is behind another has no element that sees it.

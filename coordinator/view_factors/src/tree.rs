@@ -1,7 +1,7 @@
 //! The hierarchy over all elements: clusters of elements that look the same way and lie together.
 
 use glam::DVec3;
-use kernel::geometry::PlaneId;
+use kernel::geometry::{Bounds, PlaneId};
 
 use super::element::{Element, IN_PLANE};
 
@@ -10,10 +10,8 @@ const WIDEST_SPREAD: f64 = 0.5;
 
 /// Some elements, or one.
 pub struct Cluster {
-    /// Corners of the box around the elements.
-    pub low: DVec3,
-    /// The other corner.
-    pub high: DVec3,
+    /// Box around the elements.
+    pub bounds: Bounds,
     /// A direction near to all normals.
     normal: DVec3,
     /// Largest distance of a unit normal from that.
@@ -42,7 +40,7 @@ impl Cluster {
 
     /// Largest extent.
     pub fn size(&self) -> f64 {
-        (self.high - self.low).max_element()
+        self.bounds.extent().max_element()
     }
 
     /// True where no element of this cluster can lie in a plane with this normal.
@@ -55,8 +53,9 @@ impl Cluster {
         if self.plane.is_some() && self.plane == other.plane {
             return true;
         }
-        let offset = (other.low + other.high - self.low - self.high) * 0.5;
-        let reach = (other.high - other.low + self.high - self.low) * 0.5;
+        let (own, other) = (self.bounds, other.bounds);
+        let offset = (other.low + other.high - own.low - own.high) * 0.5;
+        let reach = (other.high - other.low + own.high - own.low) * 0.5;
         let highest = self.normal.dot(offset) + self.normal.abs().dot(reach);
         highest + self.spread * (offset.abs() + reach).length() <= IN_PLANE
     }
@@ -100,12 +99,11 @@ impl Tree {
 
 fn around(elements: &[Element], order: &[u32], range: std::ops::Range<usize>) -> Cluster {
     let members = || order.iter().map(|index| &elements[*index as usize]);
-    let corners = || members().flat_map(|element| element.corners());
+    let corners = members().flat_map(|element| element.corners());
     let normal = members().map(|element| element.normal).sum::<DVec3>().normalize_or(DVec3::Z);
     let plane = elements[order[0] as usize].plane();
     Cluster {
-        low: corners().fold(DVec3::INFINITY, |low, corner| low.min(*corner)),
-        high: corners().fold(DVec3::NEG_INFINITY, |high, corner| high.max(*corner)),
+        bounds: Bounds::around(corners),
         normal,
         spread: members().map(|element| element.normal.distance(normal)).fold(0.0, f64::max),
         plane: members().all(|element| element.plane() == plane).then_some(plane),
@@ -117,10 +115,7 @@ fn around(elements: &[Element], order: &[u32], range: std::ops::Range<usize>) ->
 /// Sorts into two halves along the longest axis of the keys: at the middle of their extent, or with as many on both sides.
 /// Returns how many the first half has, at least one and not all.
 fn divide(order: &mut [u32], key: impl Fn(&u32) -> DVec3, at_middle: bool) -> usize {
-    let (low, high) = order
-        .iter()
-        .map(&key)
-        .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), place| (low.min(place), high.max(place)));
+    let Bounds { low, high } = Bounds::around(order.iter().map(&key));
     let axis = (high - low).max_position();
     order.sort_by(|a, b| key(a)[axis].total_cmp(&key(b)[axis]).then(a.cmp(b)));
     let middle = 0.5 * (low[axis] + high[axis]);

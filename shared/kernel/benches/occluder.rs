@@ -7,8 +7,8 @@ use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::DVec3;
 use kernel::form_factor::PreparedPolygon;
 use kernel::geometry::lanes::LANES;
-use kernel::geometry::{ConvexPolygon, PlaneId};
-use kernel::occluder::{Bounds, Bundle, Front, Occluder, Shafts};
+use kernel::geometry::{Bounds, ConvexPolygon, PlaneId};
+use kernel::occluder::{CandidateList, Occluder, Pyramids, Shaft};
 use kernel::replica::Receiver;
 use kernel::visibility::ReceiverLanes;
 
@@ -86,27 +86,27 @@ fn shafts(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("shafts through 10,368 squares");
     group.warm_up_time(Duration::from_millis(300)).measurement_time(Duration::from_secs(2)).sample_size(20);
     group.throughput(Throughput::Elements(RAYS as u64));
-    group.bench_function("candidates of a bundle", |bench| {
+    group.bench_function("candidates of a shaft", |bench| {
         let mut candidates = vec![];
         bench.iter(|| {
             let found = groups.iter().zip(&squares).map(|(group, square)| {
-                let above = Bounds::around(square.corners().iter().copied());
-                occluder.candidates(&Bundle::new(&around(group), &above), &mut candidates);
+                let above = Bounds::around(square.corners());
+                occluder.candidates(&Shaft::new(&around(group), &above, 0.0), &mut candidates);
                 candidates.len()
             });
             found.sum::<usize>()
         });
     });
-    group.bench_function("what the occluders do to sixteen shafts", |bench| {
-        let (mut front, mut shafts) = (Front::default(), Shafts::default());
+    group.bench_function("what the occluders do to sixteen pyramids", |bench| {
+        let (mut list, mut pyramids) = (CandidateList::default(), Pyramids::default());
         bench.iter(|| {
             let mut reached = 0;
             for (group, square) in groups.iter().zip(&squares) {
-                front.collect(&occluder, &around(group), square);
+                list.collect(&occluder, &around(group), square);
                 let lanes = ReceiverLanes::new(group);
-                shafts.aim(&lanes.positions, square.corners());
-                for part in 0..front.len() as u32 {
-                    reached += front.reach(&occluder, part, &shafts, &lanes.planes).partly.count_ones();
+                pyramids.aim(&lanes.positions, square.corners());
+                for part in 0..list.len() as u32 {
+                    reached += list.reach(&occluder, part, &pyramids, &lanes.planes).partly.count_ones();
                 }
             }
             reached

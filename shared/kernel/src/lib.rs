@@ -1,13 +1,14 @@
 //! The kernel: how much light travels between surfaces. Pure: no network, no threads, no clock.
 //!
 //! In: polygons, receivers and shooters. Out: rows of form factors, and pixels of pictures. It must not know meshes, energies,
-//! workers or connections. Begin reading at [`row`] (what is asked and answered), then [`visibility`].
+//! workers or connections. Begin reading at [`row`] (requests and answers), then [`visibility`].
 //!
 //! | module | what lives there |
 //! |---|---|
-//! | [`geometry`] | planes and convex polygons |
+//! | [`geometry`] | planes, convex polygons and boxes |
 //! | [`form_factor`] | form factors of a point or a polygon to a polygon, without occlusion |
-//! | [`occluder`] | the surfaces that block light, behind a BVH |
+//! | [`occluder`] | the surfaces that block light, in a BVH |
+//! | [`hierarchy`] | items in a BVH, found along rays |
 //! | [`hemisphere`] | the polygons that a receiver sees, by rays |
 //! | [`visibility`] | the part of a form factor that the occluders leave |
 //! | [`replica`] | the read-only data that a worker holds |
@@ -19,6 +20,7 @@
 pub mod form_factor;
 pub mod geometry;
 pub mod hemisphere;
+pub mod hierarchy;
 pub mod messages;
 pub mod occluder;
 pub mod picture;

@@ -70,7 +70,7 @@ fn sort_by_length(lines: &mut [Contact]) {
 }
 
 fn facet_box(facet: &Facet) -> Aabb {
-    let points: Vec<_> = facet.corners.iter().map(|corner| corner.position.as_vec3a()).collect();
+    let points: Vec<_> = facet.positions().map(|position| position.as_vec3a()).collect();
     let tight = Aabb::from_points(&points);
     grown(tight, 2.0 * WELD)
 }

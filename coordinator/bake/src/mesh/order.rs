@@ -28,7 +28,7 @@ impl FacetPlaces {
     /// Finds the place of each facet of a scene.
     pub fn new(scene: &Scene) -> Self {
         let place = |facet: &Facet| {
-            let sum: DVec3 = facet.corners.iter().map(|corner| corner.position).sum();
+            let sum: DVec3 = facet.positions().sum();
             along_curve(sum / facet.corners.len() as f64)
         };
         Self(scene.surfaces.iter().map(|surface| surface.facets.iter().map(place).collect()).collect())

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, HashMap};
 
 use glam::{DVec3, I64Vec3};
-use kernel::geometry::{PlaneId, area_vector};
+use kernel::geometry::{Bounds, PlaneId, area_vector};
 
 use super::contact::Contact;
 use super::{Vertex, VertexId, WELD};
@@ -196,9 +196,7 @@ impl Welder {
             .iter()
             .map(|(group, ids)| {
                 let positions = ids.iter().map(|id| self.points[*id].position);
-                let low = positions.clone().fold(DVec3::MAX, DVec3::min);
-                let high = positions.fold(DVec3::MIN, DVec3::max);
-                let axis = (high - low).max_position();
+                let axis = Bounds::around(positions).extent().max_position();
                 let mut along: Vec<_> = ids.iter().map(|id| (self.points[*id].position[axis], *id)).collect();
                 along.sort_by(|a, b| a.0.total_cmp(&b.0));
                 (*group, (axis, along))

@@ -7,6 +7,7 @@
 use std::collections::HashMap;
 
 use glam::DVec3;
+use kernel::geometry::Bounds;
 
 use crate::mesh::{Mesh, PatchId};
 
@@ -155,8 +156,6 @@ fn child_error(
 }
 
 /// Largest square difference between values.
-fn spread(values: impl Iterator<Item = DVec3> + Clone) -> f64 {
-    let low = values.clone().fold(DVec3::MAX, DVec3::min);
-    let high = values.fold(DVec3::MIN, DVec3::max);
-    (high - low).length_squared()
+fn spread(values: impl Iterator<Item = DVec3>) -> f64 {
+    Bounds::around(values).extent().length_squared()
 }

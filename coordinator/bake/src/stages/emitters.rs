@@ -38,18 +38,18 @@ pub fn emitters(scene: &Scene, mesh: &Mesh) -> Vec<Emitter> {
     let mut emitters = vec![];
     for (index, surface) in scene.surfaces.iter().enumerate().filter(|(_, s)| s.exitance != DVec3::ZERO) {
         for (facet_index, facet) in surface.facets.iter().enumerate() {
-            let whole = || ConvexPolygon {
-                plane: facet.plane,
-                corners: facet.corners.iter().map(|corner| corner.position).collect(),
-            };
             if is_even(surface) {
-                emitters.push(Emitter { surface: index, polygon: whole(), exitance: surface.exitance });
+                emitters.push(Emitter {
+                    surface: index,
+                    polygon: facet.polygon(),
+                    exitance: surface.exitance,
+                });
                 continue;
             }
             let own = pieces.remove(&(index as u32, facet_index as u32)).unwrap_or_default();
             let parts: Vec<Part> = own.into_iter().map(|patch| Part::new(surface, mesh, patch)).collect();
             let polygons = match together(&parts) {
-                Some((exitance, _)) => vec![(whole(), exitance)],
+                Some((exitance, _)) => vec![(facet.polygon(), exitance)],
                 None => parts.into_iter().flat_map(Part::into_polygons).collect(),
             };
             let shining = polygons.into_iter().filter(|(_, exitance)| *exitance != DVec3::ZERO);

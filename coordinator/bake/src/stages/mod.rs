@@ -46,6 +46,7 @@ mod sky;
 use std::time::Instant;
 
 use glam::DVec3;
+use kernel::geometry::Bounds;
 use kernel::replica::{Receivers, encode_translucent_scene};
 use kernel::row::{Row, Shape, Shooter};
 
@@ -68,7 +69,7 @@ use light::{LightSource, Origin};
 use receivers::receivers;
 use reflection::{MeanLook, PatchLooks};
 use rows::RowOffice;
-use scene::Scene;
+use scene::{Facet, Scene};
 use share_rows::{COARSE, ShareRows};
 
 /// What a bake gives.
@@ -377,7 +378,6 @@ fn shooting_mesh(scene: &Scene, settings: &BakeSettings) -> Mesh {
 
 /// Largest extent of the facets, in frame units.
 fn extent(scene: &Scene) -> f64 {
-    let corners =
-        || scene.surfaces.iter().flat_map(|s| &s.facets).flat_map(|f| &f.corners).map(|c| c.position);
-    (corners().fold(DVec3::MIN, DVec3::max) - corners().fold(DVec3::MAX, DVec3::min)).max_element()
+    let facets = scene.surfaces.iter().flat_map(|surface| &surface.facets);
+    Bounds::around(facets.flat_map(Facet::positions)).extent().max_element()
 }

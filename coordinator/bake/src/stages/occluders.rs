@@ -23,7 +23,7 @@ const MAX_TESTS: usize = 2_000_000_000;
 pub fn occluders(scene: &Scene) -> ScenePolygons {
     let facets = || scene.surfaces.iter().filter(|s| s.side == Side::Front).flat_map(|s| &s.facets);
     let points: Vec<DVec3> = facets()
-        .flat_map(|facet| facet.corners.iter().map(|corner| corner.position))
+        .flat_map(Facet::positions)
         .chain(scene.lights.iter().flat_map(|light| light.kind.extremes()))
         .chain(sky::corners(scene))
         .collect();
@@ -49,7 +49,7 @@ pub fn occluders(scene: &Scene) -> ScenePolygons {
         for (index, facet) in (0..).zip(&surface.facets) {
             if surface.opacity >= 1.0 {
                 blocks.push(can_block(facet));
-                polygons.push(polygon(facet));
+                polygons.push(facet.polygon());
             } else if can_block(facet) {
                 pieces::cut_by_opacity(surface, index, &mut translucent);
             }
@@ -70,11 +70,6 @@ pub fn occluders(scene: &Scene) -> ScenePolygons {
     polygons.extend(translucent.polygons);
     opacities.extend(translucent.opacities);
     ScenePolygons { polygons, opacities }
-}
-
-fn polygon(facet: &Facet) -> ConvexPolygon {
-    let corners = facet.corners.iter().map(|corner| corner.position).collect();
-    ConvexPolygon { plane: facet.plane, corners }
 }
 
 /// Whether some of these points, or of the points infinitely far in some directions, are above a facet and some below.

@@ -18,7 +18,7 @@ const ONE_OPACITY: f64 = 1.0 / 256.0;
 /// Adds the pieces of a facet that stop any light, each with its mean opacity.
 pub fn cut_by_opacity(surface: &Surface, facet: u32, pieces: &mut ScenePolygons) {
     let source = &surface.facets[facet as usize];
-    let corners: Corners = source.corners.iter().map(|corner| corner.position).collect();
+    let corners: Corners = source.positions().collect();
     let mut waiting = vec![(corners, MOST_HALVINGS)];
     while let Some((corners, halvings)) = waiting.pop() {
         let opacity = surface.mean_opacity(facet, &corners);

@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_4, PI};
 
 use glam::DVec3;
+use kernel::geometry::Bounds;
 use kernel::picture::tracer::Picture;
 use kernel::picture::{Camera, PictureScene, Projection};
 
@@ -31,12 +32,11 @@ const INSIDE: [f64; 2] = [0.84, 0.58];
 /// The view of a scene, for a picture of this aspect (width over height), that shows most of it.
 #[must_use]
 pub fn choose_view(scene: &PictureScene, aspect: f64) -> Camera {
-    let corners = || scene.parts.iter().flat_map(|part| &part.positions).copied().map(DVec3::from_array);
-    let low = corners().fold(DVec3::INFINITY, DVec3::min);
-    let high = corners().fold(DVec3::NEG_INFINITY, DVec3::max);
+    let corners = scene.parts.iter().flat_map(|part| &part.positions).copied().map(DVec3::from_array);
+    let bounds = Bounds::around(corners);
     let picture = Picture::new(scene.clone());
     let mut best: Option<(f64, Camera)> = None;
-    for camera in from_outside([low, high], aspect).chain(from_within([low, high], aspect)) {
+    for camera in from_outside(bounds, aspect).chain(from_within(bounds, aspect)) {
         let score = score(&picture, &camera, aspect);
         if best.is_none_or(|(most, _)| score > most) {
             best = Some((score, camera));
@@ -64,13 +64,10 @@ fn half(angle: f64, aspect: f64) -> [f64; 2] {
 }
 
 /// Eight directions, at some elevations, just far enough away to see all.
-fn from_outside([low, high]: [DVec3; 2], aspect: f64) -> impl Iterator<Item = Camera> {
-    let centre = (low + high) * 0.5;
+fn from_outside(bounds: Bounds, aspect: f64) -> impl Iterator<Item = Camera> {
+    let centre = bounds.centre();
     let half = half(ANGLES[0], aspect);
-    let corner = move |number: u32| {
-        let pick = |axis: usize| if number >> axis & 1 == 0 { low[axis] } else { high[axis] };
-        DVec3::new(pick(0), pick(1), pick(2)) - centre
-    };
+    let corners = bounds.corners().map(|corner| corner - centre);
     let views = ELEVATIONS.into_iter().flat_map(|elevation| (0..8).map(move |turn| (turn, elevation)));
     views.filter_map(move |(turn, elevation): (u32, f64)| {
         let angle = f64::from(turn) * FRAC_PI_4;
@@ -78,18 +75,18 @@ fn from_outside([low, high]: [DVec3; 2], aspect: f64) -> impl Iterator<Item = Ca
             DVec3::new(angle.sin() * elevation.cos(), elevation.sin(), angle.cos() * elevation.cos());
         let basis = Basis::new(-outward, DVec3::Y)?;
         let axes = basis.camera(DVec3::ZERO, Projection::Perspective { half }, 0.0);
-        let distance = (0..8).map(corner).map(|corner| {
+        let distance = corners.map(|corner| {
             let across = [corner.dot(axes.right).abs() / half[0], corner.dot(axes.up).abs() / half[1]];
             across[0].max(across[1]) * MARGIN + corner.dot(outward)
         });
-        let eye = centre + outward * distance.fold(0.0, f64::max);
+        let eye = centre + outward * distance.into_iter().fold(0.0, f64::max);
         Some(Camera { eye, ..axes })
     })
 }
 
 /// From the corners and the middles of the sides to the middle, a little downward.
-fn from_within([low, high]: [DVec3; 2], aspect: f64) -> impl Iterator<Item = Camera> {
-    let (centre, size) = ((low + high) * 0.5, high - low);
+fn from_within(bounds: Bounds, aspect: f64) -> impl Iterator<Item = Camera> {
+    let (low, centre, size) = (bounds.low, bounds.centre(), bounds.extent());
     let half = half(ANGLES[1], aspect);
     (0..8).filter_map(move |turn: u32| {
         let angle = f64::from(turn) * FRAC_PI_4;

@@ -38,7 +38,7 @@ pub(super) fn averaged(pattern: &Arc<Pattern>, geometry: &Geometry, facets: &[Fa
     };
     let appearance = Appearance::new(pattern.clone(), vertices, facets);
     let of_facet = |(index, facet): (usize, &Facet)| {
-        let corners: Vec<DVec3> = facet.corners.iter().map(|corner| corner.position).collect();
+        let corners: Vec<DVec3> = facet.positions().collect();
         let (index, area) = (index as u32, area_vector(&corners).length());
         let reflectance = appearance.reflectance(index, facet, &corners);
         let exitance = appearance.exitance(index, facet, &corners);

@@ -1,6 +1,6 @@
 //! The frame: the scene centred and scaled by a power of two.
 
-use glam::DVec3;
+use kernel::geometry::Bounds;
 use rayon::prelude::*;
 
 use crate::model::Frame;
@@ -9,20 +9,9 @@ use document::ImportProblem;
 /// Largest extent of the scene in the frame lies between this and twice this.
 const LEAST_EXTENT_EXPONENT: i32 = 10;
 
-/// Two opposite corners of a box along the axes, in the file's units.
-pub(super) type Bounds = (DVec3, DVec3);
-
-/// The box around nothing.
-const EMPTY: Bounds = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-
-/// The box around these positions.
-pub(super) fn bounds(positions: impl Iterator<Item = DVec3>) -> Bounds {
-    positions.fold(EMPTY, |(low, high), position| (low.min(position), high.max(position)))
-}
-
-/// The frame of all that lies in these boxes.
+/// The frame of all that lies in these boxes, in the file's units.
 pub(super) fn fit(boxes: impl ParallelIterator<Item = Bounds>) -> Result<Frame, ImportProblem> {
-    let (low, high) = boxes.reduce(|| EMPTY, |a, b| (a.0.min(b.0), a.1.max(b.1)));
+    let Bounds { low, high } = boxes.reduce(|| Bounds::EMPTY, Bounds::union);
     let extent = (high - low).max_element();
     // Beyond these, scale or sizes in the frame would leave the range of normal numbers.
     if !(1e-100..1e100).contains(&extent) {
@@ -36,10 +25,12 @@ pub(super) fn fit(boxes: impl ParallelIterator<Item = Bounds>) -> Result<Frame, 
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
+
     use super::*;
 
     fn fit_points(points: &[DVec3]) -> Result<Frame, ImportProblem> {
-        fit(points.par_iter().map(|&point| bounds(std::iter::once(point))))
+        fit(points.par_iter().map(|&point| Bounds::around([point])))
     }
 
     fn extent_in_frame(extent: f64) -> f64 {

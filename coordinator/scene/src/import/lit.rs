@@ -6,6 +6,7 @@ use std::path::Path;
 use glam::{DAffine3, DVec3};
 use gltf::accessor::{Dimensions, Iter};
 use gltf::{Document, Primitive, Semantic};
+use kernel::geometry::Bounds;
 use rayon::prelude::*;
 
 use super::primitives::check_count;
@@ -90,9 +91,7 @@ fn lit_document(mut file: PlainDocument, options: &ReadOptions) -> Result<LitDoc
         return Err(ImportProblem::NoTriangles);
     }
     let frame = frame::fit(
-        placed_primitives
-            .par_iter()
-            .map(|primitive: &LitPrimitive| frame::bounds(primitive.positions.iter().copied())),
+        placed_primitives.par_iter().map(|primitive: &LitPrimitive| Bounds::around(&primitive.positions)),
     )?;
     for primitive in &mut placed_primitives {
         primitive.positions.iter_mut().for_each(|position| *position = frame.to_frame(*position));

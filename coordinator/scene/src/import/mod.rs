@@ -37,6 +37,7 @@ use std::sync::Arc;
 
 use document::{ImportError, ImportProblem, LightUnit, PlainDocument, ReadOptions};
 use glam::{DAffine3, DVec3};
+use kernel::geometry::Bounds;
 use rayon::prelude::*;
 
 pub use self::lit::{LitDocument, LitPrimitive, import_lit};
@@ -215,7 +216,7 @@ impl Content {
             weld::weld(&mut primitives, distance);
         }
         // Not the lights: a lamp far away must not make the surfaces small.
-        let frame = frame::fit(primitives.par_iter().map(|placed| frame::bounds(placed.corners())))?;
+        let frame = frame::fit(primitives.par_iter().map(|placed| Bounds::around(placed.corners())))?;
 
         let mut surfaces = Vec::new();
         let (mut degenerate_triangles, mut rounding) = (0, 0f64);

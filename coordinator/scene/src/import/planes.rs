@@ -85,7 +85,7 @@ fn assign_facets(mut facets: Vec<&mut Facet>, rounding: f64) -> u32 {
 
 /// Area over diameter: about the least height of the facet.
 fn least_height(facet: &Facet) -> f64 {
-    let corners: SmallVec<[DVec3; 4]> = facet.corners.iter().map(|corner| corner.position).collect();
+    let corners: SmallVec<[DVec3; 4]> = facet.positions().collect();
     let diameter = corners.iter().map(|corner| corner.distance(corners[0])).fold(f64::MIN_POSITIVE, f64::max);
     area_vector(&corners).length() / diameter
 }
@@ -126,7 +126,7 @@ impl Planes {
     /// The cells of the planes that may hold a facet, facing as it does or the other way.
     fn reach(&self, facet: &Facet, doubt: f64) -> impl Iterator<Item = Cell> + use<> {
         let (normal, offset, offset_cell) = (facet.normal, offset(facet), self.offset_cell);
-        let farthest = facet.corners.iter().map(|corner| corner.position.length()).fold(0.0, f64::max);
+        let farthest = facet.positions().map(DVec3::length).fold(0.0, f64::max);
         let offset_doubt = self.offset_tolerance + doubt * farthest;
         [1.0, -1.0].into_iter().flat_map(move |sign| {
             let [x, y, z] = (sign * normal).to_array().map(|axis| cells(axis, doubt, NORMAL_CELL));
@@ -168,7 +168,7 @@ impl Planes {
 
 /// Distance of a facet's plane from the origin, along its normal.
 fn offset(facet: &Facet) -> f64 {
-    let sum: DVec3 = facet.corners.iter().map(|corner| corner.position).sum();
+    let sum: DVec3 = facet.positions().sum();
     facet.normal.dot(sum / facet.corners.len() as f64)
 }
 

@@ -35,13 +35,13 @@ impl Lights {
     /// Collects the light sources; `None` where there are none.
     pub(super) fn new(solid: &Solid, no_surfaces: &[PlainLight]) -> Option<Self> {
         let area = |index: usize| {
-            let [a, b, c] = solid.triangles[index].corners;
+            let [a, b, c] = solid.triangles()[index].corners;
             (b - a).cross(c - a).length() / 2.0
         };
-        let mut lights =
-            Self { emitters: vec![], densities: vec![0.0; solid.triangles.len()], near: vec![], far: vec![] };
+        let densities = vec![0.0; solid.triangles().len()];
+        let mut lights = Self { emitters: vec![], densities, near: vec![], far: vec![] };
         let mut total = 0.0;
-        for (index, triangle) in solid.triangles.iter().enumerate() {
+        for (index, triangle) in solid.triangles().iter().enumerate() {
             let exitance = solid.emitted(triangle).element_sum();
             if exitance > 0.0 {
                 total += exitance * area(index);
@@ -94,7 +94,7 @@ impl Lights {
         let wanted = draw[0] * self.emitters.last()?.0;
         let chosen = self.emitters.partition_point(|emitter| emitter.0 <= wanted);
         let index = self.emitters[chosen.min(self.emitters.len() - 1)].1;
-        let triangle = &solid.triangles[index];
+        let triangle = &solid.triangles()[index];
         let point = point_of(&triangle.corners, draw[1], draw[2]);
         let side = triangle.side(point - at)?;
         let kernel = kernel(at, normal, point, side);

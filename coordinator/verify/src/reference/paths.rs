@@ -107,7 +107,7 @@ impl<'a> Tracer<'a> {
                 gathered += share * PI * self.scene.sky;
                 break;
             };
-            let triangle = &self.solid.triangles[hit.triangle];
+            let triangle = &self.solid.triangles()[hit.triangle];
             let Some(side) = triangle.side(direction) else { break };
             let met = at + direction * hit.distance;
             let material = self.solid.material(triangle, met);

@@ -1,11 +1,8 @@
 //! The triangles of a scene behind a bounding volume hierarchy.
 
-use glam::{DVec3, Vec3A};
-use obvhs::aabb::Aabb;
-use obvhs::bvh2::Bvh2;
-use obvhs::bvh2::builder::build_bvh2;
-use obvhs::ray::{Ray, RayHit};
-use obvhs::{Boundable, BvhBuildParams};
+use glam::DVec3;
+use kernel::geometry::Bounds;
+use kernel::hierarchy::{Hierarchy, PaddedBox};
 
 use super::hash::mix;
 use crate::plain::{PlainMaterial, PlainScene, PlainTriangle};
@@ -25,7 +22,7 @@ pub(super) struct Frame {
 impl Frame {
     fn of(scene: &PlainScene) -> Self {
         let corners = scene.triangles.iter().flat_map(|triangle| triangle.corners);
-        let (low, high) = corners.fold((DVec3::MAX, DVec3::MIN), |(low, high), p| (low.min(p), high.max(p)));
+        let Bounds { low, high } = Bounds::around(corners);
         Self { centre: low + (high - low) * 0.5, scale: (high - low).max_element() }
     }
 
@@ -43,8 +40,10 @@ pub(super) struct Triangle {
     pub(super) normal: DVec3,
     /// What it is made of, without textures.
     pub(super) material: PlainMaterial,
-    /// Its place in the scene, if it does not look like that all over.
-    varies: Option<usize>,
+    /// Its place in the scene.
+    source: usize,
+    /// False where it looks like that all over.
+    varies: bool,
 }
 
 impl Triangle {
@@ -81,53 +80,37 @@ pub(super) struct Solid<'a> {
     scene: &'a PlainScene,
     /// How their coordinates relate to the world's.
     pub(super) frame: Frame,
-    /// In the order of the hierarchy's leaves.
-    pub(super) triangles: Vec<Triangle>,
-    bvh: Bvh2,
-}
-
-struct Padded(Aabb);
-
-impl Boundable for Padded {
-    fn aabb(&self) -> Aabb {
-        self.0
-    }
-}
-
-fn padded(corners: &[DVec3], padding: f64) -> Padded {
-    let points: Vec<Vec3A> = corners.iter().map(|corner| corner.as_vec3a()).collect();
-    let tight = Aabb::from_points(&points);
-    let padding = Vec3A::splat(padding as f32);
-    Padded(Aabb::new(tight.min - padding, tight.max + padding))
+    triangles: Hierarchy<Triangle>,
 }
 
 impl<'a> Solid<'a> {
     /// Builds the hierarchy.
     pub(super) fn new(scene: &'a PlainScene) -> Self {
         let frame = Frame::of(scene);
-        let corners = |index: usize| scene.triangles[index].corners.map(|corner| frame.place(corner));
-        let boxes: Vec<Padded> =
-            (0..scene.triangles.len()).map(|index| padded(&corners(index), CLEARANCE)).collect();
-        let bvh = build_bvh2(&boxes, BvhBuildParams::medium_build(), &mut Default::default());
-        let triangles = bvh.primitive_indices.iter().map(|&index| {
-            let source = &scene.triangles[index as usize];
-            let material = scene.materials[source.primitive];
-            let varies = matches!(scene.appearances.get(source.primitive), Some(Some(_)));
-            Triangle {
-                corners: corners(index as usize),
-                normal: source.area_vector().normalize(),
-                material,
-                varies: varies.then_some(index as usize),
-            }
-        });
-        Self { scene, frame, triangles: triangles.collect(), bvh }
+        let triangle = |(index, source): (usize, &PlainTriangle)| Triangle {
+            corners: source.corners.map(|corner| frame.place(corner)),
+            normal: source.area_vector().normalize(),
+            material: scene.materials[source.primitive],
+            source: index,
+            varies: matches!(scene.appearances.get(source.primitive), Some(Some(_))),
+        };
+        let triangles = scene.triangles.iter().enumerate().map(triangle).collect();
+        let around = |triangle: &Triangle| PaddedBox::around(triangle.corners, CLEARANCE);
+        Self { scene, frame, triangles: Hierarchy::new(triangles, around) }
+    }
+
+    /// The triangles, in the order of the hierarchy's leaves.
+    pub(super) fn triangles(&self) -> &[Triangle] {
+        self.triangles.items()
     }
 
     /// What a triangle is made of at a point of it, in the frame.
     pub(super) fn material(&self, triangle: &Triangle, point: DVec3) -> PlainMaterial {
-        let Some(index) = triangle.varies else { return triangle.material };
+        if !triangle.varies {
+            return triangle.material;
+        }
         // Barycentric coordinates are the same in the frame.
-        let source = PlainTriangle { corners: triangle.corners, ..self.scene.triangles[index] };
+        let source = PlainTriangle { corners: triangle.corners, ..self.scene.triangles[triangle.source] };
         self.scene.material_at(&source, point)
     }
 
@@ -138,8 +121,8 @@ impl<'a> Solid<'a> {
 
     /// Whether a triangle, met at this distance, lets a ray pass.
     fn lets_pass(&self, index: usize, origin: DVec3, direction: DVec3, distance: f64, chance: u64) -> bool {
-        let triangle = &self.triangles[index];
-        if triangle.varies.is_none() && triangle.material.opacity >= 1.0 {
+        let triangle = &self.triangles()[index];
+        if !triangle.varies && triangle.material.opacity >= 1.0 {
             return false;
         }
         let opacity = self.material(triangle, origin + direction * distance).opacity;
@@ -155,9 +138,7 @@ impl<'a> Solid<'a> {
     pub(super) fn first_hit(&self, origin: DVec3, direction: DVec3, chance: u64) -> Option<Hit> {
         let mut least = f64::INFINITY;
         let mut found = None;
-        let ray = Ray::new(origin.as_vec3a(), direction.as_vec3a(), 0.0, f32::INFINITY);
-        self.bvh.ray_traverse(ray, &mut RayHit::none(), |_, index| {
-            let triangle = &self.triangles[index];
+        self.triangles.along_ray(origin, direction, |index, triangle| {
             let Some(distance) = triangle.meet(origin, direction).filter(|distance| *distance > 0.0) else {
                 return f32::INFINITY;
             };
@@ -183,28 +164,20 @@ impl<'a> Solid<'a> {
         let span = to - from;
         let length = span.length();
         let direction = span / length;
-        let ray = Ray::new(from.as_vec3a(), direction.as_vec3a(), 0.0, (length + CLEARANCE) as f32);
         let mut passing = 1.0;
-        let is_clear = self.bvh.ray_traverse_miss(ray, |_, index| {
-            let triangle = &self.triangles[index];
+        let is_clear = self.triangles.is_clear(from, direction, length + CLEARANCE, |triangle| {
             let Some(distance) = triangle.meet(from, direction).filter(|d| *d > 0.0 && *d < length) else {
-                return f32::INFINITY;
+                return false;
             };
             passing *= 1.0 - self.material(triangle, from + direction * distance).opacity;
-            if passing > 0.0 { f32::INFINITY } else { 0.0 }
+            passing <= 0.0
         });
         if is_clear { passing } else { 0.0 }
     }
 
     /// Indices, in the scene, of the triangles near a world position, and of some more.
     pub(super) fn near(&self, position: DVec3, distance: f64) -> impl Iterator<Item = usize> + use<'_> {
-        let around = padded(&[self.frame.place(position)], distance / self.frame.scale).0;
-        let mut found = Vec::new();
-        self.bvh.aabb_traverse(around, |bvh, node| {
-            let node = &bvh.nodes[node as usize];
-            found.extend(node.first_index as usize..(node.first_index + node.prim_count) as usize);
-            true
-        });
-        found.into_iter().map(|leaf| self.bvh.primitive_indices[leaf] as usize)
+        let around = PaddedBox::around([self.frame.place(position)], distance / self.frame.scale);
+        self.triangles.touching(&around).into_iter().map(|triangle| triangle.source)
     }
 }

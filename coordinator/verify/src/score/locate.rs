@@ -1,6 +1,7 @@
 //! Finds the triangle under a point, by a uniform grid.
 
 use glam::{DVec3, UVec3};
+use kernel::geometry::Bounds;
 
 /// Distance from which a point looks for its triangle, as a share of the scene's extent.
 const DISTANCE: f64 = 1e-4;
@@ -37,16 +38,15 @@ impl<'a> TriangleGrid<'a> {
         let distance = extent * DISTANCE;
         // A point looks no further than this.
         let margin = DVec3::splat(4.0 * distance);
-        let low = triangles.as_flattened().iter().copied().fold(DVec3::MAX, DVec3::min) - margin;
-        let high = triangles.as_flattened().iter().copied().fold(DVec3::MIN, DVec3::max) + margin;
+        let Bounds { low, high } = Bounds::around(triangles.as_flattened()).padded(margin);
         let along = (2.0 * (triangles.len() as f64).cbrt()).ceil().clamp(1.0, MOST_CELLS);
         let counts = UVec3::splat(along as u32);
         let cells = vec![Vec::new(); counts.element_product() as usize];
         let mut grid = Self { triangles, distance, low, cell: (high - low) / along, counts, cells };
         for (index, triangle) in triangles.iter().enumerate() {
-            let [a, b, c] = *triangle;
-            let first = grid.cell_of(a.min(b).min(c) - margin).min(counts - 1);
-            let last = grid.cell_of(a.max(b).max(c) + margin).min(counts - 1);
+            let around = Bounds::around(triangle).padded(margin);
+            let first = grid.cell_of(around.low).min(counts - 1);
+            let last = grid.cell_of(around.high).min(counts - 1);
             for z in first.z..=last.z {
                 for y in first.y..=last.y {
                     for x in first.x..=last.x {

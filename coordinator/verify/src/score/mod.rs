@@ -13,6 +13,7 @@ mod tests;
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
+use kernel::geometry::Bounds;
 
 use self::locate::TriangleGrid;
 use crate::plain::{PlainError, PlainScene};
@@ -135,9 +136,7 @@ pub fn score_points(
     let source = PlainScene::open(scene)?;
     check_fit(&points, &source, reference, scene)?;
     let mesh = lit_glb::read(lit)?;
-    let corners = mesh.triangles.as_flattened();
-    let bound = |pick: fn(DVec3, DVec3) -> DVec3, start| corners.iter().copied().fold(start, pick);
-    let extent = bound(DVec3::max, DVec3::MIN) - bound(DVec3::min, DVec3::MAX);
+    let extent = Bounds::around(mesh.triangles.as_flattened()).extent();
     let grid = TriangleGrid::new(&mesh.triangles, extent.max_element());
     let places: Vec<Place> = points.iter().map(|point| point.place).collect();
     let radiosities: Vec<Option<DVec3>> = points

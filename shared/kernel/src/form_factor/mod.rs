@@ -5,6 +5,8 @@
 //! the first polygon. Everything here is in f64, on corners relative to the point or to each other, so that the distance to the
 //! origin costs no digits.
 //!
+//! [`kernel`] is the integrand, by which sampling weighs its rays; all others integrate it.
+//!
 //! | file | what it does |
 //! |---|---|
 //! | `contour` | a point to a polygon, exactly: Lambert's contour sum |
@@ -17,7 +19,18 @@ mod lanes;
 mod polygon_to_polygon;
 mod prepared;
 
+use glam::DVec3;
+
 pub use contour::{contour, point_to_polygon, point_to_polygon_limit};
 pub use lanes::{LANES, Lanes, ReceiverLanes, ViewLanes};
 pub use polygon_to_polygon::{AreaPoint, area_points, between_areas, exchange_area, polygon_to_polygon};
 pub use prepared::{PreparedPolygon, View};
+
+/// The integrand of form factors without 1 / pi, cos cos / r^2: how rays to points of a polygon are weighed. Not positive where one
+/// of both looks away from the other; `to` is the way to the point.
+#[inline]
+#[must_use]
+pub fn kernel(normal: DVec3, polygon_normal: DVec3, to: DVec3) -> f64 {
+    let squared = to.length_squared();
+    normal.dot(to) * -polygon_normal.dot(to) / (squared * squared)
+}

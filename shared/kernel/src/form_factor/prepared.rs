@@ -55,7 +55,7 @@ pub struct PreparedPolygon {
 pub struct View {
     /// The form factor.
     pub factor: f64,
-    /// Error that the rule taken for the factor has in the mean; 0 of rules that are exact up to rounding.
+    /// Mean error of the rule used for the factor; 0 of rules that are exact up to rounding.
     pub error: f64,
     /// The part of the polygon above the point's horizon, relative to the point.
     pub corners: Corners,
@@ -123,7 +123,7 @@ impl PreparedPolygon {
 
     /// What a surface element sees of the polygon; `None` where it sees nothing: in the polygon's plane, behind it, or with
     /// the polygon under the horizon. A polygon that is wholly above the horizon and so far that its form factor is that of a
-    /// point, up to a relative error of `tolerance`, is taken for one.
+    /// point, up to a relative error of `tolerance`, is treated as one.
     #[must_use]
     pub fn view(&self, position: DVec3, normal: DVec3, tolerance: f64) -> Option<View> {
         let to_centre = self.centre - position;

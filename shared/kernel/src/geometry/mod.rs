@@ -1,9 +1,11 @@
-//! Planes and convex polygons, in f64.
+//! Planes, convex polygons and boxes, in f64.
 
+mod bounds;
 mod clip;
 pub mod lanes;
 mod polygon;
 
+pub use bounds::Bounds;
 pub use clip::{Corners, clip, clip_by_plane, split};
 pub use polygon::{ConvexPolygon, area_vector, uniform_point};
 

@@ -1,9 +1,8 @@
-//! What a point sees of a whole scene: the row of a receiver.
+//! Hemisphere rows: the form factors of a receiver to all polygons of a scene, by rays.
 //!
-//! The row of a shooter asks each receiver what stands between, which is exact but takes the more time the more there is to stand
-//! between. Where a scene is finely tessellated the way round is shorter: rays leave a receiver with the density of the cosine, and the
-//! part of them that meets a polygon is its visible form factor (Malley's method). One ray answers for all polygons at once and costs
-//! the logarithm of their number.
+//! Exact rows compute visibility pair by pair, which grows slow in finely tessellated scenes. Here rays leave a receiver with the
+//! density of the cosine; the part of them that hits a polygon is its visible form factor (Malley's method). One ray serves all
+//! polygons at once and costs the logarithm of their number.
 
 mod polygons;
 #[cfg(test)]
@@ -18,7 +17,7 @@ pub use polygons::SeenPolygons;
 
 use crate::replica::Receiver;
 
-/// Fraction of a ray's light that is not followed any further behind panes that let light through.
+/// A ray that transparent occluders leave less than this fraction of its light is not followed any further.
 const LEAST_LEFT: f64 = 1e-3;
 
 /// What a receiver sees.
@@ -30,8 +29,8 @@ pub struct Seen {
     pub rays: u64,
 }
 
-/// Visible form factors from a receiver to all polygons, from so many rays: multiples of 1 / rays where all polygons are opaque. Rays
-/// that meet the back of a polygon end there and count for nobody.
+/// Visible form factors from a receiver to all polygons, by rays: multiples of 1 / rays where all polygons are opaque. Rays
+/// that hit the back of a polygon end there and count for none.
 ///
 /// Directions are Owen-scrambled Sobol' points, spread over the disk below the hemisphere: the error of a factor falls
 /// faster than with the square root of their number.
@@ -82,7 +81,7 @@ fn on_disk(x: f64, y: f64) -> (f64, f64) {
     (radius * cosine, radius * sine)
 }
 
-/// Normal of a direction that a polygon's front faces.
+/// True where a ray meets the front of a polygon with this normal.
 fn faces(normal: DVec3, direction: DVec3) -> bool {
     normal.dot(direction) < 0.0
 }

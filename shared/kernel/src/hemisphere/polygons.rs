@@ -1,14 +1,14 @@
-//! Polygons behind a BVH that finds the nearest one.
+//! Polygons in a BVH that finds the nearest one.
 
-use glam::{DVec3, Vec3A};
-use obvhs::aabb::Aabb;
+use glam::DVec3;
+use obvhs::BvhBuildParams;
 use obvhs::cwbvh::CwBvh;
 use obvhs::cwbvh::builder::build_cwbvh;
 use obvhs::ray::{Ray, RayHit};
-use obvhs::{Boundable, BvhBuildParams};
 
 use super::faces;
 use crate::geometry::{ConvexPolygon, PlaneId, area_vector};
+use crate::hierarchy::{PaddedBox, in_order};
 
 /// Boxes are padded by this part of the scene's largest coordinate: rays are rounded to f32 when they meet a box.
 const PADDING: f64 = 1e-6;
@@ -26,7 +26,7 @@ pub struct SeenPolygons {
     /// Of each polygon; empty where all are opaque.
     opacities: Vec<f32>,
     bvh: CwBvh,
-    /// Distance by which a ray behind a pane starts anew.
+    /// Distance by which a ray starts anew beyond a transparent occluder.
     clearance: f64,
 }
 
@@ -36,14 +36,6 @@ struct Triangle {
     normal: DVec3,
     polygon: u32,
     plane: PlaneId,
-}
-
-struct PaddedBox(Aabb);
-
-impl Boundable for PaddedBox {
-    fn aabb(&self) -> Aabb {
-        self.0
-    }
 }
 
 /// What a ray meets first.
@@ -81,16 +73,10 @@ impl SeenPolygons {
         };
         let largest =
             triangles.iter().flat_map(corners).map(|corner| corner.abs().max_element()).fold(0.0, f64::max);
-        let padding = Vec3A::splat((largest * PADDING) as f32);
-        let padded = |triangle: &Triangle| {
-            let tight = Aabb::from_points(&corners(triangle).map(|corner| corner.as_vec3a()));
-            PaddedBox(Aabb::new(tight.min - padding, tight.max + padding))
-        };
+        let padded = |triangle: &Triangle| PaddedBox::around(corners(triangle), largest * PADDING);
         let boxes: Vec<PaddedBox> = triangles.iter().map(padded).collect();
         let bvh = build_cwbvh(&boxes, BvhBuildParams::medium_build(), &mut Default::default());
-        // In the order of the tree, so that neighbours lie together in memory.
-        let mut in_order: Vec<Option<Triangle>> = triangles.into_iter().map(Some).collect();
-        let triangles = bvh.primitive_indices.iter().filter_map(|i| in_order[*i as usize].take()).collect();
+        let triangles = in_order(triangles, &bvh.primitive_indices);
         Self { triangles, opacities: opacities.to_vec(), bvh, clearance: largest * PADDING }
     }
 

@@ -6,7 +6,7 @@ use std::collections::HashMap;
 use glam::DVec3;
 
 use super::OccluderPolygon;
-use crate::geometry::ConvexPolygon;
+use crate::geometry::{Bounds, ConvexPolygon};
 
 /// Corners this far from where they should be, relative to the scene's largest coordinate, are rounding: files hold f32.
 const ROUNDING: f64 = 1e-6;
@@ -94,7 +94,7 @@ impl Body {
         Self { faces, corners, edges, rounding }
     }
 
-    /// True where a point sees the front of a face. In the plane of two faces at once, but for rounding, it is in line with their
+    /// True where a point sees the front of a face. In the plane of two faces at once, up to rounding, it is in line with their
     /// edge, and the plane through both would be any: such faces are not seen.
     #[must_use]
     pub fn sees(&self, side: &Side, point: DVec3) -> bool {
@@ -159,9 +159,7 @@ pub(super) fn rounding<'p>(points: impl Iterator<Item = &'p DVec3>) -> f64 {
 
 fn is_convex(polygons: &[ConvexPolygon], faces: &[usize], rounding: f64) -> bool {
     let corners = || faces.iter().flat_map(|face| &polygons[*face].corners);
-    let (low, high) =
-        corners().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(*p), high.max(*p)));
-    (high - low).max_element() > LEAST_SIZE * rounding
+    Bounds::around(corners()).extent().max_element() > LEAST_SIZE * rounding
         && faces.iter().all(|face| {
             let side = Side::of(polygons[*face].normal(), &polygons[*face].corners);
             side.normal != DVec3::ZERO && corners().all(|corner| side.height(*corner) <= rounding)

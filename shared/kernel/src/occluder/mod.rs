@@ -1,27 +1,27 @@
-//! The surfaces that block light, behind a BVH.
+//! The surfaces that block light, in a BVH.
 
 mod bodies;
-mod bundle;
-mod front;
+mod candidates;
+mod pyramids;
 mod segment;
-mod shafts;
+mod shaft;
 mod wide;
 
-use glam::{DVec3, Vec3A};
-use obvhs::aabb::Aabb;
+use glam::DVec3;
+use obvhs::BvhBuildParams;
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::builder::build_bvh2;
-use obvhs::{Boundable, BvhBuildParams};
 use smallvec::SmallVec;
 
 use crate::form_factor::PreparedPolygon;
 use crate::geometry::{ConvexPolygon, PlaneId, area_vector};
+use crate::hierarchy::PaddedBox;
 use segment::Tree;
 
 pub use bodies::{Body, Edge, convex_bodies};
-pub use bundle::{Bounds, Bundle};
-pub use front::{Blocker, Front, Identity};
-pub use shafts::{Reach, Shafts};
+pub use candidates::{Blocker, CandidateList, Identity};
+pub use pyramids::{Pyramids, Reach};
+pub use shaft::Shaft;
 
 /// Boxes are padded by this part of the scene's largest coordinate: rays are rounded to f32 when they meet a box, and must
 /// not slip past one that their exact counterpart touches.
@@ -89,28 +89,15 @@ impl OccluderPolygon {
     }
 }
 
-struct PaddedBox(Aabb);
-
-impl Boundable for PaddedBox {
-    fn aabb(&self) -> Aabb {
-        self.0
-    }
-}
-
 impl Occluder {
     /// Builds the BVH over these polygons.
     #[must_use]
     pub fn new(polygons: &[ConvexPolygon]) -> Self {
         let corners = || polygons.iter().flat_map(|polygon| &polygon.corners);
         let largest = corners().map(|corner| corner.abs().max_element()).fold(0.0, f64::max);
-        let padding = Vec3A::splat((largest * PADDING) as f32);
         let boxes: Vec<PaddedBox> = polygons
             .iter()
-            .map(|polygon| {
-                let points: Vec<Vec3A> = polygon.corners.iter().map(|p| p.as_vec3a()).collect();
-                let tight = Aabb::from_points(&points);
-                PaddedBox(Aabb::new(tight.min - padding, tight.max + padding))
-            })
+            .map(|polygon| PaddedBox::around(polygon.corners.iter().copied(), largest * PADDING))
             .collect();
         let bvh = build_bvh2(&boxes, BvhBuildParams::medium_build(), &mut Default::default());
         let mut place = vec![0; polygons.len()];
@@ -151,7 +138,7 @@ impl Occluder {
         self.polygons.len()
     }
 
-    /// True where an occluder, one of those with these numbers, stands between all of the shafts' apexes, the corners of a box around
+    /// True where an occluder, one of those with these numbers, stands between all of the pyramids' apexes, the corners of a box around
     /// points in these planes, and all of the polygon at which they are aimed.
     ///
     /// What a convex occluder hides of a point is convex, and so is the set of points from which it hides a point that is not on it:
@@ -160,7 +147,7 @@ impl Occluder {
     pub fn cuts_off(
         &self,
         numbers: &[u32],
-        shafts: &Shafts,
+        pyramids: &Pyramids,
         planes: &[PlaneId],
         apexes: &[DVec3],
         polygon: &PreparedPolygon,
@@ -173,13 +160,13 @@ impl Occluder {
                 return false;
             }
             let is_own = face.plane == polygon.plane() || planes.binary_search(&face.plane).is_ok();
-            if !is_own && shafts.are_cut_off_by(face) {
+            if !is_own && pyramids.are_cut_off_by(face) {
                 return true;
             }
             face.body.is_some_and(|body| {
                 let body = &self.bodies[body as usize];
                 polygon.corners().iter().all(|corner| body.is_outside(*corner))
-                    && shafts.are_cut_off_by_body(body, polygon)
+                    && pyramids.are_cut_off_by_body(body, polygon)
             })
         })
     }

@@ -1,4 +1,4 @@
-//! Pictures of lit scenes: what a picture is made of, and how tiles of it are asked for.
+//! Pictures of lit scenes: their contents, and requests for tiles.
 //!
 //! | module | what lives there |
 //! |---|---|

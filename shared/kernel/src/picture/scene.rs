@@ -34,7 +34,7 @@ pub struct Part {
     pub emission_texture: Option<Texture>,
     /// What becomes of the alpha.
     pub alpha: Alpha,
-    /// Seen from behind, too.
+    /// Shown from the back, too.
     pub double_sided: bool,
 }
 
@@ -57,7 +57,7 @@ pub struct Texture {
     pub image: u32,
     /// What is left and right of it, and what above and below.
     pub wrap: [Wrap; 2],
-    /// The nearest pixel as it is; otherwise four are mixed.
+    /// Nearest pixel instead of linear interpolation of four.
     pub nearest: bool,
 }
 

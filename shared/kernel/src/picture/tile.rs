@@ -34,7 +34,7 @@ pub struct TileRequest {
     pub corner: [u32; 2],
     /// Pixels in a line of the rectangle, and its lines.
     pub extent: [u32; 2],
-    /// Rays for each pixel: one through its middle, or so many spread over it.
+    /// Rays for each pixel: one through its middle, or several spread over it.
     pub samples: u32,
     /// Radiance where there is no surface.
     pub background: DVec3,

@@ -3,7 +3,7 @@ use std::fmt;
 use super::Row;
 use crate::messages::RowStatistics;
 
-/// Name of a job, chosen by whoever submits it; never used twice.
+/// Name of a job, chosen by its submitter; never used twice.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct JobId(pub u64);
 

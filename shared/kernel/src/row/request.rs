@@ -15,11 +15,11 @@ pub struct RowRequest {
     pub receiver_count: u32,
     /// One row each.
     pub shooters: Vec<Shooter>,
-    /// How exactly to compute them.
+    /// Accuracy of the rows.
     pub precision: Precision,
 }
 
-/// How exactly rows are computed.
+/// Accuracy of rows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Precision {
     /// Rays spent on a whole hemisphere; a pair gets its form factor's part.
@@ -30,17 +30,17 @@ pub struct Precision {
     pub maximum_rays: u32,
     /// Another seed is another, independent draw of all rays.
     pub seed: u64,
-    /// Visibility through a shaft with more occluders than this is sampled with rays; that through others is computed.
+    /// Largest number of occluders of a pair whose visibility is computed; with more it is sampled with rays.
     pub exact_occluders: u32,
-    /// Relative error that a form factor may have before occlusion: distant polygons may then be taken for points.
+    /// Relative error that a form factor may have before occlusion: distant polygons may be treated as points.
     pub form_factor_error: f64,
-    /// Relative error to which each factor of a row may be rounded, up or down at random, so that it takes fewer bytes; at 0 factors
-    /// have all digits of f32.
+    /// Relative error to which each factor of a row may be rounded, up or down at random, to save bytes; at 0 factors have all
+    /// digits of f32.
     pub factor_rounding: f64,
 }
 
 impl Precision {
-    /// What a bake uses unless it is told otherwise.
+    /// The default of a bake.
     pub const DEFAULT: Self = Self {
         rays_per_hemisphere: 1024,
         minimum_rays: 4,

@@ -47,7 +47,7 @@ impl Row {
         Self::from_parts(factors.len(), groups, kept)
     }
 
-    /// The row of so many receivers with these factors, by rising index.
+    /// A row over `receivers` receivers with these factors, in ascending order.
     #[must_use]
     pub fn of_some(receivers: usize, factors: &[(usize, f32)]) -> Self {
         let lit = || factors.iter().filter(|(_, factor)| *factor != 0.0);
@@ -166,13 +166,13 @@ impl Row {
         self.iter().find(|(index, _)| *index == receiver).map_or(0.0, |(_, factor)| factor)
     }
 
-    /// Memory that a row of so many receivers takes at most.
+    /// Largest memory size of a row, in bytes.
     #[must_use]
     pub fn most_bytes(receivers: usize) -> usize {
         size_of::<Self>() + receivers.div_ceil(GROUP) * (size_of::<Group>() + GROUP * size_of::<f32>())
     }
 
-    /// Memory that it takes.
+    /// Memory size in bytes.
     #[must_use]
     pub fn bytes(&self) -> usize {
         size_of::<Self>() + size_of_val::<[Group]>(&self.groups) + size_of_val::<[f32]>(&self.factors)

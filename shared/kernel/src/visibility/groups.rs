@@ -3,9 +3,8 @@
 use glam::DVec3;
 
 use crate::form_factor;
-use crate::geometry::PlaneId;
 use crate::geometry::lanes::{LANES, Vectors};
-use crate::occluder::Bounds;
+use crate::geometry::{Bounds, PlaneId};
 use crate::replica::Receiver;
 
 /// Groups that make a group of the next level.

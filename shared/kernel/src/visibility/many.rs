@@ -1,22 +1,23 @@
 //! Shooters of very many polygons: a lamp's fine mesh, all of a sky.
 //!
-//! What such a shooter gives without occlusion is summed up exactly. What stands between is not looked at polygon by polygon: rays
-//! are dealt out among them by their form factors, and weigh their kernels as those of a single polygon do.
+//! The unoccluded form factor is summed exactly. Visibility is sampled for the shooter as a whole: rays choose among its polygons in
+//! proportion to their form factors.
 
 use sobol_burley::sample_4d;
 
-use super::Panes;
-use crate::form_factor::PreparedPolygon;
+use super::TransparentOccluders;
+use super::ratio::RayRatio;
+use crate::form_factor::{PreparedPolygon, kernel};
 use crate::geometry::{area_vector, uniform_point};
 use crate::messages::RowStatistics;
 use crate::occluder::Occluder;
 use crate::replica::Receiver;
 use crate::row::Precision;
 
-/// From so many polygons on a shooter is one of many.
+/// A shooter of this many polygons or more is treated as a whole.
 pub const MANY_POLYGONS: usize = 32;
 
-/// Of the rays of a hemisphere, one in so many goes to a shooter that covers all of it.
+/// Part of the rays per hemisphere that goes to a shooter that covers all of it.
 const PART: f64 = 0.25;
 
 /// Rays of a receiver to such a shooter, at least and at most; powers of two.
@@ -28,19 +29,19 @@ pub struct ManyPolygons<'a> {
     /// Each with its area.
     polygons: Vec<(PreparedPolygon, f64)>,
     occluder: &'a Occluder,
-    panes: Option<&'a Panes>,
+    transparent: Option<&'a TransparentOccluders>,
     precision: &'a Precision,
     /// Of the receiver at hand: polygons that it sees before occlusion, and the sum of form factors up to each.
     faced: Vec<(usize, f64)>,
 }
 
 impl<'a> ManyPolygons<'a> {
-    /// Among these occluders and panes.
+    /// Prepares a shooter among these occluders.
     #[must_use]
     pub fn new(
         polygons: Vec<PreparedPolygon>,
         occluder: &'a Occluder,
-        panes: Option<&'a Panes>,
+        transparent: Option<&'a TransparentOccluders>,
         precision: &'a Precision,
     ) -> Self {
         let with_area = |polygon: PreparedPolygon| {
@@ -48,7 +49,7 @@ impl<'a> ManyPolygons<'a> {
             (polygon, area)
         };
         let polygons = polygons.into_iter().map(with_area).collect();
-        Self { polygons, occluder, panes, precision, faced: vec![] }
+        Self { polygons, occluder, transparent, precision, faced: vec![] }
     }
 
     /// The visible form factor from a receiver to all of them.
@@ -68,13 +69,12 @@ impl<'a> ManyPolygons<'a> {
                 self.faced.push((index, all));
             }
         }
-        if all == 0.0 || (self.occluder.is_empty() && self.panes.is_none()) {
+        if all == 0.0 || (self.occluder.is_empty() && self.transparent.is_none()) {
             return all;
         }
         let wanted = PART * all * f64::from(self.precision.rays_per_hemisphere);
         let rays = (wanted as u32).next_power_of_two().clamp(LEAST_RAYS, MOST_RAYS);
-        // Of each half of the rays, which are nets of their own.
-        let (mut arrived, mut cast) = ([0.0; 2], [0.0; 2]);
+        let mut ratio = RayRatio::default();
         for ray in 0..rays {
             let [choice, x, y, _] = sample_4d(ray, 0, seed).map(f64::from);
             let place = self.faced.partition_point(|(_, end)| *end <= choice * all).min(self.faced.len() - 1);
@@ -82,29 +82,25 @@ impl<'a> ManyPolygons<'a> {
             let (index, end) = self.faced[place];
             let (polygon, area) = &self.polygons[index];
             let target = uniform_point(polygon.corners(), x, y);
-            let to = target - position;
-            let squared = to.length_squared();
-            let kernel = normal.dot(to) * -polygon.normal().dot(to) / (squared * squared);
             // Polygons are chosen by their form factors, points on them by area.
-            let weight = kernel * area / (end - before);
+            let weight = kernel(normal, polygon.normal(), target - position) * area / (end - before);
             if weight > 0.0 {
                 let planes = [plane, polygon.plane()];
-                let half = usize::from(ray >= rays / 2);
-                cast[half] += weight;
-                if !self.occluder.blocks(position, target, planes) {
-                    arrived[half] +=
-                        weight * self.panes.map_or(1.0, |panes| panes.between(position, target, planes));
-                }
+                let part = if self.occluder.blocks(position, target, planes) {
+                    0.0
+                } else {
+                    self.transparent.map_or(1.0, |some| some.between(position, target, planes))
+                };
+                ratio.add(ray >= rays / 2, weight, part);
             }
         }
         statistics.rays += u64::from(rays);
         statistics.sampled_pairs += self.faced.len() as u64;
         statistics.occluded_pairs += self.faced.len() as u64;
-        if cast.iter().any(|half| *half <= 0.0) {
-            return all;
-        }
-        let difference = all * (arrived[0] / cast[0] - arrived[1] / cast[1]);
+        let Some((_, difference)) = ratio.estimate() else { return all };
+        let difference = all * difference;
         statistics.sampling_variance += difference * difference / 4.0;
-        all * (arrived[0] + arrived[1]) / (cast[0] + cast[1])
+        let (arrived, cast) = ratio.sums();
+        all * arrived / cast
     }
 }

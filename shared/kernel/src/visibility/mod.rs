@@ -1,38 +1,40 @@
-//! How much of a form factor the occluders leave.
+//! The visible part of form factors.
 //!
-//! Where few occluders stand between a point and a polygon, the visible part of the polygon is *computed*: the occluders are
-//! cut out of it as the point sees them, and the rest is summed up exactly. Where there are many, rays sample it.
+//! With few occluders between a point and a polygon, visibility is *computed*: the occluders are cut out of the polygon as the point
+//! sees them, and the rest is integrated exactly. With many it is sampled with rays.
 //!
-//! What can be decided for a whole group of receivers is: that they look away from the polygon, that nothing stands between,
-//! that one occluder hides it from all of them.
+//! Three cases are decided for a whole group of receivers: all face away from the polygon, nothing lies between, or one occluder
+//! hides it from all.
 
 mod cut;
 mod groups;
 mod many;
-mod panes;
 mod partial;
+mod ratio;
 mod sample;
 #[cfg(test)]
 mod tests;
+mod transparent;
 
 use crate::form_factor::{PreparedPolygon, ViewLanes};
+use crate::geometry::Bounds;
 use crate::geometry::lanes::{LANES, Mask, Vectors};
 use crate::messages::RowStatistics;
-use crate::occluder::{Blocker, Bounds, Bundle, Front, Identity, Occluder, Shafts};
+use crate::occluder::{Blocker, CandidateList, Identity, Occluder, Pyramids, Shaft};
 use crate::row::Precision;
 use crate::simd::widest;
 
 pub use cut::{Cone, Cones, Pieces, cut};
 pub use groups::{Node, ReceiverGroups, ReceiverLanes};
 pub use many::{MANY_POLYGONS, ManyPolygons};
-pub use panes::{Panes, View};
 use partial::PartialView;
 pub use sample::pair_seed;
+pub use transparent::{Transmitted, TransparentOccluders};
 
-/// A group that reaches behind a polygon's plane by less than this part of its size does so by rounding.
-const BEHIND: f64 = 1e-9;
+/// A group that crosses a polygon's plane by less than this part of its size does so by rounding.
+const BACK_FACE: f64 = 1e-9;
 
-/// Level of the groups whose occluders are looked up together: those of some hundred receivers.
+/// Level of the groups that share a candidate list: those of some hundred receivers.
 const COLLECTING: usize = 2;
 
 /// Computes visible form factors. Keeps its buffers between calls.
@@ -40,16 +42,16 @@ pub struct VisibilityKernel<'a> {
     occluder: &'a Occluder,
     precision: &'a Precision,
     /// Occluders between the polygon and some hundred receivers.
-    front: Front,
+    candidates: CandidateList,
     /// Those of them that may matter to a group.
     parts: Vec<u32>,
     /// What some of them leave of the polygon for some receivers.
     partly: Vec<(u32, Mask)>,
-    /// What filled the last shafts: likely to fill the next.
+    /// What filled the last pyramids: likely to fill the next.
     last_filler: Option<Identity>,
     /// Its part, where it stands before the polygon at hand.
     likely_filler: Option<u32>,
-    shafts: Shafts,
+    pyramids: Pyramids,
     partial: PartialView,
     found: Vec<u32>,
 }
@@ -61,12 +63,12 @@ impl<'a> VisibilityKernel<'a> {
         Self {
             occluder,
             precision,
-            front: Front::default(),
+            candidates: CandidateList::default(),
             parts: vec![],
             partly: vec![],
             last_filler: None,
             likely_filler: None,
-            shafts: Shafts::default(),
+            pyramids: Pyramids::default(),
             partial: PartialView::default(),
             found: vec![],
         }
@@ -86,7 +88,7 @@ impl<'a> VisibilityKernel<'a> {
         let mut stack = vec![(groups.top(), 0)];
         while let Some((level, index)) = stack.pop() {
             let Some(node) = groups.node(level, index) else { continue };
-            if looks_away(node, polygon) {
+            if faces_away(node, polygon) {
                 continue;
             }
             if level > 0 && self.is_hidden(node, polygon) {
@@ -96,8 +98,8 @@ impl<'a> VisibilityKernel<'a> {
                 continue;
             }
             if level == groups.top().min(COLLECTING) {
-                self.front.collect(self.occluder, &node.bounds, polygon);
-                self.likely_filler = self.last_filler.and_then(|filler| self.front.part_of(filler));
+                self.candidates.collect(self.occluder, &node.bounds, polygon);
+                self.likely_filler = self.last_filler.and_then(|filler| self.candidates.part_of(filler));
             }
             if level > 0 {
                 stack.extend(groups.children(level, index).rev().map(|child| (level - 1, child)));
@@ -112,10 +114,10 @@ impl<'a> VisibilityKernel<'a> {
 
     /// True where one occluder stands between a whole group and the polygon.
     fn is_hidden(&mut self, node: &Node, polygon: &PreparedPolygon) -> bool {
-        // Behind the polygon's plane nothing is seen of it: what reaches there by rounding does not matter.
+        // The back-face check: what crosses the plane by rounding does not matter.
         let nearest = -node.bounds.farthest_along(-polygon.normal());
         let over_plane = nearest - polygon.normal().dot(polygon.centre());
-        if self.occluder.is_empty() || over_plane < -BEHIND * node.bounds.size() {
+        if self.occluder.is_empty() || over_plane < -BACK_FACE * node.bounds.diagonal() {
             return false;
         }
         self.occluder.near_segment(node.bounds.centre(), polygon.centre(), &mut self.found);
@@ -123,8 +125,8 @@ impl<'a> VisibilityKernel<'a> {
             return false;
         }
         let apexes = node.bounds.corners();
-        self.shafts.aim(&Vectors::repeated(&apexes), polygon.corners());
-        self.occluder.cuts_off(&self.found, &self.shafts, &node.planes, &apexes, polygon)
+        self.pyramids.aim(&Vectors::repeated(&apexes), polygon.corners());
+        self.occluder.cuts_off(&self.found, &self.pyramids, &node.planes, &apexes, polygon)
     }
 
     /// Adds the factors of one group of receivers.
@@ -172,7 +174,7 @@ impl<'a> VisibilityKernel<'a> {
             self.partial.clear();
             for (part, _) in self.partly.iter().filter(|(_, mask)| mask >> lane & 1 == 1) {
                 let add = |blocker: Blocker<'_>| self.partial.add(blocker, position);
-                self.front.for_each_blocker(self.occluder, *part, (position, plane), add);
+                self.candidates.for_each_blocker(self.occluder, *part, (position, plane), add);
             }
             if self.partial.is_free() {
                 *factor += view.factors[lane];
@@ -192,7 +194,7 @@ impl<'a> VisibilityKernel<'a> {
         }
     }
 
-    /// Finds what blocks the shafts of these receivers: those whose shaft is filled, and the parts that reach into others.
+    /// Finds what blocks the pyramids of these receivers: those whose pyramid is filled, and the parts that reach into others.
     fn block(
         &mut self,
         lanes: &ReceiverLanes,
@@ -202,28 +204,33 @@ impl<'a> VisibilityKernel<'a> {
         statistics: &mut RowStatistics,
     ) -> Mask {
         self.partly.clear();
-        if self.front.is_empty() {
+        if self.candidates.is_empty() {
             return 0;
         }
-        self.shafts.aim(&lanes.positions, polygon.corners());
+        self.pyramids.aim(&lanes.positions, polygon.corners());
         let mut open = wanted;
         if let Some(likely) = self.likely_filler {
-            open &= !self.front.reach(self.occluder, likely, &self.shafts, &lanes.planes).wholly;
+            open &= !self.candidates.reach(self.occluder, likely, &self.pyramids, &lanes.planes).wholly;
         }
         if open != 0 {
-            let target = Bounds::around(polygon.corners().iter().copied());
+            let target = Bounds::around(polygon.corners());
             let horizon = node.normal.map(|normal| (normal, -node.bounds.farthest_along(-normal)));
-            self.front.narrow(self.occluder, &Bundle::new(&node.bounds, &target), horizon, &mut self.parts);
+            self.candidates.narrow(
+                self.occluder,
+                &Shaft::new(&node.bounds, &target, 0.0),
+                horizon,
+                &mut self.parts,
+            );
         }
         for at in 0..self.parts.len() {
             if open == 0 {
                 break;
             }
             let part = self.parts[at];
-            let reach = self.front.reach(self.occluder, part, &self.shafts, &lanes.planes);
+            let reach = self.candidates.reach(self.occluder, part, &self.pyramids, &lanes.planes);
             if reach.wholly & open != 0 {
                 self.likely_filler = Some(part);
-                self.last_filler = Some(self.front.identity(part));
+                self.last_filler = Some(self.candidates.identity(part));
                 open &= !reach.wholly;
             }
             if reach.partly & open != 0 {
@@ -237,7 +244,7 @@ impl<'a> VisibilityKernel<'a> {
 }
 
 /// True where no receiver of a group sees the polygon's front above its horizon.
-fn looks_away(node: &Node, polygon: &PreparedPolygon) -> bool {
+fn faces_away(node: &Node, polygon: &PreparedPolygon) -> bool {
     let farthest = node.bounds.farthest_along(polygon.normal());
     if node.planes == [polygon.plane()] || farthest <= polygon.normal().dot(polygon.centre()) {
         return true;

@@ -3,6 +3,8 @@
 use glam::DVec3;
 use sobol_burley::sample_4d;
 
+use super::ratio::RayRatio;
+use crate::form_factor::kernel;
 use crate::geometry::{Corners, uniform_point};
 use crate::row::Precision;
 
@@ -54,35 +56,28 @@ pub fn sample_visibility(
     seed: u32,
     blocked: impl Fn(DVec3) -> bool,
 ) -> VisibilitySample {
-    // Of each half of the rays.
-    let (mut arrived, mut cast) = ([0.0; 2], [0.0; 2]);
+    let mut ratio = RayRatio::default();
     let (mut hits, mut count) = (0, 0);
     for index in 0..rays {
         let [x, y, ..] = sample_4d(index, 0, seed);
         let target = uniform_point(corners, f64::from(x), f64::from(y));
-        let squared = target.length_squared();
-        let weight = normal.dot(target) * -polygon_normal.dot(target) / (squared * squared);
+        let weight = kernel(normal, polygon_normal, target);
         // Rounding can put a target a hair under the horizon.
         if weight > 0.0 {
-            let half = usize::from(index >= rays / 2);
+            let is_blocked = blocked(target);
             count += 1;
-            cast[half] += weight;
-            if blocked(target) {
-                hits += 1;
-            } else {
-                arrived[half] += weight;
-            }
+            hits += u32::from(is_blocked);
+            ratio.add(index >= rays / 2, weight, if is_blocked { 0.0 } else { 1.0 });
         }
         let undecided = hits > 0 && hits < count;
         if index + 1 == PROBE_RAYS && rays <= MAX_STOPPED_RAYS && !undecided {
             break;
         }
     }
-    let all = cast[0] + cast[1];
-    let fraction = if all > 0.0 { (arrived[0] + arrived[1]) / all } else { 0.0 };
-    // Both halves are nets of their own: their difference shows what another draw would change. Of rays that were stopped,
-    // or of a single one, there is no second half; they all agreed.
-    let difference =
-        if cast[0] > 0.0 && cast[1] > 0.0 { arrived[0] / cast[0] - arrived[1] / cast[1] } else { 0.0 };
+    // Rays that were stopped, or a single one, have no second half; they all agreed.
+    let (fraction, difference) = ratio.estimate().unwrap_or_else(|| {
+        let (arrived, cast) = ratio.sums();
+        (if cast > 0.0 { arrived / cast } else { 0.0 }, 0.0)
+    });
     VisibilitySample { fraction, variance: difference * difference / 4.0, rays: count }
 }

@@ -28,7 +28,7 @@ fn rounded(points: &[DVec3], turn: DQuat) -> Vec<[f32; 3]> {
 }
 
 fn positions(facet: &Facet) -> Vec<DVec3> {
-    facet.corners.iter().map(|corner| corner.position).collect()
+    facet.positions().collect()
 }
 
 fn facets(scene: &Scene) -> &[Facet] {

@@ -28,7 +28,7 @@ pub(in crate::form_factor) struct Edge {
     pub(super) squared_length: f64,
 }
 
-/// The edges of a polygon: three, four, or so many as fill groups of four, with edges without length after the last.
+/// The edges of a polygon: three, four, or a multiple of four, filled up with edges without length.
 pub(in crate::form_factor) type Edges = SmallVec<[Edge; 4]>;
 
 /// The edges of a polygon of these corners.

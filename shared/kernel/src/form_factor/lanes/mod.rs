@@ -79,7 +79,7 @@ impl ReceiverLanes {
 pub struct ViewLanes {
     /// The form factors; 0 where a receiver sees nothing, and where it is not answered.
     pub factors: Lanes,
-    /// Error that the rule taken for each factor has in the mean; 0 of rules that are exact up to rounding.
+    /// Mean error of the rule used for each factor; 0 of rules that are exact up to rounding.
     pub errors: Lanes,
     /// Receivers whose horizon cuts the polygon, a bit each; what touches it within rounding is not cut.
     pub cut: u32,
@@ -92,7 +92,7 @@ impl PreparedPolygon {
     /// What each receiver sees of the polygon: the factor of [`PreparedPolygon::view`] up to the relative error `tolerance`, 0
     /// exactly where that sees nothing, and a mask of the receivers to be asked about one by one.
     ///
-    /// A tolerance under 1e-9 is taken for 1e-9, which is what the rules of the scalar code keep that are "exact".
+    /// A tolerance under 1e-9 counts as 1e-9, the error of the scalar rules that are "exact".
     #[inline(always)]
     #[must_use]
     pub fn view_lanes(&self, receivers: &ReceiverLanes, tolerance: f64) -> ViewLanes {

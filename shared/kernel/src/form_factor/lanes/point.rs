@@ -44,7 +44,7 @@ impl PreparedPolygon {
             // The bound of `point_rule_error`, times height and squared distance.
             let bound = self.squared_reach * (10.0 / 3.0 * height + 4.0 / 3.0 * distance);
             let allowed = (height > 0.0) & (bound <= tolerance * squared * height);
-            // Rounding of the corners' heights must not decide otherwise.
+            // Rounding of the corners' heights must not change the decision.
             let margin = reach + EDGE_ON * distance;
             let above = height > margin;
             let below = height < -margin;

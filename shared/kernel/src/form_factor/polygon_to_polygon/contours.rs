@@ -60,7 +60,7 @@ fn edges(corners: &[DVec3]) -> Vec<Edge> {
     corners.iter().zip(next).filter_map(edge).collect()
 }
 
-/// The integral of ln r along both edges, but for a constant times the outer edge's length.
+/// The integral of ln r along both edges, up to a constant times the outer edge's length.
 fn edge_to_edge(outer: &Edge, inner: &Edge) -> f64 {
     let singularities = singularities(outer, inner);
     let mut pieces = vec![(0.0, outer.length)];
@@ -106,7 +106,7 @@ fn singularities(outer: &Edge, inner: &Edge) -> [Singularity; 3] {
     [at(inner.from), at(inner.to), lines]
 }
 
-/// The integral of ln |point - y| for y along an edge, but for the edge's length, which drops out of a closed contour:
+/// The integral of ln |point - y| for y along an edge, without the edge's length, which drops out of a closed contour:
 /// b ln r_b - a ln r_a + h theta, with a and b the ends of the edge from the foot of the point's perpendicular, r_a and r_b
 /// their distances, h the perpendicular's length and theta the angle that the edge spans.
 fn logarithm_along(edge: &Edge, point: DVec3) -> f64 {

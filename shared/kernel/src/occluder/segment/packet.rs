@@ -1,7 +1,7 @@
-//! Eight triangles that a segment is held against together.
+//! Eight triangles that a segment is tested against together.
 //!
-//! A first look in f32 tells hits and misses wherever rounding cannot have changed the answer, and leaves the rest to the test
-//! in f64: the answer is that of the f64 test for every segment, on every processor.
+//! A first test in f32 decides wherever rounding cannot change the answer, and leaves the rest to a test in f64: the answer is that of
+//! the f64 test for every segment, on every processor.
 
 use std::array::from_fn;
 
@@ -64,7 +64,7 @@ impl Rounded {
     }
 }
 
-/// A segment, ready to be held against packets.
+/// A segment, prepared for packets.
 pub(super) struct Sight<'a> {
     /// What packets refer to.
     polygons: &'a [OccluderPolygon],
@@ -150,7 +150,7 @@ impl Packet {
         let bound = rounding * (a.spread() + b.spread() + c.spread() + rounding);
         let negative_bound = zero - bound;
         let (least, greatest) = (u.min(v).min(w), u.max(v).max(w));
-        // Bits of lanes: on the same side of all edges, as far as rounding lets one tell.
+        // Bits of lanes: on the same side of all edges, up to rounding.
         let may_be_inside = negative_bound.at_most(least) | greatest.at_most(bound);
         if may_be_inside == 0 {
             return false;

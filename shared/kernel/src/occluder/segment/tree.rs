@@ -1,7 +1,7 @@
 //! The occluders' triangles behind a tree whose nodes have eight children.
 //!
-//! The binary tree that the builder makes, with its nodes taken together: a segment is held against eight boxes in the time of
-//! one.
+//! The binary tree that the builder makes, with its nodes taken together: a segment is tested against eight boxes in the
+//! time of one.
 
 use glam::DVec3;
 use obvhs::bvh2::Bvh2;

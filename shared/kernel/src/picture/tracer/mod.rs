@@ -18,7 +18,7 @@ mod tree;
 use crate::picture::{Image, Part, PictureScene, Pixels, Ray, TileRequest};
 use glam::DVec3;
 
-use tree::{Behind, Tree};
+use tree::{Passed, Tree};
 
 /// Surfaces behind this part of the light are not looked for: less than a step of eight bits, of anything that is not a lamp.
 const LEAST_TRANSMITTANCE: f64 = 1e-4;
@@ -46,7 +46,7 @@ impl Picture {
     #[must_use]
     pub fn first_surface(&self, ray: &Ray) -> Option<(usize, usize)> {
         let ray = self.tree.enter(ray)?;
-        let hit = self.tree.nearest(&ray, Behind::NOTHING, |hit| self.is_hole(hit))?;
+        let hit = self.tree.nearest(&ray, Passed::NOTHING, |hit| self.is_hole(hit))?;
         Some((hit.part as usize, hit.triangle as usize))
     }
 
@@ -54,9 +54,9 @@ impl Picture {
     #[must_use]
     pub fn radiance(&self, ray: &Ray, background: DVec3) -> (DVec3, u64) {
         let Some(ray) = self.tree.enter(ray) else { return (background, 1) };
-        let (mut radiance, mut transmittance, mut behind) = (DVec3::ZERO, 1.0, Behind::NOTHING);
+        let (mut radiance, mut transmittance, mut passed) = (DVec3::ZERO, 1.0, Passed::NOTHING);
         for searches in 1..=MOST_LAYERS as u64 {
-            let Some(hit) = self.tree.nearest(&ray, behind, |hit| self.is_hole(hit)) else {
+            let Some(hit) = self.tree.nearest(&ray, passed, |hit| self.is_hole(hit)) else {
                 return (radiance + transmittance * background, searches);
             };
             let seen = self.surface(&hit);
@@ -65,7 +65,7 @@ impl Picture {
             if transmittance < LEAST_TRANSMITTANCE {
                 return (radiance, searches);
             }
-            behind = Behind::hit(&hit);
+            passed = Passed::hit(&hit);
         }
         (radiance, MOST_LAYERS as u64)
     }

@@ -55,16 +55,16 @@ impl Picture {
         look_up(&self.images[texture.image as usize], texture, place)
     }
 
-    /// A value per vertex at the point, or `otherwise` where there are none.
+    /// A value per vertex at the point, or `default` where there are none.
     fn interpolated<const N: usize>(
         &self,
         part: &Part,
         hit: &Hit,
         values: &[[f32; N]],
-        otherwise: f64,
+        default: f64,
     ) -> [f64; N] {
         if values.is_empty() {
-            return [otherwise; N];
+            return [default; N];
         }
         let [a, b, c] = part.triangles[hit.triangle as usize].map(|vertex| values[vertex as usize]);
         let weights = hit.weights;

@@ -6,13 +6,10 @@
 //! Ray/Triangle Intersection*, JCGT 2013, without its projection, which f64 does not need). Corners that were rounded apart, and
 //! corners on another triangle's edge, are closed by a slack: a ray hits that misses an edge by no more than the rounding.
 
+use crate::geometry::Bounds;
+use crate::hierarchy::Hierarchy;
 use crate::picture::{PictureScene, Ray};
-use glam::{DVec3, Vec3A};
-use obvhs::aabb::Aabb;
-use obvhs::bvh2::Bvh2;
-use obvhs::bvh2::builder::build_bvh2;
-use obvhs::ray::{Ray as SingleRay, RayHit};
-use obvhs::{Boundable, BvhBuildParams};
+use glam::DVec3;
 
 /// Boxes are padded by this part of the largest coordinate: eight times what rounding a ray to f32 moves it within the scene.
 const PADDING: f64 = 4e-6;
@@ -26,13 +23,11 @@ const ROUNDING: f64 = 16.0 * f64::EPSILON;
 /// Two triangles of an edge are met at distances that differ by some slacks, where they are seen at an angle.
 const SAME: f64 = 16.0;
 
-/// All triangles behind a BVH.
+/// All triangles in a BVH.
 pub(super) struct Tree {
-    bvh: Bvh2,
-    /// In the order of the BVH's leaves.
-    triangles: Vec<Triangle>,
+    triangles: Hierarchy<Triangle>,
     /// Box around all of them.
-    bounds: [DVec3; 2],
+    bounds: Bounds,
     /// Square of the distance by which a ray may miss an edge.
     slack: f64,
     /// Distances along a ray that differ by so much are those of one place.
@@ -64,13 +59,13 @@ pub(super) struct Hit {
 /// What was seen already: all that is nearer than this, or as near and earlier in the order of the leaves, and what belongs to the
 /// same surface in the same place: on an edge a ray meets both of its triangles.
 #[derive(Clone, Copy)]
-pub(super) struct Behind {
+pub(super) struct Passed {
     distance: f64,
     place: u32,
     part: u32,
 }
 
-impl Behind {
+impl Passed {
     /// Nothing was seen.
     pub(super) const NOTHING: Self = Self { distance: f64::NEG_INFINITY, place: 0, part: u32::MAX };
 
@@ -93,19 +88,14 @@ pub(super) struct Entered {
     start: f64,
 }
 
-struct PaddedBox(Aabb);
-
-impl Boundable for PaddedBox {
-    fn aabb(&self) -> Aabb {
-        self.0
-    }
-}
-
 impl Tree {
     /// Builds the BVH.
     pub(super) fn new(scene: &PictureScene) -> Self {
-        let triangles = || {
-            scene.parts.iter().zip(0..).flat_map(|(part, number)| {
+        let triangles: Vec<Triangle> = scene
+            .parts
+            .iter()
+            .zip(0..)
+            .flat_map(|(part, number)| {
                 part.triangles.iter().zip(0..).map(move |(vertices, triangle)| Triangle {
                     corners: vertices.map(|vertex| DVec3::from_array(part.positions[vertex as usize])),
                     part: number,
@@ -113,33 +103,23 @@ impl Tree {
                     double_sided: part.double_sided,
                 })
             })
-        };
-        let corners = || triangles().flat_map(|triangle| triangle.corners);
-        let largest = corners().map(|corner| corner.abs().max_element()).fold(0.0, f64::max);
-        let padding = largest * PADDING + scene.rounding;
-        let boxes: Vec<PaddedBox> = triangles()
-            .map(|Triangle { corners: [a, b, c], .. }| {
-                let low = (a.min(b).min(c) - padding).as_vec3a();
-                let high = (a.max(b).max(c) + padding).as_vec3a();
-                PaddedBox(Aabb::new(low, high))
-            })
             .collect();
-        let bvh = build_bvh2(&boxes, BvhBuildParams::medium_build(), &mut Default::default());
-        let mut unordered: Vec<Option<Triangle>> = triangles().map(Some).collect();
-        let triangles = bvh.primitive_indices.iter().filter_map(|index| unordered[*index as usize].take());
-        let bounds = [
-            corners().fold(DVec3::INFINITY, DVec3::min) - padding,
-            corners().fold(DVec3::NEG_INFINITY, DVec3::max) + padding,
-        ];
+        let corners = || triangles.iter().flat_map(|triangle| triangle.corners);
+        let largest = corners().map(|corner| corner.abs().max_element()).fold(0.0, f64::max);
+        let padding = DVec3::splat(largest * PADDING + scene.rounding);
+        let bounds = Bounds::around(corners()).padded(padding);
+        let around = |triangle: &Triangle| Bounds::around(triangle.corners).padded(padding).into();
+        let triangles = Hierarchy::new(triangles, around);
         let slack = scene.rounding + largest * ROUNDING;
-        Self { triangles: triangles.collect(), bvh, bounds, slack: slack * slack, same: SAME * slack }
+        Self { triangles, bounds, slack: slack * slack, same: SAME * slack }
     }
 
     /// Moves the start of a ray to where it enters the box around the scene, which may be far away from the eye: coordinates
     /// are small then. `None` where the ray misses the box.
     pub(super) fn enter(&self, ray: &Ray) -> Option<Entered> {
         let inverse = ray.direction.recip();
-        let [first, second] = self.bounds.map(|corner| (corner - ray.origin) * inverse);
+        let [first, second] =
+            [self.bounds.low, self.bounds.high].map(|corner| (corner - ray.origin) * inverse);
         // A ray within a side of the box gives NaN, which minimum and maximum leave out.
         let axes = [0, 1, 2];
         let near = axes.map(|axis| first[axis].min(second[axis])).into_iter().fold(ray.start, f64::max);
@@ -155,17 +135,15 @@ impl Tree {
     pub(super) fn nearest(
         &self,
         ray: &Entered,
-        behind: Behind,
+        passed: Passed,
         is_hole: impl Fn(&Hit) -> bool,
     ) -> Option<Hit> {
-        let (origin, direction): (Vec3A, Vec3A) = (ray.origin.as_vec3a(), ray.direction.as_vec3a());
-        let single = SingleRay::new(origin, direction, 0.0, f32::INFINITY);
         let mut nearest: Option<Hit> = None;
-        self.bvh.ray_traverse(single, &mut RayHit::none(), |_, place| {
-            let Some(hit) = self.hit(ray, place) else { return f32::INFINITY };
+        self.triangles.along_ray(ray.origin, ray.direction, |place, triangle| {
+            let Some(hit) = self.hit(ray, place, triangle) else { return f32::INFINITY };
             let is_nearer =
                 nearest.is_none_or(|found| (hit.distance, hit.place) < (found.distance, found.place));
-            if !is_nearer || !behind.is_before(&hit, self.same) || is_hole(&hit) {
+            if !is_nearer || !passed.is_before(&hit, self.same) || is_hole(&hit) {
                 return f32::INFINITY;
             }
             nearest = Some(hit);
@@ -174,8 +152,8 @@ impl Tree {
         nearest
     }
 
-    fn hit(&self, ray: &Entered, place: usize) -> Option<Hit> {
-        let &Triangle { corners, part, triangle, double_sided } = &self.triangles[place];
+    fn hit(&self, ray: &Entered, place: usize, triangle: &Triangle) -> Option<Hit> {
+        let &Triangle { corners, part, triangle, double_sided } = triangle;
         let [a, b, c] = corners.map(|corner| corner - ray.origin);
         let along = ray.direction;
         let volumes = DVec3::new(along.dot(b.cross(c)), along.dot(c.cross(a)), along.dot(a.cross(b)));

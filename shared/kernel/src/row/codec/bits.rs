@@ -13,12 +13,12 @@ pub struct BitWriter {
 }
 
 impl BitWriter {
-    /// Nothing yet, with room for so many bytes.
+    /// An empty writer with room for `bytes`.
     pub fn with_capacity(bytes: usize) -> Self {
         Self { bytes: Vec::with_capacity(bytes), held: 0, count: 0 }
     }
 
-    /// Writes a number of so many bits, 32 at most.
+    /// Writes the lowest bits of a number, 32 at most.
     pub fn put(&mut self, value: u32, width: u32) {
         debug_assert!(width <= 32 && u64::from(value) < 1 << width);
         self.held |= u64::from(value) << self.count;
@@ -80,12 +80,12 @@ impl<'a> BitReader<'a> {
         word >> (self.position % 8)
     }
 
-    /// Goes on by so many bits.
+    /// Skips some bits.
     pub fn skip(&mut self, bits: u32) {
         self.position += bits as usize;
     }
 
-    /// Reads a number of so many bits, 32 at most.
+    /// Reads a number of up to 32 bits.
     pub fn take(&mut self, width: u32) -> u32 {
         let value = self.peek() & ((1 << width) - 1);
         self.skip(width);

@@ -43,7 +43,7 @@ const SHIFT_BITS: u32 = 5;
 /// The bits of an infinite f32: those of all positive and finite ones lie between it and 0, in their order.
 const INFINITE: u32 = f32::INFINITY.to_bits();
 
-/// Most bytes that a row of so many receivers can take.
+/// Largest encoded length of a row, in bytes.
 #[must_use]
 pub fn longest_encoded_row(receivers: u32) -> u64 {
     most_bytes(u64::from(receivers).div_ceil(GROUP as u64), receivers.into())
@@ -105,7 +105,7 @@ pub fn encode_row(row: &Row) -> Bytes {
     writer.finish().into()
 }
 
-/// Decodes a row of so many receivers.
+/// Decodes a row over this number of receivers.
 ///
 /// # Errors
 /// When the bytes cannot have come from [`encode_row`].
@@ -119,7 +119,7 @@ pub fn decode_row(bytes: &[u8], receivers: usize) -> Result<Row, RowDecodeError>
     if shift >= FACTOR_BITS {
         return Err(RowDecodeError::NotPositive);
     }
-    // Memory is taken for what the bytes hold, and not for what they say: a factor takes two of them, or a group brings it.
+    // Memory is allocated for the bytes that are there, not for what they announce: a factor takes two, or comes with its group.
     let (mut groups, mut factors) = (vec![], Vec::with_capacity(bytes.len() / 2));
     let mut next = 0_u64;
     let mut used_bits = 0;

@@ -1,9 +1,9 @@
-//! Shafts and a polygon.
+//! Pyramids and a polygon.
 
 use glam::DVec3;
 use pulp::{Simd, WithSimd};
 
-use super::{Reach, Shafts, sign_of};
+use super::{Pyramids, Reach, sign_of};
 use crate::geometry::lanes::{LANES, Mask};
 use crate::occluder::wide::{Wide, bits, cross, dot, load, minus, none, splat};
 use crate::occluder::{EDGE_ON, OccluderPolygon};
@@ -12,9 +12,9 @@ use crate::occluder::{EDGE_ON, OccluderPolygon};
 /// base, occluder and apex all touch the floor.
 const INSIDE: f64 = 1e-12;
 
-/// What a polygon does to shafts, with the corners of its part in front of the base's plane.
+/// What a polygon does to pyramids, with the corners of its part in front of the base's plane.
 pub(super) struct ReachInto<'a> {
-    pub shafts: &'a Shafts,
+    pub pyramids: &'a Pyramids,
     pub occluder: &'a OccluderPolygon,
     pub front: &'a [DVec3],
 }
@@ -38,8 +38,8 @@ impl ReachInto<'_> {
     #[inline(always)]
     fn of_part<S: Simd>(&self, simd: S, part: usize) -> Reach {
         let zero = simd.splat_f64s(0.0);
-        let apex = load::<S>(&self.shafts.apexes, part);
-        let mut entered = self.shafts.entered(simd, part, apex, self.front);
+        let apex = load::<S>(&self.pyramids.apexes, part);
+        let mut entered = self.pyramids.entered(simd, part, apex, self.front);
         if none(simd, entered) {
             return Reach::default();
         }
@@ -53,7 +53,7 @@ impl ReachInto<'_> {
         let tolerance = simd.mul_f64s(simd.splat_f64s(EDGE_ON), distance);
         let height = simd.mul_f64s(sign, height);
         let mut beyond = simd.splat_f64s(f64::NEG_INFINITY);
-        for base in &self.shafts.base {
+        for base in &self.pyramids.base {
             let reached = simd.mul_f64s(sign, dot(simd, load::<S>(base, part), normal));
             beyond = simd.max_f64s(beyond, reached);
         }
@@ -64,7 +64,7 @@ impl ReachInto<'_> {
         if none(simd, entered) {
             return Reach::default();
         }
-        let cone = cone(simd, self.shafts, part, apex, self.front, sign);
+        let cone = cone(simd, self.pyramids, part, apex, self.front, sign);
         let overlapping = bits(simd, simd.and_m64s(entered, simd.less_than_f64s(zero, cone.within)));
         let wholly = overlapping & bits(simd, cone.holds_all(simd));
         Reach { partly: overlapping & !wholly, wholly }
@@ -93,7 +93,7 @@ impl<S: Simd> InCone<S> {
 #[inline(always)]
 fn cone<S: Simd>(
     simd: S,
-    shafts: &Shafts,
+    pyramids: &Pyramids,
     part: usize,
     apex: Wide<S>,
     corners: &[DVec3],
@@ -109,7 +109,7 @@ fn cone<S: Simd>(
         let corner = minus(simd, splat(simd, *corner), apex);
         let side = cross(simd, previous, corner);
         let mut highest = simd.splat_f64s(f64::NEG_INFINITY);
-        for base in &shafts.base {
+        for base in &pyramids.base {
             let over = simd.mul_f64s(sign, dot(simd, side, load::<S>(base, part)));
             highest = simd.max_f64s(highest, over);
             cone.lowest = simd.min_f64s(cone.lowest, over);
@@ -123,7 +123,7 @@ fn cone<S: Simd>(
 
 /// Whether a polygon crosses all segments from the apexes to the base.
 pub(super) struct CutOff<'a> {
-    pub shafts: &'a Shafts,
+    pub pyramids: &'a Pyramids,
     pub occluder: &'a OccluderPolygon,
 }
 
@@ -134,7 +134,7 @@ impl WithSimd for CutOff<'_> {
     fn with_simd<S: Simd>(self, simd: S) -> bool {
         let normal = splat(simd, self.occluder.normal);
         for part in 0..LANES / S::F64_LANES {
-            let apex = load::<S>(&self.shafts.apexes, part);
+            let apex = load::<S>(&self.pyramids.apexes, part);
             let first = minus(simd, splat(simd, self.occluder.corners[0]), apex);
             let height = dot(simd, first, normal);
             let sign = sign_of(simd, height);
@@ -142,7 +142,7 @@ impl WithSimd for CutOff<'_> {
             let tolerance = simd.mul_f64s(simd.splat_f64s(EDGE_ON), distance);
             let height = simd.mul_f64s(sign, height);
             let mut nearest = simd.splat_f64s(f64::INFINITY);
-            for base in &self.shafts.base {
+            for base in &self.pyramids.base {
                 let reached = simd.mul_f64s(sign, dot(simd, load::<S>(base, part), normal));
                 nearest = simd.min_f64s(nearest, reached);
             }
@@ -150,7 +150,7 @@ impl WithSimd for CutOff<'_> {
                 simd.less_than_f64s(tolerance, height),
                 simd.less_than_or_equal_f64s(height, simd.add_f64s(nearest, tolerance)),
             );
-            let cone = cone(simd, self.shafts, part, apex, &self.occluder.corners, sign);
+            let cone = cone(simd, self.pyramids, part, apex, &self.occluder.corners, sign);
             let is_cut_off = simd.and_m64s(is_between, cone.holds_all(simd));
             let is_spread = simd.less_than_f64s(simd.splat_f64s(0.0), cone.highest);
             if bits(simd, simd.and_m64s(is_cut_off, is_spread)) != Mask::MAX >> (LANES - S::F64_LANES) {

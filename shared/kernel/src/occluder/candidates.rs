@@ -1,18 +1,18 @@
-//! The occluders between a group of points and a polygon.
+//! Candidate lists: the occluders between a group of points and a polygon.
 
 use std::ops::Range;
 
 use glam::DVec3;
 use smallvec::SmallVec;
 
-use super::{Body, Bounds, Bundle, Occluder, OccluderPolygon, Reach, Shafts};
+use super::{Body, Occluder, OccluderPolygon, Pyramids, Reach, Shaft};
 use crate::form_factor::PreparedPolygon;
 use crate::geometry::lanes::{LANES, Mask};
-use crate::geometry::{PlaneId, clip};
+use crate::geometry::{Bounds, PlaneId, clip};
 
 /// Occluders that can block something of a polygon, as far as they stand in front of its plane.
 #[derive(Debug, Default)]
-pub struct Front {
+pub struct CandidateList {
     parts: Vec<Part>,
     corners: Vec<DVec3>,
     found: Vec<u32>,
@@ -48,13 +48,13 @@ pub enum Blocker<'a> {
     Outline(&'a Body),
 }
 
-impl Front {
+impl CandidateList {
     /// Looks for the occluders that can stand between the points in a box and a polygon: all that are not in its plane, in the order
     /// of the occluders.
     pub fn collect(&mut self, occluder: &Occluder, group: &Bounds, polygon: &PreparedPolygon) {
-        let target = Bounds::around(polygon.corners().iter().copied());
+        let target = Bounds::around(polygon.corners());
         let mut found = std::mem::take(&mut self.found);
-        occluder.candidates(&Bundle::new(group, &target), &mut found);
+        occluder.candidates(&Shaft::new(group, &target, 0.0), &mut found);
         self.take(occluder, &found, polygon);
         self.found = found;
     }
@@ -107,12 +107,12 @@ impl Front {
         }
     }
 
-    /// The parts that can lie between any two points of the bundle's boxes, and rise over the horizon of points with this
+    /// The parts that can lie between any two points of the shaft's boxes, and rise over the horizon of points with this
     /// normal, none of which is lower along it than `lowest`.
     pub fn narrow(
         &self,
         occluder: &Occluder,
-        bundle: &Bundle,
+        shaft: &Shaft,
         horizon: Option<(DVec3, f64)>,
         parts: &mut Vec<u32>,
     ) {
@@ -123,7 +123,7 @@ impl Front {
                 Part::Body(body) => &occluder.bodies[*body as usize].corners,
             };
             let is_over = |(normal, lowest): (DVec3, f64)| corners.iter().any(|c| normal.dot(*c) > lowest);
-            horizon.is_none_or(is_over) && bundle.meets(corners)
+            horizon.is_none_or(is_over) && shaft.meets(corners)
         }));
     }
 
@@ -160,13 +160,19 @@ impl Front {
         body.faces.iter().filter(move |face| occluder.polygons[**face as usize].plane != plane)
     }
 
-    /// What a part does to the shafts of some receivers to the polygon. Occluders in a receiver's own plane, which `planes`
-    /// tells, do not count.
+    /// What a part does to the pyramids between some receivers and the polygon. Occluders in a receiver's own plane, given by
+    /// `planes`, do not count.
     #[must_use]
-    pub fn reach(&self, occluder: &Occluder, part: u32, shafts: &Shafts, planes: &[PlaneId; LANES]) -> Reach {
+    pub fn reach(
+        &self,
+        occluder: &Occluder,
+        part: u32,
+        pyramids: &Pyramids,
+        planes: &[PlaneId; LANES],
+    ) -> Reach {
         let of_polygon = |index: u32, corners: &[DVec3]| {
             let polygon = &occluder.polygons[index as usize];
-            let reach = shafts.reach(polygon, corners);
+            let reach = pyramids.reach(polygon, corners);
             let plane = |i: usize| Mask::from(planes[i] != polygon.plane) << i;
             let others = (0..LANES).map(plane).sum::<Mask>();
             Reach { partly: reach.partly & others, wholly: reach.wholly & others }
@@ -175,7 +181,7 @@ impl Front {
             Part::Polygon { occluder: index, corners } => of_polygon(*index, &self.corners[corners.clone()]),
             Part::Body(number) => {
                 let body = &occluder.bodies[*number as usize];
-                let (mut reach, outside) = shafts.reach_body(body);
+                let (mut reach, outside) = pyramids.reach_body(body);
                 if outside != Mask::MAX {
                     // Points on the body: its outline is not what they see of it.
                     for face in self.faces(occluder, body) {

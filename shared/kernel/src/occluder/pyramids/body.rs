@@ -1,15 +1,15 @@
-//! Shafts and the outline of a body.
+//! Pyramids and the outline of a body.
 
 use pulp::{Simd, WithSimd};
 
-use super::{Reach, Shafts};
+use super::{Pyramids, Reach};
 use crate::geometry::lanes::{LANES, Mask};
 use crate::occluder::Body;
 use crate::occluder::wide::{bits, cross, dot, load, minus, none, splat};
 
-/// What a body does to shafts whose apexes are outside of it.
+/// What a body does to pyramids whose apexes are outside of it.
 pub(super) struct ReachBody<'a> {
-    pub shafts: &'a Shafts,
+    pub pyramids: &'a Pyramids,
     pub body: &'a Body,
 }
 
@@ -33,8 +33,8 @@ impl ReachBody<'_> {
     #[inline(always)]
     fn of_part<S: Simd>(&self, simd: S, part: usize) -> (Reach, Mask) {
         let zero = simd.splat_f64s(0.0);
-        let apex = load::<S>(&self.shafts.apexes, part);
-        let entered = self.shafts.entered(simd, part, apex, &self.body.corners);
+        let apex = load::<S>(&self.pyramids.apexes, part);
+        let entered = self.pyramids.entered(simd, part, apex, &self.body.corners);
         if none(simd, entered) {
             return (Reach::default(), Mask::MAX >> (LANES - S::F64_LANES));
         }
@@ -61,7 +61,7 @@ impl ReachBody<'_> {
             let sign = simd.select_f64s(sees_left, simd.splat_f64s(-1.0), simd.splat_f64s(1.0));
             let mut highest = simd.splat_f64s(f64::NEG_INFINITY);
             let mut least = simd.splat_f64s(f64::INFINITY);
-            for base in &self.shafts.base {
+            for base in &self.pyramids.base {
                 let over = simd.mul_f64s(sign, dot(simd, side, load::<S>(base, part)));
                 highest = simd.max_f64s(highest, over);
                 least = simd.min_f64s(least, over);

@@ -1,4 +1,4 @@
-//! Rows through polygons that let a part of the light through, and rows of hemispheres over them.
+//! Rows through transparent occluders ("filters" here), and rows of hemispheres over them.
 
 use glam::DVec3;
 use kernel::geometry::{ConvexPolygon, PlaneId};
@@ -29,45 +29,46 @@ fn lamp() -> ConvexPolygon {
     rectangle(1, [-1.0, 1.0], 2.0)
 }
 
-fn panes(panes: &[(ConvexPolygon, f32)]) -> ScenePolygons {
-    let (polygons, opacities) = panes.iter().cloned().unzip();
+fn scene_of(polygons: &[(ConvexPolygon, f32)]) -> ScenePolygons {
+    let (polygons, opacities) = polygons.iter().cloned().unzip();
     ScenePolygons { polygons, opacities }
 }
 
 #[test]
-fn a_pane_before_all_of_a_lamp_takes_its_part_exactly() {
+fn a_filter_before_all_of_a_lamp_takes_its_part_exactly() {
     let open = factor(ScenePolygons::default(), Shape::Polygons(vec![lamp()]));
-    let pane = (rectangle(2, [-1.0, 1.0], 1.0), 0.25);
-    let through = factor(panes(std::slice::from_ref(&pane)), Shape::Polygons(vec![lamp()]));
+    let filter = (rectangle(2, [-1.0, 1.0], 1.0), 0.25);
+    let through = factor(scene_of(std::slice::from_ref(&filter)), Shape::Polygons(vec![lamp()]));
     assert!((through / open - 0.75).abs() < 1e-6, "{through} of {open}");
-    let two = factor(panes(&[pane, (rectangle(3, [-1.0, 1.0], 1.5), 0.5)]), Shape::Polygons(vec![lamp()]));
+    let two =
+        factor(scene_of(&[filter, (rectangle(3, [-1.0, 1.0], 1.5), 0.5)]), Shape::Polygons(vec![lamp()]));
     assert!((two / open - 0.375).abs() < 1e-6, "{two} of {open}");
 }
 
-/// The pane stands before one half of the lamp, and something opaque before the other: the ratio is that of the half that is left.
+/// The filter stands before one half of the lamp, and something opaque before the other: the ratio is that of the half that is left.
 #[test]
-fn only_what_is_seen_through_the_pane_is_dimmed() {
+fn only_what_is_seen_through_the_filter_is_dimmed() {
     let open = factor(ScenePolygons::default(), Shape::Polygons(vec![lamp()]));
-    let pane = (rectangle(2, [-1.0, 0.0], 1.0), 0.5);
-    let half = factor(panes(std::slice::from_ref(&pane)), Shape::Polygons(vec![lamp()]));
+    let filter = (rectangle(2, [-1.0, 0.0], 1.0), 0.5);
+    let half = factor(scene_of(std::slice::from_ref(&filter)), Shape::Polygons(vec![lamp()]));
     assert!((half / open - 0.75).abs() < 0.02, "{half} of {open}");
     let wall = (rectangle(3, [0.0, 1.0], 1.2), 1.0);
-    let behind = factor(panes(&[pane, wall]), Shape::Polygons(vec![lamp()]));
+    let behind = factor(scene_of(&[filter, wall]), Shape::Polygons(vec![lamp()]));
     assert!((behind / open - 0.25).abs() < 1e-3, "{behind} of {open}");
 }
 
 #[test]
-fn lights_without_an_area_shine_through_panes() {
-    let pane = || panes(&[(rectangle(2, [-1.0, 1.0], 1.0), 0.25)]);
-    let point = factor(pane(), Shape::Point(DVec3::Z * 2.0));
+fn lights_without_an_area_shine_through_filters() {
+    let filtered = || scene_of(&[(rectangle(2, [-1.0, 1.0], 1.0), 0.25)]);
+    let point = factor(filtered(), Shape::Point(DVec3::Z * 2.0));
     assert!((point - 0.75 * 0.25).abs() < 1e-7, "{point}");
-    let sun = factor(pane(), Shape::Directional(DVec3::NEG_Z));
+    let sun = factor(filtered(), Shape::Directional(DVec3::NEG_Z));
     assert!((sun - 0.75).abs() < 1e-7, "{sun}");
 }
 
 #[test]
-fn hemispheres_see_the_lamp_behind_the_pane() {
-    let all = panes(&[(lamp(), 1.0), (rectangle(2, [-1.0, 1.0], 1.0), 0.25)]);
+fn hemispheres_see_the_lamp_through_the_filter() {
+    let all = scene_of(&[(lamp(), 1.0), (rectangle(2, [-1.0, 1.0], 1.0), 0.25)]);
     let exact = factor(ScenePolygons::default(), Shape::Polygons(vec![lamp()]));
     let hemisphere = Hemisphere { receiver: at_origin(), rays: 16_384 };
     let (row, statistics) = compute_hemisphere(&Scene::from(all), &hemisphere, 1, &PRECISION);
@@ -76,7 +77,7 @@ fn hemispheres_see_the_lamp_behind_the_pane() {
     assert!(statistics.rays > 16_384);
 }
 
-/// A ceiling of many tiles: without anything between exactly the factor of the whole; through a pane and past a wall by rays.
+/// A ceiling of many tiles: without anything between exactly the factor of the whole; through a filter and past a wall by rays.
 #[test]
 fn many_polygons_are_one_shooter() {
     let tiles: Vec<ConvexPolygon> =
@@ -85,8 +86,8 @@ fn many_polygons_are_one_shooter() {
     let tiled = |scene| factor(scene, Shape::Polygons(tiles.clone()));
     let open = tiled(ScenePolygons::default());
     assert!((open / whole(ScenePolygons::default()) - 1.0).abs() < 1e-5);
-    let wall = || panes(&[(rectangle(3, [0.1, 1.0], 1.2), 1.0)]);
+    let wall = || scene_of(&[(rectangle(3, [0.1, 1.0], 1.2), 1.0)]);
     assert!((tiled(wall()) / whole(wall()) - 1.0).abs() < 0.01, "{} and {}", tiled(wall()), whole(wall()));
-    let pane = tiled(panes(&[(rectangle(2, [-1.0, 1.0], 1.0), 0.25)]));
-    assert!((pane / open - 0.75).abs() < 1e-6, "{pane} of {open}");
+    let filter = tiled(scene_of(&[(rectangle(2, [-1.0, 1.0], 1.0), 0.25)]));
+    assert!((filter / open - 0.75).abs() < 1e-6, "{filter} of {open}");
 }

@@ -13,7 +13,7 @@ use crate::geometry::lanes::{LANES, Mask, Vectors};
 use body::ReachBody;
 use polygon::{CutOff, ReachInto};
 
-/// Sides that are held against an occluder's corners in one pass.
+/// Sides that are compared with an occluder's corners in one pass.
 const SIDES_AT_ONCE: usize = 8;
 
 /// The pyramids between some points and a convex polygon that faces them: from each apex to the one base.
@@ -21,7 +21,7 @@ const SIDES_AT_ONCE: usize = 8;
 /// Written with explicit vectors: loops over lanes of so few operations are not made wide as a whole by the compiler. No number
 /// depends on the width of the vectors.
 #[derive(Debug)]
-pub struct Shafts {
+pub struct Pyramids {
     arch: Arch,
     apexes: Vectors,
     /// Corners of the base, relative to each apex.
@@ -30,23 +30,23 @@ pub struct Shafts {
     sides: Vec<Vectors>,
 }
 
-/// What an occluder does to some shafts.
+/// What an occluder does to some pyramids.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Reach {
-    /// The shafts that it reaches into without filling them.
+    /// The pyramids that it reaches into without filling them.
     pub partly: Mask,
-    /// The shafts that it fills.
+    /// The pyramids that it fills.
     pub wholly: Mask,
 }
 
-impl Default for Shafts {
+impl Default for Pyramids {
     fn default() -> Self {
         Self { arch: Arch::new(), apexes: Vectors::ZERO, base: vec![], sides: vec![] }
     }
 }
 
-impl Shafts {
-    /// Aims the shafts from these apexes at the polygon with these corners, counter-clockwise seen from the apexes.
+impl Pyramids {
+    /// Aims the pyramids from these apexes at the polygon with these corners, counter-clockwise seen from the apexes.
     pub fn aim(&mut self, apexes: &Vectors, corners: &[DVec3]) {
         self.apexes = *apexes;
         self.base.resize(corners.len(), Vectors::ZERO);
@@ -54,24 +54,24 @@ impl Shafts {
         self.arch.dispatch(Aim { apexes, corners, base: &mut self.base, sides: &mut self.sides });
     }
 
-    /// What an occluder does to the shafts, given the corners of its part in front of the base's plane. Exact up to rounding:
+    /// What an occluder does to the pyramids, given the corners of its part in front of the base's plane. Exact up to rounding:
     /// two convex cones with a common apex overlap unless a side of one of them parts them.
     #[must_use]
     pub fn reach(&self, occluder: &OccluderPolygon, front: &[DVec3]) -> Reach {
-        self.arch.dispatch(ReachInto { shafts: self, occluder, front })
+        self.arch.dispatch(ReachInto { pyramids: self, occluder, front })
     }
 
     /// The same of a body that is wholly in front of the base's plane, for apexes outside of it. The second mask is that of these.
     #[must_use]
     pub fn reach_body(&self, body: &Body) -> (Reach, Mask) {
-        self.arch.dispatch(ReachBody { shafts: self, body })
+        self.arch.dispatch(ReachBody { pyramids: self, body })
     }
 
     /// True where an occluder crosses every segment from an apex to a point of the base: the apexes are on one side of its plane,
     /// the base is on the other, and all corners of the base are in the cone of each.
     #[must_use]
     pub fn are_cut_off_by(&self, occluder: &OccluderPolygon) -> bool {
-        self.arch.dispatch(CutOff { shafts: self, occluder })
+        self.arch.dispatch(CutOff { pyramids: self, occluder })
     }
 
     /// The same of a body that stands in front of the base's plane, all of it.
@@ -82,7 +82,7 @@ impl Shafts {
             && self.reach_body(body).0.wholly == Mask::MAX
     }
 
-    /// The shafts that no side parts from all of these corners.
+    /// The pyramids that no side parts from all of these corners.
     #[inline(always)]
     fn entered<S: Simd>(&self, simd: S, part: usize, apex: Wide<S>, corners: &[DVec3]) -> S::m64s {
         let mut inside = simd.splat_f64s(f64::INFINITY);
