@@ -4,11 +4,12 @@ use anyhow::anyhow;
 use clap::Args;
 use protocol::api::MAX_MESSAGE_BYTES;
 use protocol::api::radiosity_client::RadiosityClient;
-use protocol::security::{ClientSecurity, SecuredChannel, explain};
+use protocol::security::{SecuredChannel, explain};
 use tokio::net::lookup_host;
 use tokio::time::sleep;
 use tonic::{Code, Status};
 
+use super::super::workers::SecurityArguments;
 use super::refused;
 
 /// How long a service may take to take a connection.
@@ -22,12 +23,15 @@ const KEEP_ALIVE: Duration = Duration::from_secs(20);
 const FIRST_PAUSE: Duration = Duration::from_millis(500);
 const LONGEST_PAUSE: Duration = Duration::from_secs(10);
 
-/// Where the service is. Certificates and token are those of the options for workers.
+/// Where the service is, and how to connect to it.
 #[derive(Args)]
+#[command(next_help_heading = "Service")]
 pub struct ServerArgument {
-    /// Service that is asked, as host:port.
+    /// Address of the service
     #[arg(long, env = "COORDINATOR_SERVER", value_name = "HOST:PORT", default_value = "127.0.0.1:7000")]
     pub(super) server: String,
+    #[command(flatten)]
+    pub(super) security: SecurityArguments,
 }
 
 /// The service as it is asked.
@@ -62,8 +66,8 @@ impl From<anyhow::Error> for Trouble {
 
 impl ServerArgument {
     /// Dials the service once.
-    pub(super) async fn connect(&self, security: &ClientSecurity) -> anyhow::Result<Client> {
-        self.dial(security).await.map_err(|trouble| match trouble {
+    pub(super) async fn connect(&self) -> anyhow::Result<Client> {
+        self.dial().await.map_err(|trouble| match trouble {
             Trouble::Passing(reason) => anyhow!(
                 "no service at {}: start one with `coordinator serve`, or choose another --server ({reason})",
                 self.server
@@ -72,8 +76,9 @@ impl ServerArgument {
         })
     }
 
-    async fn dial(&self, security: &ClientSecurity) -> Result<Client, Trouble> {
+    async fn dial(&self) -> Result<Client, Trouble> {
         let passing = |error: &dyn std::error::Error| Trouble::Passing(error.to_string());
+        let security = self.security.security()?;
         let mut found = lookup_host(&self.server).await.map_err(|error| passing(&error))?;
         let socket = found.next().ok_or_else(|| Trouble::Passing("the name stands for no address".into()))?;
         let endpoint = security.endpoint(&self.server, socket).map_err(anyhow::Error::from)?;
@@ -94,7 +99,6 @@ impl ServerArgument {
 /// A service that is asked for as long as it takes, whatever becomes of its connections.
 pub(super) struct Connection<'a> {
     server: &'a ServerArgument,
-    security: &'a ClientSecurity,
     /// The latest connection.
     pub client: Client,
     /// Before the service is asked again.
@@ -106,12 +110,9 @@ impl<'a> Connection<'a> {
     ///
     /// # Errors
     /// When the service is not there, or refuses.
-    pub(super) async fn open(
-        server: &'a ServerArgument,
-        security: &'a ClientSecurity,
-    ) -> anyhow::Result<Self> {
-        let client = server.connect(security).await?;
-        Ok(Self { server, security, client, pause: FIRST_PAUSE })
+    pub(super) async fn open(server: &'a ServerArgument) -> anyhow::Result<Self> {
+        let client = server.connect().await?;
+        Ok(Self { server, client, pause: FIRST_PAUSE })
     }
 
     /// The service has answered: what comes after is another interruption.
@@ -138,7 +139,7 @@ impl<'a> Connection<'a> {
             }
             sleep(self.pause).await;
             self.pause = (self.pause * 2).min(LONGEST_PAUSE);
-            match self.server.dial(self.security).await {
+            match self.server.dial().await {
                 Ok(client) => {
                     self.client = client;
                     return Ok(());

@@ -6,7 +6,6 @@ use atomic_write_file::AtomicWriteFile;
 use clap::Args;
 use protocol::api::fetch_result_response::Body;
 use protocol::api::{FetchResultRequest, FileHeader};
-use protocol::security::ClientSecurity;
 use sha2::{Digest, Sha256};
 
 use super::super::ensure_place;
@@ -14,12 +13,12 @@ use super::{Connection, ServerArgument, Trouble, wait};
 
 #[derive(Args)]
 pub struct FetchArguments {
-    /// The job, as `submit` named it.
+    /// Id of the job, as printed by `submit`
     job: String,
-    /// Where its lit scene is written.
+    /// Lit scene to write
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
-    /// Fetch the present state of a job that runs, as GLB.
+    /// Fetch a preview of a running job, as GLB
     #[arg(long)]
     present: bool,
     #[command(flatten)]
@@ -36,11 +35,11 @@ pub enum Wish {
 }
 
 /// Writes what came out of a job.
-pub fn run(arguments: &FetchArguments, security: &ClientSecurity) -> anyhow::Result<()> {
+pub fn run(arguments: &FetchArguments) -> anyhow::Result<()> {
     ensure_place(&arguments.output)?;
     let wish = if arguments.present { Wish::Present } else { Wish::Result };
     wait(async {
-        let mut connection = Connection::open(&arguments.server, security).await?;
+        let mut connection = Connection::open(&arguments.server).await?;
         fetch(&mut connection, wish, &arguments.job, &arguments.output).await
     })
 }

@@ -1,23 +1,22 @@
 use anyhow::anyhow;
 use clap::Args;
 use protocol::api::{Job, Phase, State, WatchJobRequest};
-use protocol::security::ClientSecurity;
 
 use super::super::progress::{ProgressLine, short};
 use super::{Connection, ServerArgument, Trouble, wait};
 
 #[derive(Args)]
 pub struct WatchArguments {
-    /// The job, as `submit` named it.
+    /// Id of the job, as printed by `submit`
     job: String,
     #[command(flatten)]
     server: ServerArgument,
 }
 
 /// Shows how far a job is, until it has ended.
-pub fn run(arguments: &WatchArguments, security: &ClientSecurity) -> anyhow::Result<()> {
+pub fn run(arguments: &WatchArguments) -> anyhow::Result<()> {
     wait(async {
-        let mut connection = Connection::open(&arguments.server, security).await?;
+        let mut connection = Connection::open(&arguments.server).await?;
         follow(&mut connection, &arguments.job).await
     })
 }
