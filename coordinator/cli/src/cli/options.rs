@@ -61,7 +61,12 @@ fn argument<M: Options>(knob: &'static Knob<M>) -> Arg {
         details => argument.long_help(format!("{help}\n\n{details}")),
     };
     let argument = argument.help(help);
-    let argument = if knob.value_name.is_empty() { argument } else { argument.value_name(knob.value_name) };
+    let argument = argument.value_name(match (&knob.kind, knob.value_name) {
+        (Kind::Number(_) | Kind::Fraction(_), "") => "NUMBER",
+        (Kind::Whole(_), "") => "N",
+        (_, "") => "NAME",
+        (_, name) => name,
+    });
     match &knob.kind {
         Kind::Flag => argument.action(ArgAction::SetTrue).value_parser(|text: &str| knob.kind.parse(text)),
         Kind::Choice(choices) => {

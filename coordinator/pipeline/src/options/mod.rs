@@ -5,12 +5,15 @@
 //!
 //! | module | contents |
 //! |---|---|
-//! | [`schema`] | what an option is |
+//! | [`schema`] | what an option is; `kind`: the values that it may have |
+//! | [`slot`] | the places where values are kept |
 //! | [`tables`] | all options |
 //! | [`form`](form()) | the form of the page |
 
 mod form;
+mod kind;
 pub mod schema;
+pub mod slot;
 pub mod tables;
 
 use glam::DVec3;

@@ -6,7 +6,8 @@ use bake::{BakeSettings, LightPart};
 use output::export::ExportSettings;
 use scene::ImportOptions;
 
-use super::schema::{Choice, Kind, Knob, Options, POSITIVE, for_error};
+use super::kind::POSITIVE;
+use super::schema::{Choice, Kind, Knob, Options};
 
 /// Any number of 32 bits.
 const ANY_32: Kind = Kind::Whole(0..=u32::MAX as i128);
@@ -56,7 +57,7 @@ impl Options for BakeOptions {
         .label("Target error")
         .default("none: the options below decide")
         .excludes(&["mesh-error", "shooter-edge"])
-        .change(for_error),
+        .change(|_, error| BakeSettings::for_error(error)),
         Knob::<Self>::new("bake.rows", "rows", Kind::Choice(ROWS), |m| &mut m.rows, |s| &mut s.rows)
             .value_name("STRATEGY")
             .help("How form factors are computed")
