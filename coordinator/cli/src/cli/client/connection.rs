@@ -12,14 +12,13 @@ use tonic::{Code, Status};
 use super::super::workers::SecurityArguments;
 use super::refused;
 
-/// How long a service may take to take a connection.
+/// Time limit for connecting.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(10);
 
-/// How often a quiet service is asked for a sign of life, and how long it has to give one: a machine that lost its power does not
-/// close its connections.
+/// Interval and timeout of keep-alive pings: a machine that lost its power does not close its connections.
 const KEEP_ALIVE: Duration = Duration::from_secs(20);
 
-/// Before a service that is gone is asked for the first time, and the longest pause that this grows to.
+/// First and longest pause before connecting again.
 const FIRST_PAUSE: Duration = Duration::from_millis(500);
 const LONGEST_PAUSE: Duration = Duration::from_secs(10);
 
@@ -34,21 +33,21 @@ pub struct ServerArgument {
     pub(super) security: SecurityArguments,
 }
 
-/// The service as it is asked.
+/// Client of the API.
 pub(super) type Client = RadiosityClient<SecuredChannel>;
 
 /// Why there is no answer.
 #[derive(Debug)]
 pub(super) enum Trouble {
-    /// The service is not there now. Whoever has time asks again.
+    /// The service is not there now: connecting again may help.
     Passing(String),
-    /// To ask again would not help.
+    /// Connecting again does not help.
     Lasting(anyhow::Error),
 }
 
 impl From<Status> for Trouble {
     fn from(status: Status) -> Self {
-        // What a service says has no source: where there is one, the connection broke.
+        // Only a broken connection has a source.
         let is_broken = std::error::Error::source(&status).is_some() && explain(&status).is_none();
         if is_broken || status.code() == Code::Unavailable {
             Self::Passing(status.message().to_owned())
@@ -65,7 +64,7 @@ impl From<anyhow::Error> for Trouble {
 }
 
 impl ServerArgument {
-    /// Dials the service once.
+    /// Connects to the service once.
     pub(super) async fn connect(&self) -> anyhow::Result<Client> {
         self.dial().await.map_err(|trouble| match trouble {
             Trouble::Passing(reason) => anyhow!(
@@ -96,17 +95,17 @@ impl ServerArgument {
     }
 }
 
-/// A service that is asked for as long as it takes, whatever becomes of its connections.
+/// A connection to a service that is renewed when it breaks.
 pub(super) struct Connection<'a> {
     server: &'a ServerArgument,
     /// The latest connection.
     pub client: Client,
-    /// Before the service is asked again.
+    /// Pause before the next attempt.
     pause: Duration,
 }
 
 impl<'a> Connection<'a> {
-    /// Connects for the first time. Where there is no service, there is nothing to wait for.
+    /// Connects for the first time; does not wait for a service that is not there.
     ///
     /// # Errors
     /// When the service is not there, or refuses.
@@ -115,7 +114,7 @@ impl<'a> Connection<'a> {
         Ok(Self { server, client, pause: FIRST_PAUSE })
     }
 
-    /// The service has answered: what comes after is another interruption.
+    /// Notes an answer of the service: the next interruption is a new one.
     pub(super) fn heard(&mut self) {
         if self.pause > FIRST_PAUSE {
             self.pause = FIRST_PAUSE;
@@ -123,10 +122,10 @@ impl<'a> Connection<'a> {
         }
     }
 
-    /// Connects anew after something went wrong: says so once, and tries until the service is there.
+    /// Connects again after an interruption, and retries until the service is there.
     ///
     /// # Errors
-    /// When what went wrong does not pass.
+    /// When connecting again does not help.
     pub(super) async fn renew(&mut self, trouble: Trouble) -> anyhow::Result<()> {
         let mut trouble = trouble;
         loop {

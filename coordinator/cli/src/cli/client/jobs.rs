@@ -51,7 +51,7 @@ pub fn list(arguments: &JobsArguments) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Ends a job.
+/// Cancels a job.
 pub fn cancel(arguments: &JobArguments) -> anyhow::Result<()> {
     wait(async {
         let mut client = arguments.server.connect().await?;
@@ -62,7 +62,7 @@ pub fn cancel(arguments: &JobArguments) -> anyhow::Result<()> {
     })
 }
 
-/// Forgets a job.
+/// Deletes a job.
 pub fn delete(arguments: &JobArguments) -> anyhow::Result<()> {
     wait(async {
         let mut client = arguments.server.connect().await?;
@@ -72,7 +72,7 @@ pub fn delete(arguments: &JobArguments) -> anyhow::Result<()> {
     })
 }
 
-/// The state of a job, and what else there is to say.
+/// The state of a job, with details.
 fn said(job: &Job) -> (&'static str, String) {
     match job.state() {
         State::Queued => ("queued", format!("{} before it", job.ahead)),
@@ -88,7 +88,7 @@ fn said(job: &Job) -> (&'static str, String) {
     }
 }
 
-/// A time that has passed, for people.
+/// An age for people.
 fn ago(passed: Duration) -> String {
     match passed.as_secs() {
         seconds @ 0..=119 => format!("{seconds} s ago"),

@@ -38,7 +38,7 @@ pub enum ClientCommand {
     #[command(after_help = "Example:\n  coordinator watch JOB --server bake:7000")]
     Watch(watch::WatchArguments),
     /// Download the lit scene of a job, or a preview of a running one
-    #[command(after_help = "Example:\n  coordinator fetch JOB --present -o preview.glb")]
+    #[command(after_help = "Example:\n  coordinator fetch JOB --preview -o preview.glb")]
     Fetch(fetch::FetchArguments),
     /// List jobs, newest first
     #[command(after_help = "Example:\n  coordinator jobs --unfinished")]
@@ -67,7 +67,7 @@ pub fn run(command: &ClientCommand) -> anyhow::Result<()> {
     }
 }
 
-/// Waits for a conversation with a service.
+/// Runs a conversation with a service to its end.
 fn wait<T>(conversation: impl Future<Output = anyhow::Result<T>>) -> anyhow::Result<T> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
@@ -76,7 +76,7 @@ fn wait<T>(conversation: impl Future<Output = anyhow::Result<T>>) -> anyhow::Res
     runtime.block_on(conversation)
 }
 
-/// What a service says, in its own words.
+/// The error of a service, in its own words.
 fn refused(status: Status) -> anyhow::Error {
     match explain(&status) {
         Some(reason) => anyhow::anyhow!("{reason}"),

@@ -21,7 +21,7 @@ use super::super::options::Given;
 use super::super::output_options::OutputOptions;
 use super::super::relight::change;
 use super::super::scene_options::SceneOptions;
-use super::fetch::{Wish, fetch};
+use super::fetch::{JobFile, fetch};
 use super::watch::follow;
 use super::{Client, Connection, ServerArgument, refused, wait};
 
@@ -67,7 +67,7 @@ enum FormatName {
     Ply,
 }
 
-/// Submits a scene, and waits for it where that is asked for.
+/// Submits a scene, and waits for its job if that is asked for.
 pub fn run(arguments: &SubmitArguments) -> anyhow::Result<()> {
     if let Some(output) = &arguments.output {
         ensure_place(output)?;
@@ -81,7 +81,7 @@ pub fn run(arguments: &SubmitArguments) -> anyhow::Result<()> {
             follow(&mut connection, &job.id).await?;
         }
         match &arguments.output {
-            Some(output) => fetch(&mut connection, Wish::Result, &job.id, output).await,
+            Some(output) => fetch(&mut connection, JobFile::Result, &job.id, output).await,
             None => Ok(()),
         }
     })
@@ -129,7 +129,7 @@ fn relight(arguments: &SubmitArguments, job_id: String) -> Relight {
     Relight { job_id, lights, sky: arguments.options.options().sky }
 }
 
-/// The header alone first: a scene that the service has is not sent again.
+/// Sends the header alone first: a scene that the service has is not sent again.
 async fn submit(client: &mut Client, header: SubmitSceneHeader, scene: Option<&Path>) -> anyhow::Result<Job> {
     let first = SubmitSceneRequest { body: Some(Body::Header(header)) };
     let scene = match (client.submit_scene(tokio_stream::once(first.clone())).await, scene) {

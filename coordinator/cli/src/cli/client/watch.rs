@@ -13,7 +13,7 @@ pub struct WatchArguments {
     server: ServerArgument,
 }
 
-/// Shows how far a job is, until it has ended.
+/// Shows the progress of a job until it ends.
 pub fn run(arguments: &WatchArguments) -> anyhow::Result<()> {
     wait(async {
         let mut connection = Connection::open(&arguments.server).await?;
@@ -21,7 +21,7 @@ pub fn run(arguments: &WatchArguments) -> anyhow::Result<()> {
     })
 }
 
-/// Waits until a job is done, also over restarts of the service.
+/// Waits until a job is done, across restarts of the service.
 pub(super) async fn follow(connection: &mut Connection<'_>, id: &str) -> anyhow::Result<()> {
     while let Err(trouble) = watch(connection, id).await {
         connection.renew(trouble).await?;
@@ -29,7 +29,7 @@ pub(super) async fn follow(connection: &mut Connection<'_>, id: &str) -> anyhow:
     Ok(())
 }
 
-/// Waits until a job is done, for as long as the service is there.
+/// Waits until a job is done, or the connection breaks.
 async fn watch(connection: &mut Connection<'_>, id: &str) -> Result<(), Trouble> {
     let mut line = ProgressLine::new();
     let request = WatchJobRequest { id: id.to_owned() };
