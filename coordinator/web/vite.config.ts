@@ -44,6 +44,9 @@ export default defineConfig({
   plugins: [compress()],
   // The service takes no calls from pages of other origins than its own.
   server: {
-    proxy: { '/radiosity.v1.Radiosity': { target: service, changeOrigin: true, headers: { origin: service } } },
+    proxy: {
+      '/radiosity.v1.Radiosity': { target: service, changeOrigin: true, headers: { origin: service } },
+      '/options.json': { target: service, changeOrigin: true },
+    },
   },
 });

@@ -23,9 +23,6 @@ const WRITE_BYTES: usize = 256 << 10;
 /// Most bytes of a header.
 const HEADER_BYTES: usize = 256 << 10;
 
-/// Priorities that a client may choose.
-const PRIORITIES: std::ops::RangeInclusive<i32> = -100..=100;
-
 impl Service {
     /// Takes in a job: what to do, and then the bytes of the scene, unless the service has them. The job is on the disk when this
     /// returns. Chunks are taken as they can be written, and no further than the file that was announced.
@@ -58,9 +55,6 @@ impl Office {
         let mut wrong = Violations::default();
         let is_small = prost::Message::encoded_len(&header) <= HEADER_BYTES;
         wrong.demand(is_small, "header", format!("must have {HEADER_BYTES} bytes at most"));
-        wrong.short(&header.name, "name");
-        wrong.short(&header.idempotency_key, "idempotency_key");
-        wrong.demand(PRIORITIES.contains(&header.priority), "priority", "must be from -100 to 100");
         let groups = wanted(&header, &mut wrong).bake.groups;
         let asked = header.bake.and_then(|bake| bake.max_vertices);
         wrong.demand(

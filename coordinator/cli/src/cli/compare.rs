@@ -9,16 +9,16 @@ use verify::score::score_points;
 
 #[derive(Args)]
 pub struct CompareArguments {
-    /// Lit scene: a GLB that this program wrote, or another with _IRRADIANCE.
+    /// Lit scene: a GLB with _IRRADIANCE, such as those that `solve` writes
     lit: PathBuf,
-    /// Path-traced reference: CSV of position, normal, primitive, radiosity and standard error.
-    #[arg(long)]
+    /// Path-traced reference, CSV, as written by `reference`
+    #[arg(long, value_name = "CSV")]
     reference: PathBuf,
-    /// The scene before the bake, which the reference was made of.
-    #[arg(long)]
+    /// Scene before the bake
+    #[arg(long, value_name = "FILE")]
     scene: PathBuf,
-    /// Write what the lit scene has at the points of the reference to this file, CSV as the reference is: to see where they differ.
-    #[arg(long)]
+    /// Write the values of the lit scene at the points of the reference to this CSV file
+    #[arg(long, value_name = "CSV")]
     points: Option<PathBuf>,
 }
 

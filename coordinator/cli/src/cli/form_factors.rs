@@ -15,36 +15,42 @@ use view_factors::{Division, ViewFactorSettings, ViewFactors, view_factors};
 
 use super::report::new_table;
 use super::scene_options::SceneOptions;
+use super::workers::ThreadArguments;
 
 /// Most points that a pair of polygons may be given for a form factor of 1.
 const MOST_POINTS: i64 = 1 << 24;
 
 #[derive(Args)]
 pub struct FormFactorArguments {
-    /// Scene: .glb or .gltf. It needs no light.
+    /// Scene: .glb or .gltf; needs no light
     scene: PathBuf,
-    /// View factors to write: CSV of from, to, form_factor and standard_error, those above 0.
-    #[arg(short, long)]
+    /// View factors to write: CSV of from, to, form_factor and standard_error
+    ///
+    /// Pairs with a view factor of 0 are left out.
+    #[arg(short, long, value_name = "CSV")]
     output: PathBuf,
-    #[command(flatten)]
-    options: SceneOptions,
-    /// Also write the surfaces: CSV of name, area, centre of gravity, open part, standard error and correction of the row.
-    #[arg(long, value_name = "FILE")]
+    /// Also write the surfaces: CSV of name, area, centroid, and open part and error of their row
+    #[arg(long, value_name = "CSV")]
     areas: Option<PathBuf>,
-    /// Also write the figures of the table as JSON.
+    /// Also write all results to this JSON file
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
-    /// Make every polygon a surface of its own: NAME/0, NAME/1 and so on.
+    /// Treat every polygon as a surface: NAME/0, NAME/1 and so on
     #[arg(long)]
     facets: bool,
-    /// Points for a pair of partly hidden polygons, if their form factor were 1; others get their part of it, and 16 or more.
-    /// Four times as many make the standard error at most half as large.
-    #[arg(long, default_value_t = ViewFactorSettings::default().points,
+    /// Sample points per pair of partly hidden polygons, at a form factor of 1
+    ///
+    /// Pairs with smaller form factors get proportionally fewer, at least 16. Four times as many at least halve the standard error.
+    #[arg(long, value_name = "N", default_value_t = ViewFactorSettings::default().points,
         value_parser = clap::value_parser!(u32).range(1..=MOST_POINTS))]
     points: u32,
-    /// Seed of these points.
+    /// Seed of these points
     #[arg(long, default_value_t = ViewFactorSettings::default().seed)]
     seed: u64,
+    #[command(flatten)]
+    pub threads: ThreadArguments,
+    #[command(flatten)]
+    options: SceneOptions,
 }
 
 /// Computes the view factors of one scene.

@@ -1,10 +1,11 @@
 //! The command line.
 
+mod arrange;
 mod client;
 mod compare;
 mod form_factors;
-mod knobs;
 mod machine;
+mod options;
 mod output_options;
 mod progress;
 mod reference;
@@ -23,66 +24,92 @@ use std::path::Path;
 use clap::{Parser, Subcommand};
 use cluster::metrics::Metrics;
 
-/// Bakes diffuse global illumination into glTF scenes by progressive radiosity. Without a command it serves clients that submit scenes.
+pub use arrange::parse;
+
+/// Bake diffuse global illumination into glTF scenes by progressive radiosity
 #[derive(Parser)]
-#[command(version)]
+#[command(
+    version,
+    arg_required_else_help = true,
+    subcommand_required = true,
+    after_help = "Examples:
+  coordinator solve scene.glb -o lit.glb --error 0.02
+  coordinator solve scene.glb -o lit.glb --workers a:7070,b:7070
+  coordinator serve --data /var/lib/halflight"
+)]
 pub struct Arguments {
-    // First: the one after it takes the command out of what these look at.
-    #[command(flatten)]
-    serve: serve::WithoutCommand,
     #[command(subcommand)]
-    command: Option<Command>,
-    #[command(flatten)]
-    workers: workers::WorkerArguments,
-    #[command(flatten)]
-    telemetry: telemetry::TelemetryArguments,
+    command: Command,
 }
 
 #[derive(Subcommand)]
 enum Command {
-    /// Serve clients that submit scenes, until it is told to stop. Without any command: the same.
-    Serve(serve::ServeArguments),
+    /// Bake a glTF file into a lit glTF file
+    #[command(after_help = "Examples:
+  coordinator solve scene.glb -o lit.glb --error 0.02
+  coordinator solve scene.glb -o day.glb --sky 1,1.25,1.6 --keep-light scene.light
+  coordinator solve scene.glb -o lit.glb --workers a:7070,b:7070 --checkpoint scene.rows")]
+    Solve(Box<solve::SolveArguments>),
+    /// Relight a baked scene with new light intensities or colours, without baking again
+    #[command(after_help = "Example:
+  coordinator relight scene.glb --kept scene.light -o evening.glb --light sun=0.5,0.3,0.2")]
+    Relight(relight::RelightArguments),
+    /// Render a picture of a lit file: PNG or EXR
+    #[command(after_help = "Examples:
+  coordinator render lit.glb -o picture.png --width 1920 --samples 64
+  coordinator render lit.glb -o picture.exr --eye 1,1.6,4 --target 3,1,0 --fov 60")]
+    Render(Box<render::RenderArguments>),
+    /// Serve clients that submit scenes, until SIGTERM or SIGINT
+    #[command(after_help = "Example:
+  coordinator serve --workers a:7070,b:7070 --data /var/lib/halflight --metrics 127.0.0.1:9464")]
+    Serve(Box<serve::ServeArguments>),
     #[command(flatten)]
     Client(client::ClientCommand),
-    /// Bake a glTF file: a lit glTF comes out.
-    Solve(solve::SolveArguments),
-    /// Light a baked scene otherwise: other brightness or colour of its lights, in a small part of the time.
-    Relight(relight::RelightArguments),
-    /// Make a picture of a lit file: PNG or EXR.
-    Render(render::RenderArguments),
-    /// Compare a lit scene with a path-traced reference.
-    Compare(compare::CompareArguments),
-    /// Path-trace the radiosity at points of a scene: what a bake can be compared with.
-    Reference(reference::ReferenceArguments),
-    /// Compute the view factors between the named surfaces of a scene.
+    /// Compute the view factors between the named surfaces of a scene
+    #[command(after_help = "Example:\n  coordinator form-factors scene.glb -o factors.csv --areas areas.csv")]
     FormFactors(form_factors::FormFactorArguments),
-    /// Sweep the quality of a scene's bakes: error over time against a path-traced reference.
+    /// Path-trace the radiosity at points of a scene, as a reference for bakes
+    #[command(after_help = "Example:\n  coordinator reference scene.glb -o reference.csv --paths 4096")]
+    Reference(reference::ReferenceArguments),
+    /// Compare a lit scene with a path-traced reference
+    #[command(
+        after_help = "Example:\n  coordinator compare lit.glb --reference reference.csv --scene scene.glb"
+    )]
+    Compare(compare::CompareArguments),
+    /// Measure error over time of bakes at many settings, against a path-traced reference
+    #[command(after_help = "Example:\n  coordinator study scene.glb --reference reference.csv -o study")]
     Study(study::StudyArguments),
 }
 
-/// Carries out what the command line asks for.
+impl Command {
+    fn telemetry(&self) -> Option<&telemetry::TelemetryArguments> {
+        match self {
+            Self::Solve(arguments) => Some(&arguments.telemetry),
+            Self::Render(arguments) => Some(&arguments.telemetry),
+            Self::Serve(arguments) => Some(&arguments.telemetry),
+            _ => None,
+        }
+    }
+}
+
+/// Runs a command.
 pub fn run(arguments: Arguments) -> anyhow::Result<()> {
-    let _logging = arguments.telemetry.log()?;
-    let workers = &arguments.workers;
+    let command = &arguments.command;
+    let _logging = telemetry::log(command.telemetry())?;
     let metrics = Metrics::default();
-    let service_metrics = service::Metrics::default();
-    let _page = match &arguments.command {
-        // Who only asks has no figures; in a container of a service, the address of the figures is the service's.
-        Some(Command::Client(_)) => None,
-        _ => arguments.telemetry.show(&metrics, &service_metrics)?,
-    };
-    let serve = |serve| serve::run(serve, workers.cluster(&metrics)?, service_metrics.clone());
-    match &arguments.command {
-        None => serve(&arguments.serve.0),
-        Some(Command::Serve(arguments)) => serve(arguments),
-        Some(Command::Client(command)) => client::run(command, &workers.security()?),
-        Some(Command::Solve(solve)) => solve::run(solve, &workers.cluster(&metrics)?),
-        Some(Command::Relight(relight)) => relight::run(relight),
-        Some(Command::Render(render)) => render::run(render, &workers.cluster(&metrics)?),
-        Some(Command::Compare(compare)) => compare::run(compare),
-        Some(Command::Reference(reference)) => reference::run(reference, workers.threads()?),
-        Some(Command::FormFactors(factors)) => form_factors::run(factors, workers.threads()?),
-        Some(Command::Study(study)) => study::run(study, &workers.cluster(&metrics)?.workers),
+    let service = service::Metrics::default();
+    let shown = command.telemetry().map(|telemetry| telemetry.show(&metrics, &service));
+    let _page = shown.transpose()?;
+    match command {
+        Command::Serve(serve) => serve::run(serve, serve.workers.cluster(&metrics)?, service),
+        Command::Client(command) => client::run(command),
+        Command::Solve(solve) => solve::run(solve, &solve.workers.cluster(&metrics)?),
+        Command::Relight(relight) => relight::run(relight),
+        Command::Render(render) => render::run(render, &render.workers.cluster(&metrics)?),
+        Command::Compare(compare) => compare::run(compare),
+        Command::Reference(reference) => reference::run(reference, reference.threads.count()?),
+        Command::FormFactors(factors) => form_factors::run(factors, factors.threads.count()?),
+        Command::Study(study) => study::run(study, &study.workers.cluster(&metrics)?.workers),
     }
 }
 
@@ -97,45 +124,4 @@ fn ensure_place(output: &Path) -> anyhow::Result<()> {
     );
     anyhow::ensure!(!output.is_dir(), "output {} is a directory: name a file in it", output.display());
     Ok(())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn parse(line: &str) -> Result<Arguments, String> {
-        Arguments::try_parse_from(line.split_whitespace()).map_err(|error| error.to_string())
-    }
-
-    #[test]
-    fn options_of_the_service_go_with_serve_or_no_command() {
-        for line in ["coordinator", "coordinator --jobs 3", "coordinator --jobs 3 --workers first:7070"] {
-            assert!(matches!(parse(line), Ok(Arguments { command: None, .. })), "{line}");
-        }
-        for line in ["coordinator serve --jobs 3", "coordinator --workers first:7070 serve --jobs 3"] {
-            assert!(matches!(parse(line), Ok(Arguments { command: Some(Command::Serve(_)), .. })), "{line}");
-        }
-    }
-
-    #[test]
-    fn options_of_the_service_before_another_command_are_refused_by_name() {
-        for (line, option, command) in [
-            ("coordinator --jobs 3 solve scene.glb -o lit.glb", "--jobs", "solve"),
-            ("coordinator --data=here jobs", "--data", "jobs"),
-            ("coordinator --listen-plaintext watch 1", "--listen-plaintext", "watch"),
-        ] {
-            let told = parse(line).err().unwrap();
-            assert!(told.contains(option) && told.contains(command), "{line}: {told}");
-            assert!(told.contains("serve"), "{line}: {told}");
-        }
-        // After the command they count.
-        let told = parse("coordinator --jobs 3 serve").err().unwrap();
-        assert!(told.contains("after `serve`"), "{told}");
-    }
-
-    #[test]
-    fn options_for_all_go_before_any_command() {
-        let solve = parse("coordinator --workers first:7070 solve scene.glb -o lit.glb").unwrap();
-        assert!(matches!(solve.command, Some(Command::Solve(_))));
-    }
 }

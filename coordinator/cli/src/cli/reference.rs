@@ -16,29 +16,32 @@ use verify::reference::{
 };
 
 use super::scene_options::SceneOptions;
+use super::workers::ThreadArguments;
 
 #[derive(Args)]
 pub struct ReferenceArguments {
-    /// Scene to trace: .glb or .gltf.
+    /// Scene to trace: .glb or .gltf
     scene: PathBuf,
-    /// Reference to write: CSV of position, normal, primitive, radiosity and standard error.
-    #[arg(short, long)]
+    /// Reference to write: CSV of position, normal, primitive, radiosity and standard error
+    #[arg(short, long, value_name = "CSV")]
     output: PathBuf,
-    #[command(flatten)]
-    options: SceneOptions,
-    /// Random points, uniform over the area of the reflecting surfaces.
-    #[arg(long, default_value = "4000", value_parser = at_least_one)]
+    /// Random points, uniform over the area of the reflecting surfaces
+    #[arg(long, value_name = "N", default_value = "4000", value_parser = at_least_one)]
     points: NonZeroUsize,
-    /// Trace the points of this reference in place of random ones, and say how well both agree.
-    #[arg(long, value_name = "REFERENCE", conflicts_with = "points")]
+    /// Trace the points of this reference instead, and compare with it
+    #[arg(long, value_name = "CSV", conflicts_with = "points")]
     at: Option<PathBuf>,
-    /// Paths at each point. Four times as many halve the standard error.
-    #[arg(long, default_value_t = ReferenceSettings::default().paths,
+    /// Paths per point; four times as many halve the standard error
+    #[arg(long, value_name = "N", default_value_t = ReferenceSettings::default().paths,
         value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST_PATHS)))]
     paths: u32,
-    /// Seed of points and paths.
+    /// Seed of points and paths
     #[arg(long, default_value_t = ReferenceSettings::default().seed)]
     seed: u64,
+    #[command(flatten)]
+    pub threads: ThreadArguments,
+    #[command(flatten)]
+    options: SceneOptions,
 }
 
 fn at_least_one(text: &str) -> Result<NonZeroUsize, String> {

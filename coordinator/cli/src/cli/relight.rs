@@ -13,29 +13,30 @@ use super::solve::{check_distinct, check_report, write_report};
 
 #[derive(Args)]
 pub struct RelightArguments {
-    /// Scene that was baked: .glb or .gltf, the same file.
+    /// Scene that was baked: .glb or .gltf
     scene: PathBuf,
-    /// What `solve --keep-light` wrote.
+    /// Light of its sources, as written by `solve --keep-light`
     #[arg(long, value_name = "FILE")]
     kept: PathBuf,
-    /// Lit scene to write: .glb, .gltf or .ply.
-    #[arg(short, long)]
+    /// Lit scene to write: .glb, .gltf or .ply
+    #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
-    /// Multiply a light by this, channel by channel, or all channels by one number. Lights are named by their node; emissive
-    /// surfaces by their node or material. May be given several times.
+    /// Multiply a light by these factors, or all channels by one (repeatable)
+    ///
+    /// Lights are named by their node; emissive surfaces by their node or material.
     #[arg(long = "light", value_name = "NAME=R,G,B", value_parser = change)]
     lights: Vec<LightChange>,
-    /// Write every figure to this JSON file.
-    #[arg(long)]
+    /// Write all results to this JSON file
+    #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
-    /// As in the bake, but for --sky: that is the radiance of the new sky.
+    /// As in the bake, except --sky: the radiance of the new sky
     #[command(flatten)]
     options: SceneOptions,
     #[command(flatten)]
     written: OutputOptions,
 }
 
-/// Lights one file otherwise.
+/// Relights one file.
 pub fn run(arguments: &RelightArguments) -> anyhow::Result<()> {
     let clock = Instant::now();
     check_writable(&arguments.output)?;
@@ -81,7 +82,7 @@ pub fn run(arguments: &RelightArguments) -> anyhow::Result<()> {
 /// `NAME=R,G,B` or `NAME=NUMBER`.
 pub fn change(text: &str) -> Result<LightChange, String> {
     // A name may have an equals sign in it, a number has none.
-    let (light, factor) = text.rsplit_once('=').ok_or("not NAME=R,G,B")?;
+    let (light, factor) = text.rsplit_once('=').ok_or("must be NAME=R,G,B or NAME=NUMBER")?;
     let factor = match factor.trim().parse::<f64>() {
         Ok(number) => radiance(&format!("{number},{number},{number}"))?,
         Err(_) => radiance(factor)?,

@@ -15,10 +15,12 @@ use output::render::{
 };
 
 use super::ensure_place;
-use super::knobs::positive;
+use super::options::positive;
 use super::progress::short;
 use super::report::new_table;
 use super::scene_options::SceneOptions;
+use super::telemetry::TelemetryArguments;
+use super::workers::WorkerArguments;
 
 /// Width of a picture where neither side is given.
 const DEFAULT_WIDTH: u32 = 1280;
@@ -28,64 +30,69 @@ const DEFAULT_ASPECT: f64 = 16.0 / 9.0;
 
 #[derive(Args)]
 pub struct RenderArguments {
-    /// Lit file to show, as `solve` writes it: .glb or .gltf.
+    /// Lit file to render: .glb or .gltf, as written by `solve`
     file: PathBuf,
-    /// Picture to write: .png (8 bits, tone-mapped) or .exr (radiance as it is).
-    #[arg(short, long)]
+    /// Picture to write: .png (8 bits, tone-mapped) or .exr (radiance)
+    #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
-    #[command(flatten)]
-    view: ViewArguments,
-    /// Pixels in a line [default: 1280, or as the height and the camera's aspect have it].
+    /// Width in pixels [default: 1280, or from the height and the camera's aspect]
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
     width: Option<u32>,
-    /// Lines [default: as the width and the camera's aspect have it; 16:9 where it has none].
+    /// Height in pixels [default: from the width and the camera's aspect, or 16:9]
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
     height: Option<u32>,
-    /// Rays for each pixel: 1 through its middle, or so many spread over it.
+    /// Rays per pixel
     #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST_SAMPLES)))]
     samples: u32,
-    /// Display value per unit of irradiance on white, for a PNG [default: the one that the file states, else one at which 5 % of the
-    /// picture is clipped].
+    /// PNG value per unit of irradiance on white [default: from the file, or one that clips 5 % of the picture]
     #[arg(long, value_parser = positive)]
     exposure: Option<f64>,
-    /// How what is brighter than the screen is brought down to it, for a PNG.
+    /// How a PNG shows what is brighter than the screen
     #[arg(long, value_enum, default_value_t = ToneMapArgument::Linear)]
     tone_map: ToneMapArgument,
-    /// Radiance where there is no surface, as red,green,blue [default: the sky that the file was lit with, else black].
+    /// Radiance where there is no surface [default: sky of the bake, or black]
     #[arg(long, value_name = "R,G,B", value_parser = colour)]
     background: Option<DVec3>,
     #[command(flatten)]
+    view: ViewArguments,
+    #[command(flatten)]
     scene: SceneOptions,
+    #[command(flatten)]
+    pub workers: WorkerArguments,
+    #[command(flatten)]
+    pub telemetry: TelemetryArguments,
 }
 
 /// Where the picture is taken from.
 #[derive(Args)]
+#[command(next_help_heading = "Camera")]
 struct ViewArguments {
-    /// Camera of the file: its name, its node's, or its number among the file's cameras in the order of the nodes [default: the
-    /// first; where the file has none, a view of the whole scene].
+    /// Camera of the file [default: the first, or a view of the whole scene]
+    ///
+    /// Its name, its node's name, or its number among the file's cameras in the order of nodes.
     #[arg(long, value_name = "INDEX|NAME", conflicts_with_all = ["eye", "target"])]
     camera: Option<String>,
-    /// Where to look from, in the file's coordinates.
+    /// Position to look from, in the file's coordinates
     #[arg(long, value_name = "X,Y,Z", value_parser = vector, allow_hyphen_values = true, requires = "target")]
     eye: Option<DVec3>,
-    /// The point to look at.
+    /// Point to look at
     #[arg(long, value_name = "X,Y,Z", value_parser = vector, allow_hyphen_values = true, requires = "eye")]
     target: Option<DVec3>,
-    /// What is up in the picture.
+    /// Up direction of the picture
     #[arg(long, value_name = "X,Y,Z", value_parser = vector, allow_hyphen_values = true, default_value = "0,1,0", requires = "eye")]
     up: DVec3,
-    /// Angle of view from bottom to top, in degrees.
+    /// Vertical field of view, in degrees
     #[arg(long, value_name = "DEGREES", value_parser = positive, default_value_t = 45.0, requires = "eye")]
     fov: f64,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
 enum ToneMapArgument {
-    /// What is brighter than white is white: what viewers show.
+    /// Clip at white, as viewers do
     Linear,
-    /// Photographic: all luminances are compressed, the largest becomes white.
+    /// Compress all luminances, so that the largest becomes white
     Reinhard,
-    /// Khronos PBR Neutral: colours as they are up to 0.8, highlights compressed.
+    /// Khronos PBR Neutral: keep colours up to 0.8, compress highlights
     Neutral,
 }
 

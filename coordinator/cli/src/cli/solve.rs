@@ -9,49 +9,80 @@ use cluster::checkpoint::{Checkpointed, remove};
 use cluster::metrics::Metrics;
 use cluster::{Cluster, ClusterSettings};
 use output::export::{ExportSettings, check_writable, export};
+use pipeline::options::{Violations, bake_settings};
 use pipeline::summary::{Computed, Summary, extras};
+use protocol::api::BakeOptions;
 use scene::import;
 
-use super::knobs::Knobs;
 use super::machine::peak_memory_bytes;
+use super::options::Given;
 use super::output_options::OutputOptions;
 use super::progress::ProgressLine;
 use super::report::Tables;
 use super::scene_options::SceneOptions;
+use super::telemetry::TelemetryArguments;
+use super::workers::WorkerArguments;
 
 #[derive(Args)]
 pub struct SolveArguments {
-    /// Scene to bake: .glb or .gltf.
+    /// Scene to bake: .glb or .gltf
     scene: PathBuf,
-    /// Lit scene to write: .glb or .gltf; or .ply, the lit mesh with light as numbers at its vertices.
-    #[arg(short, long)]
+    /// Lit scene to write: .glb, .gltf, or .ply with light as numbers at vertices
+    #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
-    /// Write every figure of the table to this JSON file.
-    #[arg(long)]
+    /// Write all results of the bake to this JSON file
+    #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
+    /// Keep the light of each source in this file, for `relight`
+    #[arg(long, value_name = "FILE")]
+    keep_light: Option<PathBuf>,
+    #[command(flatten)]
+    knobs: Knobs,
     #[command(flatten)]
     options: SceneOptions,
     #[command(flatten)]
     written: OutputOptions,
-    /// Write the light of each source by itself to this file, so that `relight` can change its brightness and colour without a bake.
-    #[arg(long, value_name = "FILE")]
-    keep_light: Option<PathBuf>,
     #[command(flatten)]
     checkpoint: CheckpointArguments,
     #[command(flatten)]
-    knobs: Knobs,
+    pub workers: WorkerArguments,
+    #[command(flatten)]
+    pub telemetry: TelemetryArguments,
+}
+
+/// The quality of a bake, and the memory that it may use.
+#[derive(Args)]
+struct Knobs {
+    #[command(flatten)]
+    given: Given<BakeOptions>,
+    /// Memory for rows, in MiB; other rows are computed again
+    ///
+    /// Does not affect the result.
+    #[arg(long, value_name = "MIB", help_heading = "Advanced quality", default_value_t = BakeSettings::default().row_cache)]
+    row_cache: usize,
+}
+
+impl Knobs {
+    fn settings(&self) -> anyhow::Result<BakeSettings> {
+        let mut wrong = Violations::default();
+        let settings = bake_settings(&self.given.0, &mut wrong);
+        wrong.check()?;
+        Ok(BakeSettings { row_cache: self.row_cache, ..settings })
+    }
 }
 
 #[derive(Args)]
+#[command(next_help_heading = "Checkpoint")]
 struct CheckpointArguments {
-    /// Record finished rows in this file, so that a bake that was ended can go on: run the same command again. Removed when the
-    /// output is written.
+    /// Record finished rows in this file, to resume an interrupted bake
+    ///
+    /// The same command again resumes. The file is removed when the output is written.
     #[arg(long, value_name = "FILE")]
     checkpoint: Option<PathBuf>,
-    /// The checkpoint grows to so many MiB; what comes after is computed again by a bake that goes on.
+    /// Size limit of the checkpoint, in MiB; later rows are computed again
     #[arg(long, value_name = "MIB", default_value_t = 16 << 10, requires = "checkpoint")]
     checkpoint_size: u64,
-    /// Keep the checkpoint when the output is written: a bake of the same scene with other light goes faster with it.
+    /// Keep the checkpoint when the output is written, to bake the scene again with other lights
     #[arg(long, requires = "checkpoint")]
     keep_checkpoint: bool,
 }

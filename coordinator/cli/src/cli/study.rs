@@ -14,27 +14,29 @@ use verify::score::{check_reference, score};
 use verify::study::{Circumstances, Measurement, PlanSize, RunReport, Step, markdown, plan, svg, to_csv};
 
 use super::machine;
+use super::workers::WorkerArguments;
 
 #[derive(Args)]
 pub struct StudyArguments {
-    /// Scene to bake: .glb or .gltf.
+    /// Scene to bake: .glb or .gltf
     scene: PathBuf,
-    /// Path-traced reference of the scene: CSV of position, normal, primitive, radiosity and standard error.
-    #[arg(long)]
+    /// Path-traced reference of the scene, CSV, as written by `reference`
+    #[arg(long, value_name = "CSV")]
     reference: PathBuf,
-    /// Folder for study.csv, study.svg and study.md. It is made if it is not there; older files of these names are
-    /// overwritten.
-    #[arg(short, long)]
+    /// Folder for study.csv, study.svg and study.md, created if missing; older files are overwritten
+    #[arg(short, long, value_name = "FOLDER")]
     output: PathBuf,
-    /// Runs of each setting; their median counts [default: 5, or 1 with --quick].
-    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    /// Runs of each setting, of which the median counts [default: 5; 1 with --quick]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
     runs: Option<u32>,
-    /// Seeds for bias and spread [default: 10, or 3 with --quick].
-    #[arg(long, value_parser = clap::value_parser!(u32).range(2..=1000))]
+    /// Seeds for bias and spread [default: 10; 3 with --quick]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=1000))]
     seeds: Option<u32>,
-    /// Two settings a knob: for a first look.
+    /// Measure only two settings per option
     #[arg(long)]
     quick: bool,
+    #[command(flatten)]
+    pub workers: WorkerArguments,
 }
 
 impl StudyArguments {

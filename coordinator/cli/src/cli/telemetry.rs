@@ -6,30 +6,30 @@ use cluster::metrics::Metrics;
 use prometheus_client::registry::Registry;
 use protocol::telemetry::{LogFormat, Logging, LoggingError, LoggingSettings, MetricsAddress, MetricsPage};
 
-/// What is seen of a running coordinator.
+/// What a running coordinator shows of itself.
 #[derive(Args)]
+#[command(next_help_heading = "Telemetry")]
 pub struct TelemetryArguments {
-    /// Figures for Prometheus at this address, under /metrics, while the program works; port 0 takes a free one
-    /// [default: none].
-    #[arg(long, env = "COORDINATOR_METRICS", value_name = "HOST:PORT", global = true)]
+    /// Address for Prometheus metrics, under /metrics; port 0 takes a free one [default: none]
+    #[arg(long, env = "COORDINATOR_METRICS", value_name = "HOST:PORT")]
     metrics: Option<MetricsAddress>,
-    /// How logs are written: text or json.
-    #[arg(long, env = "COORDINATOR_LOG", value_name = "FORMAT", default_value = "text", global = true)]
+    /// Format of logs: text or json
+    #[arg(long, env = "COORDINATOR_LOG", value_name = "FORMAT", default_value = "text")]
     log: LogFormat,
 }
 
-impl TelemetryArguments {
-    /// Begins to log.
-    pub fn log(&self) -> Result<Logging, LoggingError> {
-        Logging::start(&LoggingSettings {
-            program: "coordinator",
-            format: self.log,
-            default_filter: "warn",
-            times: false,
-        })
-    }
+/// Starts logging.
+pub fn log(telemetry: Option<&TelemetryArguments>) -> Result<Logging, LoggingError> {
+    Logging::start(&LoggingSettings {
+        program: "coordinator",
+        format: telemetry.map_or(LogFormat::Text, |telemetry| telemetry.log),
+        default_filter: "warn",
+        times: false,
+    })
+}
 
-    /// Shows these figures, for as long as the page is held, where that is asked for.
+impl TelemetryArguments {
+    /// Serves these metrics until the page is dropped, if an address was given.
     pub fn show(&self, metrics: &Metrics, service: &service::Metrics) -> anyhow::Result<Option<MetricsPage>> {
         let Some(MetricsAddress(Some(address))) = self.metrics else { return Ok(None) };
         page(address, metrics, service).map(Some)

@@ -9,62 +9,86 @@ use cluster::metrics::Metrics;
 use cluster::{ClusterSettings, Schedule, Workers};
 use protocol::security::{ClientSecurity, Token, Transport};
 
-/// Who computes the rows.
+/// Where the rows are computed.
 #[derive(Args)]
+#[command(next_help_heading = "Workers")]
 pub struct WorkerArguments {
-    /// Workers that compute the rows, as host:port, separated by commas. A name stands for all machines that it resolves to, and is
-    /// looked up again while the work goes on [default: this process].
-    #[arg(long, env = "COORDINATOR_WORKERS", value_delimiter = ',', global = true)]
+    /// Workers, as HOST:PORT separated by commas [default: this process]
+    ///
+    /// A name stands for all addresses that it resolves to, and is resolved again while the work goes on.
+    #[arg(long, env = "COORDINATOR_WORKERS", value_name = "HOST:PORT,...", value_delimiter = ',')]
     workers: Vec<String>,
-    /// Jobs computed at the same time when this process computes the rows [default: one for each core].
-    #[arg(long, env = "COORDINATOR_THREADS", global = true)]
-    threads: Option<NonZeroUsize>,
-    /// When jobs are sent: as soon as a worker has finished one, or, to measure against, whenever a timer rings.
-    #[arg(long, value_enum, default_value_t = ScheduleArgument::Finished, global = true)]
+    #[command(flatten)]
+    threads: ThreadArguments,
+    /// When jobs are sent to workers
+    #[arg(long, value_enum, default_value_t = ScheduleArgument::Finished)]
     schedule: ScheduleArgument,
-    /// Time from one ring of the periodic schedule's timer to the next, in milliseconds.
-    #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..), global = true)]
+    /// Period of the periodic schedule, in milliseconds
+    #[arg(long, value_name = "MS", default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..))]
     period_ms: u64,
-    /// Without any worker, wait so many seconds for one, at the start and whenever all are lost.
-    #[arg(long, env = "COORDINATOR_WORKER_GRACE", default_value_t = ClusterSettings::DEFAULT_GRACE.as_secs_f64(), value_parser = seconds, global = true)]
+    /// Time to wait for a worker when there is none, in seconds
+    ///
+    /// Counts at the start, and whenever all workers are lost.
+    #[arg(long, env = "COORDINATOR_WORKER_GRACE", value_name = "SECONDS",
+        default_value_t = ClusterSettings::DEFAULT_GRACE.as_secs_f64(), value_parser = seconds)]
     worker_grace: f64,
-    /// What to do when no worker came in that time: fail, or go on in this process.
-    #[arg(long, env = "COORDINATOR_FALLBACK", value_enum, default_value_t = FallbackArgument::None, global = true)]
+    /// What to do when no worker came in that time
+    #[arg(long, env = "COORDINATOR_FALLBACK", value_enum, default_value_t = FallbackArgument::None)]
     fallback: FallbackArgument,
     #[command(flatten)]
     security: SecurityArguments,
 }
 
-/// How workers are talked to.
+/// How many threads compute.
 #[derive(Args)]
-struct SecurityArguments {
-    /// Certificate authority of the workers' certificates, PEM. With the next two: all traffic is encrypted.
-    #[arg(long, env = "COORDINATOR_TLS_CA", value_name = "FILE", value_parser = path(), global = true)]
+pub struct ThreadArguments {
+    /// Threads of this process that compute [default: one per core]
+    #[arg(long, env = "COORDINATOR_THREADS", value_name = "N")]
+    threads: Option<NonZeroUsize>,
+}
+
+impl ThreadArguments {
+    /// The number of threads.
+    pub fn count(&self) -> anyhow::Result<NonZeroUsize> {
+        match self.threads {
+            Some(threads) => Ok(threads),
+            None => std::thread::available_parallelism().context("cannot count the cores: give --threads"),
+        }
+    }
+}
+
+/// Encryption and authentication of connections to workers, or to a service.
+#[derive(Args)]
+#[command(next_help_heading = "Security")]
+pub struct SecurityArguments {
+    /// CA certificate of the other side, PEM; with --tls-cert and --tls-key all traffic is encrypted
+    #[arg(long, env = "COORDINATOR_TLS_CA", value_name = "FILE", value_parser = path())]
     tls_ca: Option<PathBuf>,
-    /// Certificate that this coordinator shows to workers, PEM.
-    #[arg(long, env = "COORDINATOR_TLS_CERT", value_name = "FILE", value_parser = path(), global = true)]
+    /// Certificate to present, PEM
+    #[arg(long, env = "COORDINATOR_TLS_CERT", value_name = "FILE", value_parser = path())]
     tls_cert: Option<PathBuf>,
-    /// Private key of that certificate, PEM.
-    #[arg(long, env = "COORDINATOR_TLS_KEY", value_name = "FILE", value_parser = path(), global = true)]
+    /// Private key of --tls-cert, PEM
+    #[arg(long, env = "COORDINATOR_TLS_KEY", value_name = "FILE", value_parser = path())]
     tls_key: Option<PathBuf>,
-    /// Name in the workers' certificates, where it is not the one that they are dialled by.
-    #[arg(long, env = "COORDINATOR_TLS_NAME", value_name = "NAME", global = true)]
+    /// Name in the other side's certificate [default: the name that is dialled]
+    #[arg(long, env = "COORDINATOR_TLS_NAME", value_name = "NAME")]
     tls_name: Option<String>,
-    /// File with the token that the workers demand.
-    #[arg(long, env = "COORDINATOR_TOKEN_FILE", value_name = "FILE", value_parser = path(), global = true)]
+    /// File with the token to send
+    #[arg(long, env = "COORDINATOR_TOKEN_FILE", value_name = "FILE", value_parser = path())]
     token_file: Option<PathBuf>,
-    /// Talk to workers on other machines without encryption: only in a network where everybody is trusted.
-    #[arg(long, env = "COORDINATOR_PLAINTEXT", action = ArgAction::SetTrue, value_parser = FalseyValueParser::new(), global = true)]
+    /// Connect to other machines without encryption, for trusted networks only
+    #[arg(long, env = "COORDINATOR_PLAINTEXT", action = ArgAction::SetTrue, value_parser = FalseyValueParser::new())]
     plaintext: bool,
 }
 
-/// Reads a path; an empty one, as compose files have it, too.
+/// Reads a path, also an empty one: compose files have those.
 pub(super) fn path() -> impl TypedValueParser<Value = PathBuf> {
     OsStringValueParser::new().map(PathBuf::from)
 }
 
 impl SecurityArguments {
-    fn security(&self) -> anyhow::Result<ClientSecurity> {
+    /// The settings of a connection.
+    pub fn security(&self) -> anyhow::Result<ClientSecurity> {
         let (ca, certificate, key) = (self.tls_ca.clone(), self.tls_cert.clone(), self.tls_key.clone());
         Ok(ClientSecurity {
             transport: Transport::from_options(ca, certificate, key, self.plaintext)?,
@@ -77,28 +101,28 @@ impl SecurityArguments {
 /// When jobs are sent.
 #[derive(Clone, Copy, ValueEnum)]
 enum ScheduleArgument {
-    /// As soon as a worker has finished one.
+    /// As soon as a worker has finished one
     Finished,
-    /// Whenever a timer rings.
+    /// Whenever a timer fires, for comparison
     Periodic,
 }
 
 /// What to do without workers.
 #[derive(Clone, Copy, ValueEnum)]
 enum FallbackArgument {
-    /// Fail.
+    /// Fail
     None,
-    /// Go on in this process.
+    /// Compute in this process
     Embedded,
 }
 
 impl WorkerArguments {
-    /// The cluster that is asked for, which counts what it does in `metrics`.
+    /// The settings of the cluster, which counts in `metrics`.
     pub fn cluster(&self, metrics: &Metrics) -> anyhow::Result<ClusterSettings> {
         // An empty variable, as compose files have it, names no worker.
         let named: Vec<String> = self.workers.iter().filter(|worker| !worker.is_empty()).cloned().collect();
         let workers = if named.is_empty() {
-            Workers::Embedded { threads: self.threads()?.get() }
+            Workers::Embedded { threads: self.threads.count()?.get() }
         } else {
             Workers::Remote(named)
         };
@@ -113,24 +137,11 @@ impl WorkerArguments {
             grace: Duration::from_secs_f64(self.worker_grace),
             fallback: match self.fallback {
                 FallbackArgument::None => None,
-                FallbackArgument::Embedded => Some(self.threads()?),
+                FallbackArgument::Embedded => Some(self.threads.count()?),
             },
-            security: self.security()?,
+            security: self.security.security()?,
             metrics: metrics.clone(),
         })
-    }
-
-    /// How remote workers are talked to, and services.
-    pub fn security(&self) -> anyhow::Result<ClientSecurity> {
-        self.security.security()
-    }
-
-    /// How many threads of this process compute.
-    pub fn threads(&self) -> anyhow::Result<NonZeroUsize> {
-        match self.threads {
-            Some(threads) => Ok(threads),
-            None => std::thread::available_parallelism().context("cannot count the cores: give --threads"),
-        }
     }
 }
 

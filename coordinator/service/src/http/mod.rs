@@ -13,9 +13,16 @@ mod policy;
 
 use axum::Router;
 use axum::http::StatusCode;
+use axum::http::header::CONTENT_TYPE;
 use axum::middleware::map_response;
+use axum::routing::get;
+use pipeline::options::form;
 
-/// The routes of HTTP: the page. What is none of its files is not found.
+/// The routes of HTTP: the page, and the options of its form.
 pub fn routes() -> Router {
-    page::routes().fallback(async || StatusCode::NOT_FOUND).layer(map_response(policy::guard))
+    let options = async || ([(CONTENT_TYPE, "application/json")], form().to_string());
+    page::routes()
+        .route("/options.json", get(options))
+        .fallback(async || StatusCode::NOT_FOUND)
+        .layer(map_response(policy::guard))
 }

@@ -4,20 +4,23 @@ import { html, render } from 'lit-html';
 import type { Job } from '../messages/radiosity/v1/radiosity_pb';
 import { client, explain, wantsToken } from '../service/client';
 import { isUnderWay, Jobs } from '../service/jobs';
+import { fetchOptions, type Option } from '../service/options';
 import { fetchResult, save } from '../service/result';
 import { submit } from '../service/submit';
 import { PHASES, STATES } from './format';
 import { jobsView } from './jobs_view';
+import { wanted } from './options_form';
 import { SceneState } from './scene';
 import { sceneView } from './scene_view';
 import { tokenDialog } from './token_dialog';
-import { uploadView, wanted, type Upload } from './upload_view';
+import { uploadView, type Upload } from './upload_view';
 
 /** Draws the page into an element, and keeps it up to date. */
 export class App {
   readonly #root: HTMLElement;
   readonly #jobs = new Jobs(() => this.#changed());
   readonly #scene = new SceneState(() => this.#changed(), (text) => this.#announce(text));
+  #options: Option[] = [];
   #uploads: Upload[] = [];
   #failure = '';
   #announcement = '';
@@ -31,6 +34,10 @@ export class App {
     this.#watchDrops();
     this.#route();
     void this.#jobs.ask();
+    void this.#try(async () => {
+      this.#options = await fetchOptions();
+      this.#changed();
+    });
   }
 
   #changed(): void {
@@ -81,7 +88,7 @@ export class App {
             ${this.#failure
               ? html`<p class="failure" role="alert">${this.#failure} <button type="button" @click=${() => this.#fail('')}>Dismiss</button></p>`
               : ''}
-            ${uploadView(this.#uploads, this.#isOver, {
+            ${uploadView(this.#options, this.#uploads, this.#isOver, {
               bake: (files) => this.#bake(files),
               look: (file) => void this.#look(file),
               dismiss: (upload) => this.#dismiss(upload),
@@ -125,7 +132,7 @@ export class App {
     this.#uploads = [upload, ...this.#uploads];
     try {
       const name = file.name.replace(/\.(glb|gltf)$/i, '');
-      const header = { ...wanted(), name, idempotencyKey: key };
+      const header = Object.assign(wanted(this.#options), { name, idempotencyKey: key });
       const job = await submit(file, header, (step, part) => advance({ step, part }), upload.stop.signal);
       this.#uploads = this.#uploads.filter((other) => other !== upload);
       this.#jobs.put(job);

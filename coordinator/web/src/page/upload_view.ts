@@ -2,8 +2,8 @@
 
 import { html, nothing, type TemplateResult } from 'lit-html';
 import { repeat } from 'lit-html/directives/repeat.js';
-import type { MessageInitShape } from '@bufbuild/protobuf';
-import { LightUnit, type SubmitSceneHeaderSchema } from '../messages/radiosity/v1/radiosity_pb';
+import type { Option } from '../service/options';
+import { optionsForm } from './options_form';
 
 /** A file on its way to the service. */
 export interface Upload {
@@ -26,7 +26,7 @@ export interface UploadActions {
 const STEPS = { reading: 'reading', sending: 'sending', failed: 'failed' };
 
 /** A place for files, and those that are on their way. */
-export function uploadView(uploads: Upload[], isOver: boolean, actions: UploadActions): TemplateResult {
+export function uploadView(options: Option[], uploads: Upload[], isOver: boolean, actions: UploadActions): TemplateResult {
   return html`
     <section class="upload" aria-labelledby="upload">
       <h2 id="upload">Bake a scene</h2>
@@ -35,21 +35,8 @@ export function uploadView(uploads: Upload[], isOver: boolean, actions: UploadAc
         ${picker('Choose a file', 'bake', true, (files) => actions.bake(files))}
       </div>
       <details class="options">
-        <summary>How exactly</summary>
-        <form id="options" @submit=${(event: Event) => event.preventDefault()}>
-          <label>Error to reach, %
-            <input name="error" type="number" min="0.01" max="50" step="any" placeholder="as by default" /></label>
-          <label>Vertices at most
-            <input name="vertices" type="number" min="1" step="1" placeholder="as by default" /></label>
-          <label>Numbers of lights are
-            <select name="lights">
-              <option value=${LightUnit.UNSPECIFIED}>in whatever unit</option>
-              <option value=${LightUnit.CANDELA}>candela and lux</option>
-              <option value=${LightUnit.WATT}>watts and W/m²</option>
-            </select></label>
-          <label>Priority
-            <input name="priority" type="number" min="-100" max="100" step="1" value="0" /></label>
-        </form>
+        <summary>Quality</summary>
+        ${optionsForm(options)}
       </details>
       ${picker('Look at a lit file', 'look', false, ([file]) => file && actions.look(file))}
       ${uploads.length
@@ -81,19 +68,4 @@ function picker(label: string, name: string, multiple: boolean, chosen: (files: 
         chosen(files);
       }} />
   </label>`;
-}
-
-/** What the form asks for. */
-export function wanted(): MessageInitShape<typeof SubmitSceneHeaderSchema> {
-  const values = new FormData(document.querySelector<HTMLFormElement>('#options')!);
-  const number = (name: string): number | undefined => {
-    const text = String(values.get(name) ?? '');
-    return text === '' ? undefined : Number(text);
-  };
-  const [error, vertices] = [number('error'), number('vertices')];
-  return {
-    scene: { lightUnit: number('lights') },
-    bake: { error: error === undefined ? undefined : error / 100, maxVertices: vertices === undefined ? undefined : BigInt(Math.trunc(vertices)) },
-    priority: number('priority'),
-  };
 }

@@ -4,47 +4,50 @@ use anyhow::anyhow;
 use clap::Args;
 use protocol::api::MAX_MESSAGE_BYTES;
 use protocol::api::radiosity_client::RadiosityClient;
-use protocol::security::{ClientSecurity, SecuredChannel, explain};
+use protocol::security::{SecuredChannel, explain};
 use tokio::net::lookup_host;
 use tokio::time::sleep;
 use tonic::{Code, Status};
 
+use super::super::workers::SecurityArguments;
 use super::refused;
 
-/// How long a service may take to take a connection.
+/// Time limit for connecting.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(10);
 
-/// How often a quiet service is asked for a sign of life, and how long it has to give one: a machine that lost its power does not
-/// close its connections.
+/// Interval and timeout of keep-alive pings: a machine that lost its power does not close its connections.
 const KEEP_ALIVE: Duration = Duration::from_secs(20);
 
-/// Before a service that is gone is asked for the first time, and the longest pause that this grows to.
+/// First and longest pause before connecting again.
 const FIRST_PAUSE: Duration = Duration::from_millis(500);
 const LONGEST_PAUSE: Duration = Duration::from_secs(10);
 
-/// Where the service is. Certificates and token are those of the options for workers.
+/// Where the service is, and how to connect to it.
 #[derive(Args)]
+#[command(next_help_heading = "Service")]
 pub struct ServerArgument {
-    /// Service that is asked, as host:port.
+    /// Address of the service
     #[arg(long, env = "COORDINATOR_SERVER", value_name = "HOST:PORT", default_value = "127.0.0.1:7000")]
     pub(super) server: String,
+    #[command(flatten)]
+    pub(super) security: SecurityArguments,
 }
 
-/// The service as it is asked.
+/// Client of the API.
 pub(super) type Client = RadiosityClient<SecuredChannel>;
 
 /// Why there is no answer.
 #[derive(Debug)]
 pub(super) enum Trouble {
-    /// The service is not there now. Whoever has time asks again.
+    /// The service is not there now: connecting again may help.
     Passing(String),
-    /// To ask again would not help.
+    /// Connecting again does not help.
     Lasting(anyhow::Error),
 }
 
 impl From<Status> for Trouble {
     fn from(status: Status) -> Self {
-        // What a service says has no source: where there is one, the connection broke.
+        // Only a broken connection has a source.
         let is_broken = std::error::Error::source(&status).is_some() && explain(&status).is_none();
         if is_broken || status.code() == Code::Unavailable {
             Self::Passing(status.message().to_owned())
@@ -61,9 +64,9 @@ impl From<anyhow::Error> for Trouble {
 }
 
 impl ServerArgument {
-    /// Dials the service once.
-    pub(super) async fn connect(&self, security: &ClientSecurity) -> anyhow::Result<Client> {
-        self.dial(security).await.map_err(|trouble| match trouble {
+    /// Connects to the service once.
+    pub(super) async fn connect(&self) -> anyhow::Result<Client> {
+        self.dial().await.map_err(|trouble| match trouble {
             Trouble::Passing(reason) => anyhow!(
                 "no service at {}: start one with `coordinator serve`, or choose another --server ({reason})",
                 self.server
@@ -72,8 +75,9 @@ impl ServerArgument {
         })
     }
 
-    async fn dial(&self, security: &ClientSecurity) -> Result<Client, Trouble> {
+    async fn dial(&self) -> Result<Client, Trouble> {
         let passing = |error: &dyn std::error::Error| Trouble::Passing(error.to_string());
+        let security = self.security.security()?;
         let mut found = lookup_host(&self.server).await.map_err(|error| passing(&error))?;
         let socket = found.next().ok_or_else(|| Trouble::Passing("the name stands for no address".into()))?;
         let endpoint = security.endpoint(&self.server, socket).map_err(anyhow::Error::from)?;
@@ -91,30 +95,26 @@ impl ServerArgument {
     }
 }
 
-/// A service that is asked for as long as it takes, whatever becomes of its connections.
+/// A connection to a service that is renewed when it breaks.
 pub(super) struct Connection<'a> {
     server: &'a ServerArgument,
-    security: &'a ClientSecurity,
     /// The latest connection.
     pub client: Client,
-    /// Before the service is asked again.
+    /// Pause before the next attempt.
     pause: Duration,
 }
 
 impl<'a> Connection<'a> {
-    /// Connects for the first time. Where there is no service, there is nothing to wait for.
+    /// Connects for the first time; does not wait for a service that is not there.
     ///
     /// # Errors
     /// When the service is not there, or refuses.
-    pub(super) async fn open(
-        server: &'a ServerArgument,
-        security: &'a ClientSecurity,
-    ) -> anyhow::Result<Self> {
-        let client = server.connect(security).await?;
-        Ok(Self { server, security, client, pause: FIRST_PAUSE })
+    pub(super) async fn open(server: &'a ServerArgument) -> anyhow::Result<Self> {
+        let client = server.connect().await?;
+        Ok(Self { server, client, pause: FIRST_PAUSE })
     }
 
-    /// The service has answered: what comes after is another interruption.
+    /// Notes an answer of the service: the next interruption is a new one.
     pub(super) fn heard(&mut self) {
         if self.pause > FIRST_PAUSE {
             self.pause = FIRST_PAUSE;
@@ -122,10 +122,10 @@ impl<'a> Connection<'a> {
         }
     }
 
-    /// Connects anew after something went wrong: says so once, and tries until the service is there.
+    /// Connects again after an interruption, and retries until the service is there.
     ///
     /// # Errors
-    /// When what went wrong does not pass.
+    /// When connecting again does not help.
     pub(super) async fn renew(&mut self, trouble: Trouble) -> anyhow::Result<()> {
         let mut trouble = trouble;
         loop {
@@ -138,7 +138,7 @@ impl<'a> Connection<'a> {
             }
             sleep(self.pause).await;
             self.pause = (self.pause * 2).min(LONGEST_PAUSE);
-            match self.server.dial(self.security).await {
+            match self.server.dial().await {
                 Ok(client) => {
                     self.client = client;
                     return Ok(());

@@ -6,7 +6,6 @@ use atomic_write_file::AtomicWriteFile;
 use clap::Args;
 use protocol::api::fetch_result_response::Body;
 use protocol::api::{FetchResultRequest, FileHeader};
-use protocol::security::ClientSecurity;
 use sha2::{Digest, Sha256};
 
 use super::super::ensure_place;
@@ -14,63 +13,60 @@ use super::{Connection, ServerArgument, Trouble, wait};
 
 #[derive(Args)]
 pub struct FetchArguments {
-    /// The job, as `submit` named it.
+    /// Id of the job, as printed by `submit`
     job: String,
-    /// Where its lit scene is written.
+    /// Lit scene to write
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
-    /// Fetch the present state of a job that runs, as GLB.
-    #[arg(long)]
-    present: bool,
+    /// Fetch a preview of a running job, as GLB
+    #[arg(long, alias = "present")]
+    preview: bool,
     #[command(flatten)]
     server: ServerArgument,
 }
 
-/// Which file is wanted.
+/// A file of a job.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub enum Wish {
-    /// The lit file of a job that is done.
+pub enum JobFile {
+    /// The lit file of a finished job.
     Result,
-    /// What a job that runs knows by now; of one that is done, the lit file.
-    Present,
+    /// A preview of a running job; of a finished one, the lit file.
+    Preview,
 }
 
-/// Writes what came out of a job.
-pub fn run(arguments: &FetchArguments, security: &ClientSecurity) -> anyhow::Result<()> {
+/// Downloads a file of a job.
+pub fn run(arguments: &FetchArguments) -> anyhow::Result<()> {
     ensure_place(&arguments.output)?;
-    let wish = if arguments.present { Wish::Present } else { Wish::Result };
+    let file = if arguments.preview { JobFile::Preview } else { JobFile::Result };
     wait(async {
-        let mut connection = Connection::open(&arguments.server, security).await?;
-        fetch(&mut connection, wish, &arguments.job, &arguments.output).await
+        let mut connection = Connection::open(&arguments.server).await?;
+        fetch(&mut connection, file, &arguments.job, &arguments.output).await
     })
 }
 
-/// Writes a file of a job, whole or not at all. Where the connection breaks, it goes on where it was.
+/// Writes a file of a job, completely or not at all. Resumes after a broken connection.
 pub(super) async fn fetch(
     connection: &mut Connection<'_>,
-    wish: Wish,
+    wanted: JobFile,
     id: &str,
     output: &Path,
 ) -> anyhow::Result<()> {
     let cannot = || format!("{} cannot be written", output.display());
     let file = AtomicWriteFile::open(output).with_context(cannot)?;
     let mut coming = Coming { file, received: 0, hasher: Sha256::new(), header: None };
-    while let Err(trouble) = receive(connection, wish, id, &mut coming).await {
+    while let Err(trouble) = receive(connection, wanted, id, &mut coming).await {
         connection.renew(trouble).await?;
-        if wish == Wish::Present {
-            // The next present state is another file.
+        if wanted == JobFile::Preview {
+            // The next preview is another file.
             coming.restart().with_context(cannot)?;
         }
     }
-    let expected = coming.header.context("the service sends no header: it is of another release")?.sha256;
-    anyhow::ensure!(
-        *expected == *coming.hasher.finalize(),
-        "what came is not what the service has, or not all of it: fetch it again"
-    );
+    let expected = coming.header.context("the service sends no header: use the same release of both")?.sha256;
+    anyhow::ensure!(*expected == *coming.hasher.finalize(), "the download is damaged: fetch the file again");
     coming.file.commit().with_context(cannot)
 }
 
-/// A file of which a part is there.
+/// A file that is being downloaded.
 struct Coming {
     file: AtomicWriteFile,
     received: u64,
@@ -93,21 +89,21 @@ impl Coming {
     }
 }
 
-/// Takes what is left of a file, for as long as the service is there.
+/// Receives the rest of a file.
 async fn receive(
     connection: &mut Connection<'_>,
-    wish: Wish,
+    wanted: JobFile,
     id: &str,
     coming: &mut Coming,
 ) -> Result<(), Trouble> {
-    let present = wish == Wish::Present;
+    let present = wanted == JobFile::Preview;
     let request = FetchResultRequest { id: id.to_owned(), present, offset: coming.received };
     let mut messages = connection.client.fetch_result(request).await?.into_inner();
     while let Some(message) = messages.message().await? {
         connection.heard();
         match message.body {
             Some(Body::Header(header)) => coming.header = Some(header),
-            Some(Body::Chunk(bytes)) => coming.add(&bytes).context("what came cannot be written")?,
+            Some(Body::Chunk(bytes)) => coming.add(&bytes).context("the download cannot be written")?,
             None => {}
         }
     }

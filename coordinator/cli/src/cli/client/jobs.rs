@@ -2,14 +2,13 @@ use std::time::{Duration, SystemTime};
 
 use clap::Args;
 use protocol::api::{CancelJobRequest, DeleteJobRequest, Job, ListJobsRequest, State};
-use protocol::security::ClientSecurity;
 
 use super::super::report::new_table;
 use super::{ServerArgument, refused, wait};
 
 #[derive(Args)]
 pub struct JobsArguments {
-    /// Only jobs that have not ended.
+    /// List only jobs that have not ended
     #[arg(long)]
     unfinished: bool,
     #[command(flatten)]
@@ -18,20 +17,20 @@ pub struct JobsArguments {
 
 #[derive(Args)]
 pub struct JobArguments {
-    /// The job, as `submit` named it.
+    /// Id of the job, as printed by `submit`
     job: String,
     #[command(flatten)]
     server: ServerArgument,
 }
 
 /// Lists jobs, newest first.
-pub fn list(arguments: &JobsArguments, security: &ClientSecurity) -> anyhow::Result<()> {
+pub fn list(arguments: &JobsArguments) -> anyhow::Result<()> {
     let states =
         if arguments.unfinished { vec![State::Queued.into(), State::Running.into()] } else { vec![] };
     let mut table = new_table();
     table.set_header(["job", "name", "state", "submitted", ""]);
     wait(async {
-        let mut client = arguments.server.connect(security).await?;
+        let mut client = arguments.server.connect().await?;
         let mut page_token = String::new();
         loop {
             let request = ListJobsRequest { page_size: 1000, page_token, states: states.clone() };
@@ -52,10 +51,10 @@ pub fn list(arguments: &JobsArguments, security: &ClientSecurity) -> anyhow::Res
     Ok(())
 }
 
-/// Ends a job.
-pub fn cancel(arguments: &JobArguments, security: &ClientSecurity) -> anyhow::Result<()> {
+/// Cancels a job.
+pub fn cancel(arguments: &JobArguments) -> anyhow::Result<()> {
     wait(async {
-        let mut client = arguments.server.connect(security).await?;
+        let mut client = arguments.server.connect().await?;
         let request = CancelJobRequest { id: arguments.job.clone() };
         let job = client.cancel_job(request).await.map_err(refused)?.into_inner();
         println!("{} is {}", job.id, said(&job).0);
@@ -63,17 +62,17 @@ pub fn cancel(arguments: &JobArguments, security: &ClientSecurity) -> anyhow::Re
     })
 }
 
-/// Forgets a job.
-pub fn delete(arguments: &JobArguments, security: &ClientSecurity) -> anyhow::Result<()> {
+/// Deletes a job.
+pub fn delete(arguments: &JobArguments) -> anyhow::Result<()> {
     wait(async {
-        let mut client = arguments.server.connect(security).await?;
+        let mut client = arguments.server.connect().await?;
         let request = DeleteJobRequest { id: arguments.job.clone() };
         client.delete_job(request).await.map_err(refused)?;
         Ok(())
     })
 }
 
-/// The state of a job, and what else there is to say.
+/// The state of a job, with details.
 fn said(job: &Job) -> (&'static str, String) {
     match job.state() {
         State::Queued => ("queued", format!("{} before it", job.ahead)),
@@ -89,7 +88,7 @@ fn said(job: &Job) -> (&'static str, String) {
     }
 }
 
-/// A time that has passed, for people.
+/// An age for people.
 fn ago(passed: Duration) -> String {
     match passed.as_secs() {
         seconds @ 0..=119 => format!("{seconds} s ago"),

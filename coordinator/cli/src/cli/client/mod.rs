@@ -1,14 +1,14 @@
-//! The API of a service from the shell.
+//! The commands for clients of a service.
 //!
 //! | module | command |
 //! |---|---|
-//! | `submit` | hand over a scene |
-//! | `watch` | see how far a job is |
-//! | `fetch` | take what came out |
+//! | `submit` | submit a scene |
+//! | `watch` | show the progress of a job |
+//! | `fetch` | download a lit scene |
 //! | `jobs` | list, cancel and delete jobs |
-//! | `health` | whether it serves |
+//! | `health` | check that a service serves |
 //!
-//! `connection` is how all of them reach the service; those that wait for a job go on over a restart of it.
+//! `connection` connects to the service; commands that wait for a job reconnect after a restart of it.
 
 mod connection;
 mod fetch;
@@ -21,44 +21,53 @@ use std::future::Future;
 
 use anyhow::Context;
 use clap::Subcommand;
-use protocol::security::{ClientSecurity, explain};
+use protocol::security::explain;
 use tonic::Status;
 
 use connection::{Client, Connection, ServerArgument, Trouble};
 
-/// What is asked of a service.
+/// Commands for clients of a service.
 #[derive(Subcommand)]
 pub enum ClientCommand {
-    /// Submit a scene to a service: the name of its job is printed.
+    /// Submit a scene to a service and print the id of its job
+    #[command(after_help = "Examples:
+  coordinator submit scene.glb --error 0.02 -o lit.glb
+  coordinator submit --relight JOB --light lamp=0.5 -o evening.glb")]
     Submit(Box<submit::SubmitArguments>),
-    /// Show how far a job of a service is, until it has ended.
+    /// Show the progress of a job until it ends
+    #[command(after_help = "Example:\n  coordinator watch JOB --server bake:7000")]
     Watch(watch::WatchArguments),
-    /// Fetch the lit scene of a job, or the present state of one that runs.
+    /// Download the lit scene of a job, or a preview of a running one
+    #[command(after_help = "Example:\n  coordinator fetch JOB --preview -o preview.glb")]
     Fetch(fetch::FetchArguments),
-    /// List the jobs of a service, newest first.
+    /// List jobs, newest first
+    #[command(after_help = "Example:\n  coordinator jobs --unfinished")]
     Jobs(jobs::JobsArguments),
-    /// End a job that is queued or runs.
+    /// Cancel a queued or running job
+    #[command(after_help = "Example:\n  coordinator cancel JOB")]
     Cancel(jobs::JobArguments),
-    /// Forget a job and all that is kept of it.
+    /// Delete a job and everything stored for it
+    #[command(after_help = "Example:\n  coordinator delete JOB")]
     Delete(jobs::JobArguments),
-    /// Ask a service whether it serves: the exit code is 0 if it does. For health checks of containers.
+    /// Check that a service is ready; exits with 0 if it is
+    #[command(after_help = "Example:\n  coordinator health --server 127.0.0.1:7000")]
     Health(ServerArgument),
 }
 
-/// Asks a service.
-pub fn run(command: &ClientCommand, security: &ClientSecurity) -> anyhow::Result<()> {
+/// Runs a command of a client.
+pub fn run(command: &ClientCommand) -> anyhow::Result<()> {
     match command {
-        ClientCommand::Submit(arguments) => submit::run(arguments, security),
-        ClientCommand::Watch(arguments) => watch::run(arguments, security),
-        ClientCommand::Fetch(arguments) => fetch::run(arguments, security),
-        ClientCommand::Jobs(arguments) => jobs::list(arguments, security),
-        ClientCommand::Cancel(arguments) => jobs::cancel(arguments, security),
-        ClientCommand::Delete(arguments) => jobs::delete(arguments, security),
-        ClientCommand::Health(server) => health::run(server, security),
+        ClientCommand::Submit(arguments) => submit::run(arguments),
+        ClientCommand::Watch(arguments) => watch::run(arguments),
+        ClientCommand::Fetch(arguments) => fetch::run(arguments),
+        ClientCommand::Jobs(arguments) => jobs::list(arguments),
+        ClientCommand::Cancel(arguments) => jobs::cancel(arguments),
+        ClientCommand::Delete(arguments) => jobs::delete(arguments),
+        ClientCommand::Health(server) => health::run(server),
     }
 }
 
-/// Waits for a conversation with a service.
+/// Runs a conversation with a service to its end.
 fn wait<T>(conversation: impl Future<Output = anyhow::Result<T>>) -> anyhow::Result<T> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
@@ -67,7 +76,7 @@ fn wait<T>(conversation: impl Future<Output = anyhow::Result<T>>) -> anyhow::Res
     runtime.block_on(conversation)
 }
 
-/// What a service says, in its own words.
+/// The error of a service, in its own words.
 fn refused(status: Status) -> anyhow::Error {
     match explain(&status) {
         Some(reason) => anyhow::anyhow!("{reason}"),

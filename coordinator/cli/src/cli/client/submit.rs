@@ -8,9 +8,8 @@ use clap::{Args, ValueEnum};
 use protocol::api::submit_scene_header::Source;
 use protocol::api::submit_scene_request::Body;
 use protocol::api::{
-    self, CHUNK_BYTES, Format, Job, Relight, SceneFile, SubmitSceneHeader, SubmitSceneRequest,
+    self, BakeOptions, CHUNK_BYTES, Format, Job, Relight, SceneFile, SubmitSceneHeader, SubmitSceneRequest,
 };
-use protocol::security::ClientSecurity;
 use sha2::{Digest, Sha256};
 use tokio_stream::StreamExt;
 use tokio_util::io::ReaderStream;
@@ -18,77 +17,71 @@ use tonic::{Code, Status};
 use tonic_types::StatusExt;
 
 use super::super::ensure_place;
-use super::super::knobs::Knobs;
+use super::super::options::Given;
 use super::super::output_options::OutputOptions;
 use super::super::relight::change;
 use super::super::scene_options::SceneOptions;
-use super::fetch::{Wish, fetch};
+use super::fetch::{JobFile, fetch};
 use super::watch::follow;
 use super::{Client, Connection, ServerArgument, refused, wait};
 
 #[derive(Args)]
 pub struct SubmitArguments {
-    /// Scene to bake: .glb, or .gltf with all that it needs in data URIs.
+    /// Scene to bake: .glb, or .gltf with all data in data URIs
     #[arg(required_unless_present = "relight")]
     scene: Option<PathBuf>,
-    /// In place of a scene: light the one of this job, which is done, otherwise. How the scene is read and baked stays as it was; --sky is
-    /// the radiance of the new sky.
+    /// Relight the scene of this finished job instead of baking one
+    ///
+    /// The scene is read and baked as it was; --sky is the radiance of the new sky.
     #[arg(long, value_name = "JOB", conflicts_with = "scene")]
     relight: Option<String>,
-    /// With --relight: multiply a light by this, channel by channel, or all channels by one number. May be given several times.
+    /// With --relight: multiply a light by these factors, or all channels by one (repeatable)
     #[arg(long = "light", value_name = "NAME=R,G,B", value_parser = change, requires = "relight")]
     lights: Vec<LightChange>,
-    /// What the job is called [default: the file's name].
-    #[arg(long)]
-    name: Option<String>,
-    /// Jobs of higher priority begin first.
-    #[arg(long, default_value_t = 0, allow_hyphen_values = true, value_parser = clap::value_parser!(i32).range(-100..=100))]
-    priority: i32,
-    /// A word of your own for this submission: the same again gives the same job, whether or not the first answer arrived.
-    #[arg(long, value_name = "WORD")]
-    key: Option<String>,
-    /// What comes out.
-    #[arg(long, value_enum, default_value_t = FormatName::Glb)]
-    format: FormatName,
-    /// Wait until the job is done, and show how far it is.
+    /// Wait until the job is done, and show its progress
     #[arg(long)]
     watch: bool,
-    /// Wait until the job is done, and write the lit scene here.
+    /// Wait until the job is done, and write the lit scene to this file
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
     #[command(flatten)]
-    server: ServerArgument,
+    job: Given<SubmitSceneHeader>,
+    #[command(flatten)]
+    quality: Given<BakeOptions>,
     #[command(flatten)]
     options: SceneOptions,
+    /// Format of the lit scene
+    #[arg(long, value_enum, default_value_t = FormatName::Glb, help_heading = "Output")]
+    format: FormatName,
     #[command(flatten)]
     written: OutputOptions,
     #[command(flatten)]
-    knobs: Knobs,
+    server: ServerArgument,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
 enum FormatName {
-    /// Binary glTF.
+    /// Binary glTF
     Glb,
-    /// The lit mesh with light as numbers at its vertices.
+    /// Lit mesh with light as numbers at vertices
     Ply,
 }
 
-/// Submits a scene, and waits for it where that is asked for.
-pub fn run(arguments: &SubmitArguments, security: &ClientSecurity) -> anyhow::Result<()> {
+/// Submits a scene, and waits for its job if that is asked for.
+pub fn run(arguments: &SubmitArguments) -> anyhow::Result<()> {
     if let Some(output) = &arguments.output {
         ensure_place(output)?;
     }
     let header = header(arguments)?;
     wait(async {
-        let mut connection = Connection::open(&arguments.server, security).await?;
+        let mut connection = Connection::open(&arguments.server).await?;
         let job = submit(&mut connection.client, header, arguments.scene.as_deref()).await?;
         println!("{}", job.id);
         if arguments.watch || arguments.output.is_some() {
             follow(&mut connection, &job.id).await?;
         }
         match &arguments.output {
-            Some(output) => fetch(&mut connection, Wish::Result, &job.id, output).await,
+            Some(output) => fetch(&mut connection, JobFile::Result, &job.id, output).await,
             None => Ok(()),
         }
     })
@@ -107,14 +100,14 @@ fn header(arguments: &SubmitArguments) -> anyhow::Result<SubmitSceneHeader> {
         FormatName::Glb => Format::Glb,
         FormatName::Ply => Format::Ply,
     };
+    let given = arguments.job.0.clone();
     Ok(SubmitSceneHeader {
-        name: arguments.name.clone().unwrap_or_else(stem),
+        name: if given.name.is_empty() { stem() } else { given.name },
         source: Some(source),
         scene: Some(arguments.options.options()),
-        bake: Some(arguments.knobs.options()),
+        bake: Some(arguments.quality.0),
         output: Some(arguments.written.options(format)),
-        priority: arguments.priority,
-        idempotency_key: arguments.key.clone().unwrap_or_default(),
+        ..given
     })
 }
 
@@ -136,7 +129,7 @@ fn relight(arguments: &SubmitArguments, job_id: String) -> Relight {
     Relight { job_id, lights, sky: arguments.options.options().sky }
 }
 
-/// The header alone first: a scene that the service has is not sent again.
+/// Sends the header alone first: a scene that the service has is not sent again.
 async fn submit(client: &mut Client, header: SubmitSceneHeader, scene: Option<&Path>) -> anyhow::Result<Job> {
     let first = SubmitSceneRequest { body: Some(Body::Header(header)) };
     let scene = match (client.submit_scene(tokio_stream::once(first.clone())).await, scene) {

@@ -1,28 +1,27 @@
 use anyhow::anyhow;
 use clap::Args;
 use protocol::api::{Job, Phase, State, WatchJobRequest};
-use protocol::security::ClientSecurity;
 
 use super::super::progress::{ProgressLine, short};
 use super::{Connection, ServerArgument, Trouble, wait};
 
 #[derive(Args)]
 pub struct WatchArguments {
-    /// The job, as `submit` named it.
+    /// Id of the job, as printed by `submit`
     job: String,
     #[command(flatten)]
     server: ServerArgument,
 }
 
-/// Shows how far a job is, until it has ended.
-pub fn run(arguments: &WatchArguments, security: &ClientSecurity) -> anyhow::Result<()> {
+/// Shows the progress of a job until it ends.
+pub fn run(arguments: &WatchArguments) -> anyhow::Result<()> {
     wait(async {
-        let mut connection = Connection::open(&arguments.server, security).await?;
+        let mut connection = Connection::open(&arguments.server).await?;
         follow(&mut connection, &arguments.job).await
     })
 }
 
-/// Waits until a job is done, also over restarts of the service.
+/// Waits until a job is done, across restarts of the service.
 pub(super) async fn follow(connection: &mut Connection<'_>, id: &str) -> anyhow::Result<()> {
     while let Err(trouble) = watch(connection, id).await {
         connection.renew(trouble).await?;
@@ -30,7 +29,7 @@ pub(super) async fn follow(connection: &mut Connection<'_>, id: &str) -> anyhow:
     Ok(())
 }
 
-/// Waits until a job is done, for as long as the service is there.
+/// Waits until a job is done, or the connection breaks.
 async fn watch(connection: &mut Connection<'_>, id: &str) -> Result<(), Trouble> {
     let mut line = ProgressLine::new();
     let request = WatchJobRequest { id: id.to_owned() };

@@ -25,7 +25,7 @@ fn references(page: &str) -> Vec<&str> {
 
 #[tokio::test]
 async fn whatever_is_asked_for_the_answer_is_under_the_policy() {
-    for path in ["/", "/nothing", "/assets/nothing.js", "/../Cargo.toml"] {
+    for path in ["/", "/options.json", "/nothing", "/assets/nothing.js", "/../Cargo.toml"] {
         let response = ask(path, &[]).await;
         let policy = response.headers()[CONTENT_SECURITY_POLICY].to_str().unwrap();
         assert!(policy.starts_with("default-src 'none'; script-src 'self';"), "{path}: {policy}");
@@ -34,6 +34,14 @@ async fn whatever_is_asked_for_the_answer_is_under_the_policy() {
     }
     assert_eq!(ask("/nothing", &[]).await.status(), StatusCode::NOT_FOUND);
     assert_eq!(ask("/index.html.gz", &[]).await.status(), StatusCode::NOT_FOUND);
+}
+
+#[tokio::test]
+async fn the_form_of_the_page_has_its_options() {
+    let options = ask("/options.json", &[]).await;
+    assert_eq!(options.headers()[CONTENT_TYPE], "application/json");
+    let options: serde_json::Value = serde_json::from_str(&text(options).await).unwrap();
+    assert_eq!((&options[0]["path"], &options[0]["range"][1]), (&"bake.error".into(), &0.5.into()));
 }
 
 #[tokio::test]

@@ -1,14 +1,31 @@
-//! What the options of the API mean: each is checked and becomes what import, bake and export take. The command line goes this way
-//! too, so a bake by the service has the settings of the same bake by `solve`.
+//! The options of a bake: declared once, in `tables`, for the command line, the service and the page.
+//!
+//! The options of a message are checked and become the settings of import, bake and export. The command line fills in the same
+//! messages, so a bake by the service has the settings of the same bake by `solve`.
+//!
+//! | module | contents |
+//! |---|---|
+//! | [`schema`] | what an option is; `kind`: the values that it may have |
+//! | [`slot`] | the places where values are kept |
+//! | [`tables`] | all options |
+//! | [`form`](form()) | the form of the page |
 
-use std::ops::RangeInclusive;
+mod form;
+mod kind;
+pub mod schema;
+pub mod slot;
+pub mod tables;
 
 use glam::DVec3;
 use protocol::api;
 
-use bake::{BakeSettings, LightChange, LightGroup, LightPart, NewLight, RowStrategy};
-use output::export::{Domain, ExportSettings, check_group_names};
-use scene::{ImportOptions, LightUnit, ReadOptions};
+use bake::{BakeSettings, LightChange, LightGroup, LightPart, NewLight};
+use output::export::{ExportSettings, check_group_names};
+use scene::ImportOptions;
+
+pub use form::form;
+use schema::{Kind, Value};
+use tables::OutputSettings;
 
 /// Longest text of a client: names, units, keys.
 pub const LONGEST_TEXT: usize = 200;
@@ -18,9 +35,6 @@ pub const MOST_NAMES: usize = 1000;
 
 /// Most violations that are told: an error must fit into the head of an answer.
 const MOST_VIOLATIONS: usize = 20;
-
-/// Most validation samples of a bake.
-const MOST_VALIDATION_SAMPLES: u64 = 1_000_000;
 
 /// A field of a request that is wrong.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -67,56 +81,27 @@ impl Violations {
         self.0.extend(violation.filter(|new| self.0.len() < MOST_VIOLATIONS && !self.0.contains(new)));
     }
 
-    fn in_range(&mut self, value: Option<f64>, range: RangeInclusive<f64>, field: &str) {
-        let should = format!("must be a number from {} to {}", range.start(), range.end());
-        self.demand(value.is_none_or(|value| range.contains(&value)), field, should);
-    }
-
-    fn positive(&mut self, value: Option<f64>, field: &str) {
-        let holds = value.is_none_or(|value| value > 0.0 && value.is_finite());
-        self.demand(holds, field, "must be a positive number");
-    }
-
     /// Notes that a text is too long.
     pub fn short(&mut self, text: &str, field: &str) {
-        let holds = text.chars().count() <= LONGEST_TEXT && !text.contains(char::is_control);
-        self.demand(
-            holds,
-            field,
-            format!("must have {LONGEST_TEXT} characters at most, all of them printable"),
-        );
+        self.demand(is_short(text), field, Kind::Text.should());
     }
 
     fn colour(&mut self, colour: Option<api::Colour>, field: &str) -> Option<DVec3> {
         let colour = colour.map(|colour| DVec3::new(colour.r, colour.g, colour.b));
-        let is_right = |colour: DVec3| colour.is_finite() && colour.min_element() >= 0.0;
-        self.demand(colour.is_none_or(is_right), field, "must be three numbers that are not negative");
+        let holds = colour.is_none_or(|colour| Kind::Colour.allows(&Value::Colour(colour)));
+        self.demand(holds, field, Kind::Colour.should());
         colour
     }
 }
 
+/// Whether a text of a client is short enough, and printable.
+fn is_short(text: &str) -> bool {
+    text.chars().count() <= LONGEST_TEXT && !text.contains(char::is_control)
+}
+
 /// How a scene's file is read.
 pub fn import_options(options: &api::SceneOptions, wrong: &mut Violations) -> ImportOptions {
-    wrong.short(&options.scene, "scene.scene");
-    wrong.positive(options.weld, "scene.weld");
-    let light_unit = match api::LightUnit::try_from(options.light_unit) {
-        Ok(api::LightUnit::Watt) => LightUnit::Watt,
-        Ok(api::LightUnit::Candela | api::LightUnit::Unspecified) => LightUnit::Candela,
-        Err(_) => {
-            wrong.demand(false, "scene.light_unit", "is none that this service knows");
-            LightUnit::Candela
-        }
-    };
-    ImportOptions {
-        read: ReadOptions {
-            scene: (!options.scene.is_empty()).then(|| options.scene.clone()),
-            ..ReadOptions::default()
-        },
-        weld: options.weld,
-        light_unit,
-        sky: wrong.colour(options.sky, "scene.sky").unwrap_or(DVec3::ZERO),
-        ..ImportOptions::default()
-    }
+    schema::settings(options, wrong)
 }
 
 /// Unit of the irradiance that comes of it, for the output. Where it is not said what the numbers of lights mean, they may mean
@@ -129,75 +114,14 @@ pub fn irradiance_unit(options: &api::SceneOptions) -> &'static str {
     }
 }
 
-/// How exactly a scene is baked.
+/// How a scene is baked.
 pub fn bake_settings(options: &api::BakeOptions, wrong: &mut Violations) -> BakeSettings {
-    wrong.in_range(options.error, 1e-4..=0.5, "bake.error");
-    let is_alone = options.error.is_none() || options.mesh_error.or(options.shooter_edge).is_none();
-    wrong.demand(is_alone, "bake.error", "excludes bake.mesh_error and bake.shooter_edge: it chooses them");
-    wrong.positive(options.mesh_error, "bake.mesh_error");
-    wrong.in_range(options.shooter_edge, 1e-3..=1.0, "bake.shooter_edge");
-    wrong.positive(options.max_edge, "bake.max_edge");
-    wrong.positive(options.threshold, "bake.threshold");
-    wrong.demand(options.window != Some(0), "bake.window", "must be a whole number from 1");
-    let rays = options.rays.is_none_or(|rays| (4..=262_144).contains(&rays));
-    wrong.demand(rays, "bake.rays", "must be a whole number from 4 to 262144");
-    wrong.in_range(options.form_factor_error, 0.0..=0.5, "bake.form_factor_error");
-    wrong.in_range(options.factor_rounding, 0.0..=1e-3, "bake.factor_rounding");
-    let points = options.check_points.is_none_or(|points| points <= MOST_VALIDATION_SAMPLES);
-    wrong.demand(points, "bake.check_points", format!("must be {MOST_VALIDATION_SAMPLES} at most"));
-    let rows = match api::RowsOf::try_from(options.rows) {
-        Ok(api::RowsOf::Shooters) => RowStrategy::Exact,
-        Ok(api::RowsOf::Receivers) => RowStrategy::Gather,
-        Ok(api::RowsOf::Unspecified) => RowStrategy::Automatic,
-        Err(_) => {
-            wrong.demand(false, "bake.rows", "are of none that this service knows");
-            RowStrategy::Automatic
-        }
-    };
-    let default = BakeSettings::default();
-    let picked = match options.error {
-        Some(error) => BakeSettings::for_error(error),
-        None => BakeSettings {
-            shooter_edge: options.shooter_edge.unwrap_or(default.shooter_edge),
-            mesh_error: options.mesh_error.unwrap_or(default.mesh_error),
-            ..default.clone()
-        },
-    };
-    let picked = match options.rays {
-        Some(rays) => picked.with_rays(f64::from(rays)),
-        None => picked,
-    };
-    let whole = |number: Option<u64>, default| match number {
-        Some(number) => usize::try_from(number).unwrap_or(usize::MAX),
-        None => default,
-    };
-    BakeSettings {
-        threshold: options.threshold.unwrap_or(picked.threshold),
-        form_factor_error: options.form_factor_error.unwrap_or(default.form_factor_error),
-        factor_rounding: options.factor_rounding.unwrap_or(default.factor_rounding),
-        max_edge: options.max_edge,
-        max_vertices: whole(options.max_vertices, default.max_vertices),
-        rows,
-        window: whole(options.window.map(u64::from), default.window),
-        exact_occluders: options.exact_occluders.unwrap_or(default.exact_occluders),
-        validation_samples: whole(options.check_points, default.validation_samples),
-        seed: options.seed.unwrap_or(default.seed),
-        planar_point_lights: options.planar_point_lights,
-        ..picked
-    }
+    schema::settings(options, wrong)
 }
 
 /// Which part of the light is wanted, and which groups of its sources by themselves.
 pub fn light_parts(options: &api::OutputOptions, wrong: &mut Violations) -> (LightPart, Vec<LightGroup>) {
-    let only = match api::Part::try_from(options.only) {
-        Ok(api::Part::Direct) => LightPart::Direct,
-        Ok(api::Part::Indirect) => LightPart::Indirect,
-        Ok(api::Part::All | api::Part::Unspecified) => LightPart::All,
-        Err(_) => {
-            wrong.demand(false, "output.only", "is no part that this service knows");
-            LightPart::All
-        }
-    };
+    let only = schema::settings(options, wrong).only;
     let group =
         |group: &api::LightGroup| LightGroup { name: group.name.clone(), lights: group.lights.clone() };
     let names: usize = options.groups.iter().map(|group| 1 + group.lights.len()).sum();
@@ -236,24 +160,10 @@ pub fn export_settings(
     default_unit: &str,
     wrong: &mut Violations,
 ) -> ExportSettings {
-    wrong.positive(options.exposure, "output.exposure");
-    wrong.short(&options.unit, "output.unit");
     let is_known = api::Format::try_from(options.format).is_ok();
-    wrong.demand(is_known, "output.format", "is none that this service knows");
-    let domain = match api::Domain::try_from(options.domain) {
-        Ok(api::Domain::Corner) => Domain::Corner,
-        Ok(api::Domain::Vertex | api::Domain::Unspecified) => Domain::Vertex,
-        Err(_) => {
-            wrong.demand(false, "output.domain", "is none that this service knows");
-            Domain::Vertex
-        }
-    };
-    ExportSettings {
-        exposure: options.exposure,
-        unit: if options.unit.is_empty() { default_unit.to_owned() } else { options.unit.clone() },
-        domain,
-        ..ExportSettings::default()
-    }
+    wrong.demand(is_known, "output.format", "must be GLB or PLY");
+    let OutputSettings { export, .. } = schema::settings(options, wrong);
+    if options.unit.is_empty() { ExportSettings { unit: default_unit.to_owned(), ..export } } else { export }
 }
 
 /// All that a job needs to know of what was asked for.
@@ -273,6 +183,7 @@ pub fn wanted(header: &api::SubmitSceneHeader, wrong: &mut Violations) -> Wanted
     let output = header.output.clone().unwrap_or_default();
     let (only, groups) = light_parts(&output, wrong);
     let bake = bake_settings(&header.bake.unwrap_or_default(), wrong);
+    schema::settings(header, wrong);
     Wanted {
         import: import_options(&scene, wrong),
         bake: BakeSettings { only, groups, ..bake },

@@ -1,0 +1,146 @@
+//! The places where values are kept: fields of messages, and settings.
+
+use glam::DVec3;
+use protocol::api;
+
+use bake::{LightPart, RowStrategy};
+use output::export::Domain;
+use scene::LightUnit;
+
+use super::kind::Value;
+
+/// A place for a value: a field of a message or of settings.
+pub trait Slot {
+    /// The value, if there is one.
+    fn get(&self) -> Option<Value>;
+
+    /// Sets the value. One of another kind changes nothing.
+    fn set(&mut self, value: Value);
+}
+
+/// Fields that are whole numbers.
+macro_rules! whole {
+    ($($type:ty),*) => {$(
+        impl Slot for $type {
+            fn get(&self) -> Option<Value> {
+                Some(Value::Whole(*self as i128))
+            }
+
+            fn set(&mut self, value: Value) {
+                if let Value::Whole(number) = value {
+                    *self = <$type>::try_from(number).unwrap_or(<$type>::MAX);
+                }
+            }
+        }
+    )*};
+}
+
+whole!(u32, u64, usize);
+
+impl<T: Slot + Default> Slot for Option<T> {
+    fn get(&self) -> Option<Value> {
+        self.as_ref().and_then(T::get)
+    }
+
+    fn set(&mut self, value: Value) {
+        self.get_or_insert_default().set(value);
+    }
+}
+
+/// The number of a choice, or a priority: 0 stands for nothing said.
+impl Slot for i32 {
+    fn get(&self) -> Option<Value> {
+        (*self != 0).then(|| Value::Whole((*self).into()))
+    }
+
+    fn set(&mut self, value: Value) {
+        if let Value::Whole(number) = value {
+            *self = Self::try_from(number).unwrap_or(Self::MAX);
+        }
+    }
+}
+
+impl Slot for f64 {
+    fn get(&self) -> Option<Value> {
+        Some(Value::Number(*self))
+    }
+
+    fn set(&mut self, value: Value) {
+        if let Value::Number(number) = value {
+            *self = number;
+        }
+    }
+}
+
+impl Slot for bool {
+    fn get(&self) -> Option<Value> {
+        Some(Value::Flag(*self))
+    }
+
+    fn set(&mut self, value: Value) {
+        if let Value::Flag(flag) = value {
+            *self = flag;
+        }
+    }
+}
+
+impl Slot for String {
+    fn get(&self) -> Option<Value> {
+        (!self.is_empty()).then(|| Value::Text(self.clone()))
+    }
+
+    fn set(&mut self, value: Value) {
+        if let Value::Text(text) = value {
+            *self = text;
+        }
+    }
+}
+
+impl Slot for DVec3 {
+    fn get(&self) -> Option<Value> {
+        Some(Value::Colour(*self))
+    }
+
+    fn set(&mut self, value: Value) {
+        if let Value::Colour(colour) = value {
+            *self = colour;
+        }
+    }
+}
+
+impl Slot for api::Colour {
+    fn get(&self) -> Option<Value> {
+        Some(Value::Colour(DVec3::new(self.r, self.g, self.b)))
+    }
+
+    fn set(&mut self, value: Value) {
+        if let Value::Colour(DVec3 { x: r, y: g, z: b }) = value {
+            *self = Self { r, g, b };
+        }
+    }
+}
+
+/// Settings with names, each the number of a message.
+macro_rules! choices {
+    ($($type:ty, $message:ty: $($variant:ident = $number:ident),*;)*) => {$(
+        impl Slot for $type {
+            fn get(&self) -> Option<Value> {
+                let number = match self { $(Self::$variant => <$message>::$number,)* };
+                Some(Value::Whole((number as i32).into()))
+            }
+
+            fn set(&mut self, value: Value) {
+                $(if value == Value::Whole((<$message>::$number as i32).into()) {
+                    *self = Self::$variant;
+                })*
+            }
+        }
+    )*};
+}
+
+choices! {
+    RowStrategy, api::RowsOf: Automatic = Unspecified, Exact = Shooters, Gather = Receivers;
+    LightUnit, api::LightUnit: Candela = Candela, Watt = Watt;
+    LightPart, api::Part: All = All, Direct = Direct, Indirect = Indirect;
+    Domain, api::Domain: Vertex = Vertex, Corner = Corner;
+}
