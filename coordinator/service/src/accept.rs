@@ -7,12 +7,12 @@ use std::sync::{Arc, MutexGuard, PoisonError};
 
 use protocol::api::SubmitSceneHeader;
 
-use crate::Office;
+use crate::Inner;
 use crate::job::{ClientName, JobId, Record};
 use crate::ledger::Ledger;
-use crate::progress::lock;
 use crate::refusal::Refusal;
 use crate::store::Upload;
+use crate::sync::lock;
 
 /// What a submission is, by what is known of others.
 enum Announced {
@@ -22,7 +22,7 @@ enum Announced {
     New(Box<Record>),
 }
 
-impl Office {
+impl Inner {
     /// Takes in a job, and its scene where that came with it. The same submission again gives the job that it gave before.
     pub(super) fn accept(self: &Arc<Self>, draft: Record, upload: Option<&Upload>) -> Result<JobId, Refusal> {
         let record = match self.announce(draft, upload.is_some())? {

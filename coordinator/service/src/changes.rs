@@ -8,14 +8,15 @@ use std::time::{Duration, Instant, SystemTime};
 
 use protocol::api::{Outcome, State};
 
-use crate::Office;
+use crate::Inner;
 use crate::job::{ClientName, JobId, Record};
 use crate::ledger::Entry;
-use crate::progress::{Live, lock};
+use crate::progress::Live;
 use crate::queue::{Action, Event};
 use crate::refusal::Refusal;
-use crate::run::{Ending, Means, run};
+use crate::run::{Ending, JobContext, run};
 use crate::store::{no_longer_kept, remove_file};
+use crate::sync::lock;
 
 /// How long a job waits in its place before it is tried again.
 const AGAIN: Duration = Duration::from_secs(10);
@@ -27,7 +28,7 @@ const LOOK: Duration = Duration::from_millis(50);
 const MOST_WORDS: usize = 2000;
 const MOST_WARNINGS: usize = 100;
 
-impl Office {
+impl Inner {
     /// Does what the queue says.
     pub(super) fn perform(self: &Arc<Self>, actions: Vec<Action>) {
         for action in actions {
@@ -52,12 +53,12 @@ impl Office {
             let actions = lock(&self.ledger).tell_queue(Event::Left(job));
             return self.perform(actions);
         };
-        let office = Arc::clone(self);
+        let inner = Arc::clone(self);
         let work = move || {
-            let means = Means { store: &office.store, workers: &office.workers, limits: &office.limits };
+            let context = JobContext { store: &inner.store, workers: &inner.workers, limits: &inner.limits };
             tracing::info!(job = %record.id, client = %record.client, "begins");
-            let ending = run(&means, &record, &live);
-            office.leave(&record, &live, ending);
+            let ending = run(&context, &record, &live);
+            inner.leave(&record, &live, ending);
         };
         if let Err(error) = thread::Builder::new().name("job".into()).spawn(work) {
             tracing::error!(%error, "cannot start a thread for a job");

@@ -11,10 +11,10 @@ use tokio_stream::{Stream, StreamExt};
 use bake::{NewLight, listed};
 
 use crate::job::{ClientName, JobId, Record, Relit, SceneDigest, Sequence, next_revision};
-use crate::progress::lock;
 use crate::refusal::Refusal;
 use crate::store::Upload;
-use crate::{Office, Service, blocking};
+use crate::sync::lock;
+use crate::{Inner, Service, blocking};
 use pipeline::options::{Violations, new_light, wanted};
 
 /// Least bytes that are written at once: chunks may have one byte each.
@@ -42,17 +42,17 @@ impl Service {
         S: Stream<Item = Result<Bytes, Refusal>> + Send,
     {
         // First of all: what it needed may be gone by now.
-        let known = self.office.known(&lock(&self.office.ledger), client, &header)?;
+        let known = self.inner.known(&lock(&self.inner.ledger), client, &header)?;
         if let Some(known) = known {
             return self.get(client, &known.to_string());
         }
-        let (draft, size) = self.office.draft(client, header)?;
-        let id = self.office.submit(draft, size, chunks).await?;
+        let (draft, size) = self.inner.draft(client, header)?;
+        let id = self.inner.submit(draft, size, chunks).await?;
         self.get(client, &id.to_string())
     }
 }
 
-impl Office {
+impl Inner {
     /// The job that would come of a submission, and the length of its scene.
     fn draft(&self, client: &ClientName, header: SubmitSceneHeader) -> Result<(Record, u64), Refusal> {
         let mut wrong = Violations::default();
@@ -170,13 +170,13 @@ impl Office {
             let receiving = self.receive(draft.scene, size, chunks);
             Some(timeout(self.limits.upload_time, receiving).await.unwrap_or(Err(took_too_long))?)
         };
-        let office = Arc::clone(self);
-        blocking(move || office.accept(draft, upload.as_ref())).await
+        let inner = Arc::clone(self);
+        blocking(move || inner.accept(draft, upload.as_ref())).await
     }
 
     async fn check_room(self: &Arc<Self>, size: u64) -> Result<(), Refusal> {
-        let office = Arc::clone(self);
-        let free = blocking(move || Ok(office.store.free()?)).await?;
+        let inner = Arc::clone(self);
+        let free = blocking(move || Ok(inner.store.free()?)).await?;
         if free < self.limits.free_bytes.saturating_add(size) {
             return Err(Refusal::exhausted(
                 "disk",
@@ -199,8 +199,8 @@ impl Office {
         if next.is_none() {
             return Err(Refusal::SceneMissing(scene));
         }
-        let office = Arc::clone(self);
-        let mut upload = blocking(move || Ok(office.store.begin_upload()?)).await?;
+        let inner = Arc::clone(self);
+        let mut upload = blocking(move || Ok(inner.store.begin_upload()?)).await?;
         let mut gathered = BytesMut::new();
         loop {
             let chunk = next.transpose()?;
@@ -251,19 +251,19 @@ impl Office {
             return Err(Refusal::exhausted(format!("client:{client}"), description));
         }
         *count += 1;
-        Ok(Counted { office: Arc::clone(self), client: client.clone() })
+        Ok(Counted { inner: Arc::clone(self), client: client.clone() })
     }
 }
 
 /// An upload that counts among those of its client.
 struct Counted {
-    office: Arc<Office>,
+    inner: Arc<Inner>,
     client: ClientName,
 }
 
 impl Drop for Counted {
     fn drop(&mut self) {
-        if let hash_map::Entry::Occupied(mut count) = lock(&self.office.uploads).entry(self.client.clone()) {
+        if let hash_map::Entry::Occupied(mut count) = lock(&self.inner.uploads).entry(self.client.clone()) {
             *count.get_mut() -= 1;
             if *count.get() == 0 {
                 count.remove();

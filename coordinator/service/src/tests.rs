@@ -84,7 +84,7 @@ async fn nothing_but_the_next_state_is_kept_for_a_watcher_that_does_not_read() {
     let (mut slow, mut quick) = (watch(), watch());
     let mut told = quick.next().await.unwrap().unwrap();
     for _ in 0..100 {
-        lock(&service.office.ledger).change(id.parse().unwrap(), |_| {});
+        lock(&service.inner.ledger).change(id.parse().unwrap(), |_| {});
         let next = quick.next().await.unwrap().unwrap();
         assert!(next.revision > told.revision, "the slow one holds up the other");
         told = next;
@@ -110,7 +110,7 @@ async fn what_is_kept_no_longer_goes_while_the_service_runs() {
     // The first goes by its age, the second because there is room for one lit file and a half.
     assert_eq!((count(&folder, "jobs"), count(&folder, "results")), (4, 1));
     service.cancel(&everybody(), &cancelled.id).await.unwrap();
-    lock(&service.office.ledger).change(JobId(3), |entry| {
+    lock(&service.inner.ledger).change(JobId(3), |entry| {
         entry.record.ended = Some(SystemTime::now() - 31 * DAY);
     });
     tokio::time::sleep(TIDY).await;

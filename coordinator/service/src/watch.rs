@@ -7,8 +7,8 @@ use tokio_stream::wrappers::ReceiverStream;
 
 use crate::Service;
 use crate::job::ClientName;
-use crate::progress::lock;
 use crate::refusal::Refusal;
+use crate::sync::lock;
 
 /// Between two states of a job, at least.
 const INTERVAL: Duration = Duration::from_millis(200);
@@ -24,10 +24,10 @@ impl Service {
         client: &ClientName,
         id: &str,
     ) -> Result<ReceiverStream<Result<Job, Refusal>>, Refusal> {
-        let (mut job_news, mut queue_news) = lock(&self.office.ledger).news(client, id)?;
+        let (mut job_news, mut queue_news) = lock(&self.inner.ledger).news(client, id)?;
         let (sender, receiver) = mpsc::channel(1);
         let (service, client, id) = (self.clone(), client.clone(), id.to_owned());
-        let watching = self.office.metrics.watching();
+        let watching = self.inner.metrics.watching();
         tokio::spawn(async move {
             let _watching = watching;
             let mut told: Option<Job> = None;
@@ -53,7 +53,7 @@ impl Service {
                     // Deleted: the next look says so.
                     _ = job_news.changed() => {}
                     Ok(()) = queue_news.changed(), if waits => {}
-                    () = service.office.ending.cancelled() => {
+                    () = service.inner.ending.cancelled() => {
                         if let Ok(place) = sender.reserve().await {
                             place.send(Err(Refusal::Ending));
                         }

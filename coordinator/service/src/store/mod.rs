@@ -29,10 +29,10 @@ mod upload;
 
 use std::collections::BTreeSet;
 use std::fs::{self, File, TryLockError};
-use std::io::{self, Write};
+use std::io;
 use std::path::{Path, PathBuf};
 
-use atomic_write_file::AtomicWriteFile;
+use output::files;
 use protocol::api::Format;
 
 pub use room::{Room, no_longer_kept};
@@ -153,7 +153,7 @@ impl Store {
             TryLockError::WouldBlock => StoreError::InUse { path: root.to_owned() },
             TryLockError::Error(error) => failed(&path)(error),
         })?;
-        write_whole(&layout, LAYOUT.as_bytes()).map_err(failed(&layout))?;
+        files::write(&layout, LAYOUT.as_bytes()).map_err(failed(&layout))?;
         for folder in FOLDERS {
             let folder = root.join(folder);
             fs::create_dir_all(&folder).map_err(failed(&folder))?;
@@ -167,7 +167,7 @@ impl Store {
         let failed = |path: &Path, error| StoreError::Io { path: path.to_owned(), error };
         let folder = self.root.join("jobs");
         let (mut records, mut damaged) = (vec![], vec![]);
-        for path in files(&folder).map_err(|error| failed(&folder, error))? {
+        for path in files_of(&folder).map_err(|error| failed(&folder, error))? {
             let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
             let Ok(id) = name.parse::<JobId>() else {
                 // A record on its way when the power failed: nobody was told of it.
@@ -191,7 +191,7 @@ impl Store {
 
     /// Removes files that no record names.
     fn sweep(&self, records: &[Record], all_known: bool) -> io::Result<()> {
-        files(&self.root.join("passing"))?.iter().try_for_each(fs::remove_file)?;
+        files_of(&self.root.join("passing"))?.iter().try_for_each(fs::remove_file)?;
         if !all_known {
             return Ok(());
         }
@@ -203,7 +203,7 @@ impl Store {
             named.insert(self.light(record.light()));
         }
         for folder in ["scenes", "results", "light", "checkpoints"] {
-            let files = files(&self.root.join(folder))?;
+            let files = files_of(&self.root.join(folder))?;
             files.iter().filter(|path| !named.contains(*path)).try_for_each(fs::remove_file)?;
         }
         Ok(())
@@ -214,7 +214,7 @@ impl Store {
     /// # Errors
     /// What the system says; the record is then as it was.
     pub fn write(&self, record: &Record) -> io::Result<()> {
-        write_whole(&self.record(record.id), &record::encode(record))
+        files::write(&self.record(record.id), &record::encode(record))
     }
 
     /// Forgets a job and its files; its scene and its light too, unless another job needs them.
@@ -269,17 +269,10 @@ impl Store {
     ///
     /// # Errors
     /// When the system has no random bits.
-    pub fn passing(&self, extension: &str) -> io::Result<PathBuf> {
+    pub fn temporary(&self, extension: &str) -> io::Result<PathBuf> {
         let name = JobId::random().map_err(io::Error::other)?;
         Ok(self.root.join("passing").join(format!("{name}.{extension}")))
     }
-}
-
-/// Writes a file that is whole or not there, and on the disk when this returns: the library flushes the file and its folder.
-fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let mut file = AtomicWriteFile::open(path)?;
-    file.write_all(bytes)?;
-    file.commit()
 }
 
 /// Makes sure that names which came to a folder or left it are on the disk.
@@ -296,6 +289,6 @@ pub(crate) fn remove_file(path: &Path) -> io::Result<()> {
 }
 
 /// The files of a folder.
-fn files(folder: &Path) -> io::Result<Vec<PathBuf>> {
+fn files_of(folder: &Path) -> io::Result<Vec<PathBuf>> {
     fs::read_dir(folder)?.map(|entry| entry.map(|entry| entry.path())).collect()
 }

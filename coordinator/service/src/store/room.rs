@@ -3,7 +3,7 @@ use std::io;
 use std::path::Path;
 use std::time::{Duration, SystemTime};
 
-use super::{Store, files};
+use super::{Store, files_of};
 use crate::job::{JobId, Record};
 
 /// How much room there is and is taken.
@@ -23,7 +23,7 @@ impl Store {
     pub fn room(&self) -> io::Result<Room> {
         let mut taken = 0;
         for folder in super::FOLDERS {
-            taken += files(&self.root.join(folder))?.iter().map(|path| size(path)).sum::<u64>();
+            taken += files_of(&self.root.join(folder))?.iter().map(|path| size(path)).sum::<u64>();
         }
         Ok(Room { taken, free: self.free()? })
     }

@@ -53,7 +53,7 @@ impl Store {
     /// # Errors
     /// What the system says.
     pub fn begin_upload(&self) -> io::Result<Upload> {
-        let path = self.passing("upload")?;
+        let path = self.temporary("upload")?;
         let file = File::create_new(&path)?;
         Ok(Upload { path, file, hasher: Sha256::new(), received: 0 })
     }

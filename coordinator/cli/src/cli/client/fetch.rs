@@ -2,14 +2,13 @@ use std::io::{self, Seek, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use atomic_write_file::AtomicWriteFile;
 use clap::Args;
+use output::files::{self, AtomicWriteFile};
 use protocol::api::fetch_result_response::Body;
 use protocol::api::{FetchResultRequest, FileHeader};
 use protocol::security::ClientSecurity;
 use sha2::{Digest, Sha256};
 
-use super::super::ensure_place;
 use super::{Connection, ServerArgument, Trouble, wait};
 
 #[derive(Args)]
@@ -37,7 +36,7 @@ pub enum Wish {
 
 /// Writes what came out of a job.
 pub fn run(arguments: &FetchArguments, security: &ClientSecurity) -> anyhow::Result<()> {
-    ensure_place(&arguments.output)?;
+    files::check(&arguments.output)?;
     let wish = if arguments.present { Wish::Present } else { Wish::Result };
     wait(async {
         let mut connection = Connection::open(&arguments.server, security).await?;
