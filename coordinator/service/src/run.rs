@@ -1,4 +1,4 @@
-//! One job, in a thread of its own: import, bake or light otherwise, export.
+//! One job, in a thread of its own, through the pipeline.
 
 use std::fs::File;
 use std::io;
@@ -26,32 +26,32 @@ use crate::refusal::is_full;
 use crate::settings::Limits;
 use crate::store::Store;
 
-/// How a job ended.
+/// How a run of a job ended.
 #[derive(Debug)]
 pub enum Ending {
-    /// The lit file is in its place.
+    /// The lit file is written.
     Done(Box<Outcome>),
-    /// It cannot be baked.
+    /// It cannot be baked or relit.
     Failed(String),
-    /// It was told to.
+    /// It was stopped.
     Stopped,
-    /// It can go on later: there are no workers, or there is no room on the disk.
+    /// It can resume later: there are no workers, or the disk is full.
     Later(String),
 }
 
-/// What jobs need.
+/// What every job needs.
 pub struct JobContext<'a> {
-    /// Where the files are.
+    /// The data folder.
     pub store: &'a Store,
-    /// Who computes.
+    /// The workers of all jobs.
     pub workers: &'a SharedCluster,
-    /// How much a job may have.
+    /// Limits of a job.
     pub limits: &'a Limits,
 }
 
-/// Runs one job to its end, whatever that is. Finished rows are kept on the disk, so that it goes on where it was.
+/// Runs one job, and resumes from its checkpoint if there is one.
 pub fn run(context: &JobContext<'_>, record: &Record, live: &Live) -> Ending {
-    // What a panic leaves half done is the job's alone.
+    // A panic can leave only this job's own state inconsistent.
     let outcome = catch_unwind(AssertUnwindSafe(|| attempt(context, record, live)));
     match outcome {
         Ok(Ok(outcome)) => Ending::Done(Box::new(outcome)),
@@ -165,7 +165,7 @@ fn of_run(error: RunError, output: &Path) -> Ending {
             of_disk("its checkpoint cannot be removed")(error)
         }
         RunError::KeptLight { error, .. } if error.kind() == io::ErrorKind::NotFound => {
-            failed("the light of the job is gone: submit its scene with the other light")
+            failed("the light of the job is gone: submit its scene with the new lights")
         }
         RunError::KeptLight { error, .. } => of_disk("the light of its scene cannot be used")(error),
         RunError::Export(ExportError::File(FileError::Write { error, .. })) => {

@@ -17,7 +17,7 @@ use crate::sync::lock;
 use crate::{Inner, Service, blocking};
 use pipeline::options::{Violations, new_light, wanted};
 
-/// Least bytes that are written at once: chunks may have one byte each.
+/// Least bytes written at once: chunks may be as short as a byte.
 const WRITE_BYTES: usize = 256 << 10;
 
 /// Most bytes of a header.
@@ -27,11 +27,11 @@ const HEADER_BYTES: usize = 256 << 10;
 const PRIORITIES: std::ops::RangeInclusive<i32> = -100..=100;
 
 impl Service {
-    /// Takes in a job: what to do, and then the bytes of the scene, unless the service has them. The job is on the disk when this
-    /// returns. Chunks are taken as they can be written, and no further than the file that was announced.
+    /// Accepts a job: its header, then the bytes of the scene unless the service has them. The job is on disk when this returns.
+    /// Chunks are pulled as fast as they can be written, up to the announced size.
     ///
     /// # Errors
-    /// When something of it is wrong, a limit is reached, or the scene's bytes are needed and do not come.
+    /// When the request is invalid, a limit is reached, or the scene's bytes are needed and do not arrive.
     pub async fn submit<S>(
         &self,
         client: &ClientName,
@@ -41,7 +41,7 @@ impl Service {
     where
         S: Stream<Item = Result<Bytes, Refusal>> + Send,
     {
-        // First of all: what it needed may be gone by now.
+        // A repeated submission first: what it refers to may be deleted by now.
         let known = self.inner.known(&lock(&self.inner.ledger), client, &header)?;
         if let Some(known) = known {
             return self.get(client, &known.to_string());
@@ -53,7 +53,7 @@ impl Service {
 }
 
 impl Inner {
-    /// The job that would come of a submission, and the length of its scene.
+    /// Checks a submission; returns its record and the size of its scene.
     fn draft(&self, client: &ClientName, header: SubmitSceneHeader) -> Result<(Record, u64), Refusal> {
         let mut wrong = Violations::default();
         let is_small = prost::Message::encoded_len(&header) <= HEADER_BYTES;
@@ -82,7 +82,7 @@ impl Inner {
             }
             Some(Source::Relight(relight)) => {
                 let light = new_light(relight, &mut wrong);
-                // What is wrong by itself is not looked up.
+                // Look up the job only for a valid request.
                 wrong = wrong.check().map(|()| Violations::default())?;
                 let light = NewLight { groups, ..light };
                 let (scene, relit) = self.relit(client, &relight.job_id, &light, &mut wrong)?;
@@ -120,7 +120,7 @@ impl Inner {
         Ok((record, size))
     }
 
-    /// What a relight takes over from the job whose light it changes.
+    /// Returns what a relight needs of the baked job.
     fn relit(
         &self,
         client: &ClientName,
@@ -186,7 +186,7 @@ impl Inner {
         Ok(())
     }
 
-    /// Takes a scene's bytes.
+    /// Receives a scene's bytes.
     async fn receive<S>(self: &Arc<Self>, scene: SceneDigest, size: u64, chunks: S) -> Result<Upload, Refusal>
     where
         S: Stream<Item = Result<Bytes, Refusal>> + Send,
@@ -194,7 +194,7 @@ impl Inner {
         tokio::pin!(chunks);
         let silence = || Instant::now() + self.limits.upload_silence;
         let fell_silent = |_| Refusal::Broken("nothing came for longer than this service allows".into());
-        // Whether anything comes at all is known before a file is made for it.
+        // Creates no file before the first chunk.
         let mut next = timeout_at(silence(), chunks.next()).await.map_err(fell_silent)?;
         if next.is_none() {
             return Err(Refusal::SceneMissing(scene));
@@ -240,7 +240,7 @@ impl Inner {
         Ok(upload)
     }
 
-    /// A place for an upload of this client, for as long as it is held.
+    /// Counts an upload of this client while the result is held.
     fn count_upload(self: &Arc<Self>, client: &ClientName) -> Result<Counted, Refusal> {
         let mut uploads = lock(&self.uploads);
         let count = uploads.entry(client.clone()).or_default();
@@ -255,7 +255,7 @@ impl Inner {
     }
 }
 
-/// An upload that counts among those of its client.
+/// An upload in progress, counted until it is dropped.
 struct Counted {
     inner: Arc<Inner>,
     client: ClientName,

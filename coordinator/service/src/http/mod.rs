@@ -2,11 +2,10 @@
 //!
 //! | module | what lives there |
 //! |---|---|
-//! | `page` | the page's files, as they are in the program, and how they are answered |
+//! | `page` | the page's files, embedded in the program |
 //! | `policy` | what browsers may do with the page |
 //!
-//! The page speaks gRPC-web, so there is no second API for it: also an upload is a call of `SubmitScene`, all of whose messages are the
-//! body of one request.
+//! The page uses gRPC-web, so there is no second API; an upload is a call of `SubmitScene` with all messages in one request body.
 
 mod page;
 mod policy;
@@ -15,7 +14,7 @@ use axum::Router;
 use axum::http::StatusCode;
 use axum::middleware::map_response;
 
-/// The routes of HTTP: the page. What is none of its files is not found.
+/// Returns the HTTP routes: the files of the page, and 404 for all others.
 pub fn routes() -> Router {
     page::routes().fallback(async || StatusCode::NOT_FOUND).layer(map_response(policy::guard))
 }

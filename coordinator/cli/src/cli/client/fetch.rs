@@ -15,49 +15,49 @@ use super::{Connection, ServerArgument, Trouble, wait};
 pub struct FetchArguments {
     /// The job, as `submit` named it.
     job: String,
-    /// Where its lit scene is written.
+    /// Lit scene to write.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
-    /// Fetch the present state of a job that runs, as GLB.
-    #[arg(long)]
-    present: bool,
+    /// Fetch a preview of a running job, as GLB.
+    #[arg(long, alias = "present")]
+    preview: bool,
     #[command(flatten)]
     server: ServerArgument,
 }
 
-/// Which file is wanted.
+/// Which file of a job to fetch.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub enum Wish {
-    /// The lit file of a job that is done.
+pub enum FileRequest {
+    /// The lit file of a finished job.
     Result,
-    /// What a job that runs knows by now; of one that is done, the lit file.
-    Present,
+    /// A preview of a running job; the lit file of a finished one.
+    Preview,
 }
 
-/// Writes what came out of a job.
+/// Fetches a file of a job.
 pub fn run(arguments: &FetchArguments, security: &ClientSecurity) -> anyhow::Result<()> {
     files::check(&arguments.output)?;
-    let wish = if arguments.present { Wish::Present } else { Wish::Result };
+    let file = if arguments.preview { FileRequest::Preview } else { FileRequest::Result };
     wait(async {
         let mut connection = Connection::open(&arguments.server, security).await?;
-        fetch(&mut connection, wish, &arguments.job, &arguments.output).await
+        fetch(&mut connection, file, &arguments.job, &arguments.output).await
     })
 }
 
-/// Writes a file of a job, whole or not at all. Where the connection breaks, it goes on where it was.
+/// Writes a file of a job whole or not at all; resumes after a broken connection.
 pub(super) async fn fetch(
     connection: &mut Connection<'_>,
-    wish: Wish,
+    request: FileRequest,
     id: &str,
     output: &Path,
 ) -> anyhow::Result<()> {
     let cannot = || format!("{} cannot be written", output.display());
     let file = AtomicWriteFile::open(output).with_context(cannot)?;
     let mut coming = Coming { file, received: 0, hasher: Sha256::new(), header: None };
-    while let Err(trouble) = receive(connection, wish, id, &mut coming).await {
+    while let Err(trouble) = receive(connection, request, id, &mut coming).await {
         connection.renew(trouble).await?;
-        if wish == Wish::Present {
-            // The next present state is another file.
+        if request == FileRequest::Preview {
+            // The next preview is another file.
             coming.restart().with_context(cannot)?;
         }
     }
@@ -69,7 +69,7 @@ pub(super) async fn fetch(
     coming.file.commit().with_context(cannot)
 }
 
-/// A file of which a part is there.
+/// A file that has arrived in part.
 struct Coming {
     file: AtomicWriteFile,
     received: u64,
@@ -92,14 +92,14 @@ impl Coming {
     }
 }
 
-/// Takes what is left of a file, for as long as the service is there.
+/// Receives the rest of a file, while the connection lasts.
 async fn receive(
     connection: &mut Connection<'_>,
-    wish: Wish,
+    request: FileRequest,
     id: &str,
     coming: &mut Coming,
 ) -> Result<(), Trouble> {
-    let present = wish == Wish::Present;
+    let present = request == FileRequest::Preview;
     let request = FetchResultRequest { id: id.to_owned(), present, offset: coming.received };
     let mut messages = connection.client.fetch_result(request).await?.into_inner();
     while let Some(message) = messages.message().await? {

@@ -33,7 +33,7 @@ pub enum ClientCommand {
     Submit(Box<submit::SubmitArguments>),
     /// Show how far a job of a service is, until it has ended.
     Watch(watch::WatchArguments),
-    /// Fetch the lit scene of a job, or the present state of one that runs.
+    /// Fetch the lit scene of a finished job, or a preview of a running one.
     Fetch(fetch::FetchArguments),
     /// List the jobs of a service, newest first.
     Jobs(jobs::JobsArguments),

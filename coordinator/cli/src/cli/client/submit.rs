@@ -22,7 +22,7 @@ use super::super::knobs::Knobs;
 use super::super::output_options::OutputOptions;
 use super::super::relight::change;
 use super::super::scene_options::SceneOptions;
-use super::fetch::{Wish, fetch};
+use super::fetch::{FileRequest, fetch};
 use super::watch::follow;
 use super::{Client, Connection, ServerArgument, refused, wait};
 
@@ -88,7 +88,7 @@ pub fn run(arguments: &SubmitArguments, security: &ClientSecurity) -> anyhow::Re
             follow(&mut connection, &job.id).await?;
         }
         match &arguments.output {
-            Some(output) => fetch(&mut connection, Wish::Result, &job.id, output).await,
+            Some(output) => fetch(&mut connection, FileRequest::Result, &job.id, output).await,
             None => Ok(()),
         }
     })
