@@ -1,13 +1,13 @@
-// Where scenes are handed over.
+// Uploads of scenes.
 
 import { html, nothing, type TemplateResult } from 'lit-html';
 import { repeat } from 'lit-html/directives/repeat.js';
 import type { MessageInitShape } from '@bufbuild/protobuf';
 import { LightUnit, type SubmitSceneHeaderSchema } from '../messages/radiosity/v1/radiosity_pb';
 
-/** A file on its way to the service. */
+/** A file that is being uploaded. */
 export interface Upload {
-  /** Chosen by the page. */
+  /** Idempotency key of the submission. */
   key: string;
   name: string;
   step: 'reading' | 'sending' | 'failed';
@@ -16,34 +16,34 @@ export interface Upload {
   stop: AbortController;
 }
 
-/** What can be done about files. */
+/** Actions on files. */
 export interface UploadActions {
   bake(files: Iterable<File>): void;
-  look(file: File): void;
+  view(file: File): void;
   dismiss(upload: Upload): void;
 }
 
-const STEPS = { reading: 'reading', sending: 'sending', failed: 'failed' };
+const STEPS = { reading: 'reading', sending: 'uploading', failed: 'failed' };
 
-/** A place for files, and those that are on their way. */
+/** The drop zone, the options of a bake, and uploads in progress. */
 export function uploadView(uploads: Upload[], isOver: boolean, actions: UploadActions): TemplateResult {
   return html`
     <section class="upload" aria-labelledby="upload">
       <h2 id="upload">Bake a scene</h2>
       <div class="drop" ?data-over=${isOver}>
-        <p>Drop a <code>.glb</code> here, or a <code>.gltf</code> with its data inside.</p>
+        <p>Drop a <code>.glb</code> or a self-contained <code>.gltf</code> here.</p>
         ${picker('Choose a file', 'bake', true, (files) => actions.bake(files))}
       </div>
       <details class="options">
-        <summary>How exactly</summary>
+        <summary>Quality</summary>
         <form id="options" @submit=${(event: Event) => event.preventDefault()}>
-          <label>Error to reach, %
-            <input name="error" type="number" min="0.01" max="50" step="any" placeholder="as by default" /></label>
-          <label>Vertices at most
-            <input name="vertices" type="number" min="1" step="1" placeholder="as by default" /></label>
-          <label>Numbers of lights are
+          <label>Target error, %
+            <input name="error" type="number" min="0.01" max="50" step="any" placeholder="default" /></label>
+          <label>Maximum vertices
+            <input name="vertices" type="number" min="1" step="1" placeholder="default" /></label>
+          <label>Light units
             <select name="lights">
-              <option value=${LightUnit.UNSPECIFIED}>in whatever unit</option>
+              <option value=${LightUnit.UNSPECIFIED}>not specified</option>
               <option value=${LightUnit.CANDELA}>candela and lux</option>
               <option value=${LightUnit.WATT}>watts and W/m²</option>
             </select></label>
@@ -51,7 +51,7 @@ export function uploadView(uploads: Upload[], isOver: boolean, actions: UploadAc
             <input name="priority" type="number" min="-100" max="100" step="1" value="0" /></label>
         </form>
       </details>
-      ${picker('Look at a lit file', 'look', false, ([file]) => file && actions.look(file))}
+      ${picker('View a lit file', 'view', false, ([file]) => file && actions.view(file))}
       ${uploads.length
         ? html`<ul class="uploads">${repeat(uploads, ({ key }) => key, (upload) => uploadItem(upload, actions))}</ul>`
         : nothing}
@@ -65,7 +65,7 @@ function uploadItem(upload: Upload, actions: UploadActions): TemplateResult {
     <div class="line"><span>${upload.name}</span> <span class="state">${STEPS[upload.step]}</span></div>
     ${failed
       ? html`<p class="failure" role="alert">${upload.failure}</p>`
-      : html`<progress aria-label="${upload.name} on its way" max="1" value=${upload.part}></progress>`}
+      : html`<progress aria-label="Uploading ${upload.name}" max="1" value=${upload.part}></progress>`}
     <div class="actions"><button type="button" @click=${() => actions.dismiss(upload)}>${failed ? 'Dismiss' : 'Cancel'}</button></div>
   </li>`;
 }
@@ -83,7 +83,7 @@ function picker(label: string, name: string, multiple: boolean, chosen: (files: 
   </label>`;
 }
 
-/** What the form asks for. */
+/** The request that the form describes. */
 export function wanted(): MessageInitShape<typeof SubmitSceneHeaderSchema> {
   const values = new FormData(document.querySelector<HTMLFormElement>('#options')!);
   const number = (name: string): number | undefined => {
