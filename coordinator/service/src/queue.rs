@@ -181,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn jobs_begin_when_there_is_a_place() {
+    fn jobs_start_when_there_is_a_slot() {
         let mut queue = queue(2, 2);
         assert_eq!(queue.handle(submitted(1, "a", 0)), [Action::Start(JobId(1))]);
         assert_eq!(queue.handle(submitted(2, "a", 0)), [Action::Start(JobId(2))]);
@@ -206,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn whoever_has_a_job_running_waits_for_those_who_have_none() {
+    fn a_client_with_a_running_job_waits_for_those_without() {
         let mut queue = queue(1, 9);
         for event in [submitted(1, "a", 0), submitted(2, "a", 0), submitted(3, "b", 0)] {
             queue.handle(event);
@@ -215,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn a_client_has_no_more_places_than_its_own() {
+    fn a_client_has_at_most_its_own_slots() {
         let mut queue = queue(3, 1);
         assert_eq!(queue.handle(submitted(1, "a", 0)), [Action::Start(JobId(1))]);
         assert_eq!(queue.handle(submitted(2, "a", 9)), []);
@@ -224,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn a_job_that_is_withdrawn_keeps_its_place_until_it_has_left() {
+    fn a_withdrawn_job_keeps_its_slot_until_it_has_stopped() {
         let mut queue = queue(1, 1);
         queue.handle(submitted(1, "a", 0));
         queue.handle(submitted(2, "a", 0));
@@ -236,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn a_job_that_is_put_back_has_its_old_turn() {
+    fn a_job_that_is_put_back_keeps_its_turn() {
         let mut queue = queue(1, 1);
         queue.handle(submitted(1, "a", 0));
         queue.handle(submitted(2, "a", 0));
@@ -244,7 +244,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_begins_after_the_end() {
+    fn no_job_starts_after_the_end() {
         let mut queue = queue(1, 1);
         queue.handle(submitted(1, "a", 0));
         queue.handle(submitted(2, "a", 0));

@@ -137,7 +137,6 @@ fn attempt(context: &JobContext<'_>, record: &Record, live: &Live) -> Result<Out
         lights: lights.into_iter().flatten().filter(|name| can_be_named(name)).take(MOST_NAMES).collect(),
         size,
         sha256: sha256.to_vec().into(),
-        ..Outcome::default()
     })
 }
 
