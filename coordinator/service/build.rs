@@ -1,14 +1,14 @@
 //! Builds the page of the service (`coordinator/web`) with npm, in a copy under `OUT_DIR`, for the program to embed.
 //!
-//! Node is not asked of anyone who builds the program: without it, or without a registry to install from, the program has a plain page
-//! instead, and a warning says how to get the other. `HALFLIGHT_PAGE` decides otherwise:
+//! Node is optional: without it, or without a registry to install from, the program embeds a plain page, and a warning says how to
+//! get the full one. `HALFLIGHT_PAGE` overrides this:
 //!
-//! | `HALFLIGHT_PAGE` | what happens |
+//! | `HALFLIGHT_PAGE` | result |
 //! |---|---|
-//! | not set | the page where it can be built, the plain one otherwise |
-//! | `off` | the plain page, at once |
-//! | `required` | the page, or the build fails |
-//! | a folder | the page that has been built there (`npm ci && npm run build` in `web/` makes `web/dist`) |
+//! | not set | the full page if it can be built, else the plain one |
+//! | `off` | the plain page |
+//! | `required` | the full page, or the build fails |
+//! | a folder | the page built there (`npm ci && npm run build` in `web/` makes `web/dist`) |
 
 use std::error::Error;
 use std::path::{Path, PathBuf};
@@ -18,14 +18,14 @@ use std::{env, fs, io};
 /// Folder of the page.
 const WEB: &str = "../web";
 
-/// Files of the page. Not the whole folder: it has installed packages in it where somebody works on the page.
+/// Sources of the page; not the whole folder, which may contain installed packages.
 const SOURCES: [&str; 6] =
     ["index.html", "package.json", "package-lock.json", "vite.config.ts", "public", "src"];
 
-/// What the program has instead of the page.
+/// The plain page.
 const PLAIN: &str = "src/http/plain.html";
 
-/// A registry that does not answer is given up soon: the plain page is no misfortune.
+/// Gives up soon on a registry that does not answer: the plain page will do.
 const INSTALL: [&str; 8] = [
     "ci",
     "--omit=dev",
@@ -74,7 +74,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 fn build(copy_of_web: &Path, page: &Path) -> Result<(), Box<dyn Error>> {
     check_node()?;
     fs::create_dir_all(copy_of_web)?;
-    // Installing takes longest, and is seldom necessary.
+    // Installs only when the lock file has changed: it takes longest.
     let lock = "package-lock.json";
     let installed = copy_of_web.join("node_modules").join(".installed");
     let wanted = fs::read(Path::new(WEB).join(lock))?;
@@ -104,7 +104,7 @@ fn plain(page: &Path) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// What the page is built with wants Node 20 from 20.19 on, or 22.12 and later.
+/// Checks the version that Vite requires: Node 20.19 or later of 20, or 22.12 or later.
 fn check_node() -> Result<(), Box<dyn Error>> {
     let output =
         Command::new("node").arg("--version").output().map_err(|error| format!("no Node: {error}"))?;
@@ -117,7 +117,7 @@ fn check_node() -> Result<(), Box<dyn Error>> {
     }
 }
 
-/// Runs npm; its last words are the error where it fails.
+/// Runs npm; the error has its first error line.
 fn npm(folder: &Path, arguments: &[&str]) -> Result<(), Box<dyn Error>> {
     let program = if cfg!(windows) { "npm.cmd" } else { "npm" };
     let output = Command::new(program)
@@ -130,11 +130,11 @@ fn npm(folder: &Path, arguments: &[&str]) -> Result<(), Box<dyn Error>> {
     }
     let said =
         String::from_utf8_lossy(&output.stderr).into_owned() + &String::from_utf8_lossy(&output.stdout);
-    let line = said.lines().find(|line| line.to_lowercase().contains("error")).unwrap_or("it says nothing");
+    let line = said.lines().find(|line| line.to_lowercase().contains("error")).unwrap_or("no message");
     Err(format!("npm {} fails: {}", arguments[..arguments.len().min(2)].join(" "), line.trim()).into())
 }
 
-/// Removes a folder, if it is there.
+/// Removes a folder, if it exists.
 fn clear(folder: &Path) -> io::Result<()> {
     match fs::remove_dir_all(folder) {
         Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
@@ -142,7 +142,7 @@ fn clear(folder: &Path) -> io::Result<()> {
     }
 }
 
-/// Copies a file, or a folder with all that is in it.
+/// Copies a file or a folder, recursively.
 fn copy(from: &Path, to: &Path) -> io::Result<()> {
     if !from.is_dir() {
         return fs::copy(from, to).map(drop);

@@ -49,12 +49,12 @@ test('a dropped scene is baked, and its light is shown', async () => {
   const picture = await middle(page);
   assert.ok(brightness(picture) > 40, `${brightness(picture)}`);
   assert.ok(difference(picture, empty) > 0.5);
-  assert.match(await page.locator('.job .figures').first().textContent(), /MB|kB/);
+  assert.match(await page.locator('.job .metrics').first().textContent(), /MB|kB/);
   assert.deepEqual(faults, []);
   await close();
 });
 
-test('a scene that the service has is not sent again', async () => {
+test('a scene that the service has is not uploaded again', async () => {
   const { page, faults, close } = await openPage(browser, service.origin);
   const lengths = [];
   page.on('request', (request) => {
@@ -128,21 +128,21 @@ test('a job is seen at work, and can be cancelled and deleted', async () => {
   const running = item(page, LONG.file, 'running');
   await running.waitFor();
   await running.locator('progress[value]').waitFor();
-  // Its light is there before it is done.
-  await page.waitForSelector('.scene[data-file=present]');
+  // Previews appear before it is done.
+  await page.waitForSelector('.scene[data-file=preview]');
   const lit = await middle(page);
   assert.ok(difference(lit, empty) > 0.3);
   await page.getByLabel('Unshot').check();
   assert.ok(difference(await middle(page), lit) > 0.3);
-  // The next state comes, and the camera stays where it is.
+  // The next preview appears, and the camera stays.
   const place = async () => {
     await page.locator('canvas').press('p');
     return page.locator('.reading dd').last().textContent();
   };
   await page.locator('canvas').press('ArrowLeft');
   const before = await place();
-  const last = Number(await page.getAttribute('.scene', 'data-present'));
-  await page.waitForFunction((last) => Number(document.querySelector('.scene').dataset.present) > last, last);
+  const last = Number(await page.getAttribute('.scene', 'data-preview'));
+  await page.waitForFunction((last) => Number(document.querySelector('.scene').dataset.preview) > last, last);
   assert.equal(await place(), before);
   assert.equal(await running.count(), 1);
   await running.getByRole('button', { name: `Cancel ${LONG.file}` }).click();
@@ -155,7 +155,7 @@ test('a job is seen at work, and can be cancelled and deleted', async () => {
   await close();
 });
 
-test('what is no scene is told by name', async () => {
+test('a file that is not a scene is refused with a reason', async () => {
   const { page, faults, close } = await openPage(browser, service.origin);
   await page.setInputFiles('input[name=bake]', { name: 'poem.glb', mimeType: 'model/gltf-binary', buffer: Buffer.from('no scene') });
   const failure = page.locator('.job[data-state=failed] .failure, .uploads .failure').first();
@@ -213,7 +213,7 @@ test('everything can be done by keyboard', async () => {
   await close();
 });
 
-test('a phone has room for all of it, and fingers move the camera', async () => {
+test('the page fits a phone, and fingers move the camera', async () => {
   const { page, faults, close } = await openPage(browser, service.origin, PHONE);
   assert.equal(await overflow(page), 0);
   await page.setInputFiles('input[name=bake]', scene('cornell'));
@@ -242,7 +242,7 @@ test('a phone has room for all of it, and fingers move the camera', async () => 
   await close();
 });
 
-test('nothing is in the way of those who use it otherwise', async () => {
+test('the page has no accessibility barriers', async () => {
   for (const settings of [{ colorScheme: 'light' }, { colorScheme: 'dark' }, { ...PHONE, colorScheme: 'dark' }]) {
     const { page, faults, close } = await openPage(browser, service.origin, settings);
     await page.locator('.jobs').waitFor();

@@ -1,7 +1,18 @@
-//! The one run from a scene file to a lit file, and the options that it takes.
+//! The run from a scene file to a lit file, and the options that it takes.
 //!
-//! In: a scene file and [`options`]. Out: a lit file, and a report of figures. The command line, the service and relighting all go
-//! this way. It must not know clients, jobs or terminals. Begin reading at [`options`], then [`summary`].
+//! In: a scene (file or bytes), settings, workers and an observer. Out: the lit file, kept light and report on disk, and a
+//! [`Summary`](summary::Summary). The command line and the service both go this way; they supply paths, observers and limits. It
+//! must not know clients, jobs or terminals. Begin reading at [`run()`](run::run), then [`relight`].
+//!
+//! | module | what lives there |
+//! |---|---|
+//! | [`run`] | a bake, from file to file |
+//! | [`relight`] | a relight, from file to file |
+//! | [`options`] | options of the API, checked and turned into settings |
+//! | [`summary`] | metrics of a run, and the extras of a lit file |
 
+mod memory;
 pub mod options;
+pub mod relight;
+pub mod run;
 pub mod summary;

@@ -1,4 +1,4 @@
-//! What comes out of a bake beside the lit mesh: figures for programs, and what the lit file says of itself.
+//! Metrics of a run for programs, and the extras of a lit file.
 
 use glam::DVec3;
 use serde_json::{Value, json};
@@ -10,43 +10,44 @@ use output::export::Exported;
 use scene::ImportReport;
 use scene::Scene;
 
-/// All figures of a bake.
-pub struct Summary<'a> {
-    /// Wall time from the file to the lit file.
+/// The metrics of a bake.
+#[derive(Debug)]
+pub struct Summary {
+    /// Wall time from the scene file to the lit file.
     pub seconds: f64,
     /// Unit of the irradiance.
-    pub unit: &'a str,
-    /// What of the file counts, and what is passed over.
-    pub account: &'a ImportReport,
-    /// Triangles dropped on import.
+    pub unit: String,
+    /// What of the scene file is modelled, and what is ignored.
+    pub account: ImportReport,
+    /// Triangles without area, dropped on import.
     pub degenerate_triangles: usize,
-    /// Largest memory of this process so far; none where the system does not say, or the process does other things too.
+    /// Largest memory of this process so far; `None` where the system does not say, or other runs share the process.
     pub peak_memory_bytes: Option<u64>,
-    /// Of the bake.
-    pub bake: &'a BakeReport,
-    /// Of the output.
-    pub exported: &'a Exported,
-    /// Of each worker, and of the cluster as a whole.
-    pub workers: Computed<'a>,
-    /// Of the checkpoint, where there was one.
-    pub checkpoint: Option<&'a CheckpointSummary>,
+    /// The bake.
+    pub bake: BakeReport,
+    /// The lit file.
+    pub exported: Exported,
+    /// The workers.
+    pub workers: WorkerMetrics,
+    /// The checkpoint, if there was one.
+    pub checkpoint: Option<CheckpointSummary>,
 }
 
-/// Who computed the rows.
-pub enum Computed<'a> {
-    /// Workers that had nothing else to do.
-    Alone(&'a [WorkerSummary], ClusterCounts),
-    /// Workers that others had as well: what they did for this bake. How long they were connected, and what was sent to them, is
-    /// nobody's alone.
-    Shared(&'a [WorkerPart]),
+/// What the workers of a run did.
+#[derive(Debug)]
+pub enum WorkerMetrics {
+    /// Each worker, and the cluster as a whole, which this run had for itself.
+    Exclusive(Vec<WorkerSummary>, ClusterCounts),
+    /// The part of each worker in this run, where other runs had the same workers.
+    Shared(Vec<WorkerPart>),
 }
 
-impl Computed<'_> {
-    /// The figures of each worker, and of the cluster as a whole.
+impl WorkerMetrics {
+    /// Each worker, and the cluster as a whole.
     fn to_json(&self) -> (Vec<Value>, Option<Value>) {
         match self {
             Self::Shared(parts) => (parts.iter().map(part).collect(), None),
-            Self::Alone(workers, counts) => {
+            Self::Exclusive(workers, counts) => {
                 let counts = json!({
                     "duplicates": counts.duplicates, "ignored_answers": counts.ignored_answers,
                     "lost_workers": counts.lost_workers,
@@ -65,21 +66,21 @@ fn part(worker: &WorkerPart) -> Value {
 }
 
 fn whole(worker: &WorkerSummary) -> Value {
-    let mut figures = part(&worker.part);
-    figures["late"] = json!(worker.late);
-    figures["busy_share"] = json!(busy_share(worker));
-    figures["connected_seconds"] = json!(worker.connected.as_secs_f64());
-    figures["connections"] = json!(worker.connections);
-    figures["bytes_sent"] = json!(worker.bytes_sent);
-    figures["lost"] = json!(worker.lost);
-    figures
+    let mut metrics = part(&worker.part);
+    metrics["late"] = json!(worker.late);
+    metrics["busy_share"] = json!(busy_share(worker));
+    metrics["connected_seconds"] = json!(worker.connected.as_secs_f64());
+    metrics["connections"] = json!(worker.connections);
+    metrics["bytes_sent"] = json!(worker.bytes_sent);
+    metrics["lost"] = json!(worker.lost);
+    metrics
 }
 
-impl Summary<'_> {
-    /// All figures as JSON.
+impl Summary {
+    /// Encodes all metrics as JSON.
     ///
     /// # Errors
-    /// When a figure cannot be written.
+    /// When a number cannot be expressed in JSON.
     pub fn to_json(&self, settings: &BakeSettings) -> serde_json::Result<String> {
         let (workers, cluster) = self.workers.to_json();
         serde_json::to_string_pretty(&json!({
@@ -94,7 +95,7 @@ impl Summary<'_> {
             "bake": self.bake,
             "settings": settings,
             "workers": workers,
-            "checkpoint": self.checkpoint.map(|checkpoint| json!({
+            "checkpoint": self.checkpoint.as_ref().map(|checkpoint| json!({
                 "rows_read": checkpoint.rows_read, "rows_written": checkpoint.rows_written,
                 "rows_dropped": checkpoint.rows_dropped, "bytes": checkpoint.bytes, "stopped": checkpoint.stopped,
             })),
@@ -103,37 +104,32 @@ impl Summary<'_> {
     }
 }
 
-/// Part of the time of its threads that a worker computed.
+/// Returns the fraction of its thread time that a worker was computing.
 #[must_use]
 pub fn busy_share(worker: &WorkerSummary) -> f64 {
     let time = worker.connected.as_secs_f64() * worker.part.threads as f64;
     if time > 0.0 { worker.part.busy.as_secs_f64() / time } else { 0.0 }
 }
 
-/// What a lit file says of the bake that it came from.
-#[must_use]
-pub fn extras(scene: &Scene, settings: &BakeSettings, report: &BakeReport) -> Value {
+/// The extras of a baked file.
+pub(crate) fn extras(scene: &Scene, settings: &BakeSettings, report: &BakeReport) -> Value {
     with_sky(json!({ "energy_balance": report.balance, "settings": settings }), scene)
 }
 
-/// The same of a file that was lit otherwise.
-#[must_use]
-pub fn relit_extras(relit: &Relit) -> Value {
+/// The extras of a relit file.
+pub(crate) fn relit_extras(relit: &Relit) -> Value {
     with_sky(json!({ "relit": relit.report }), &relit.scene)
 }
 
-/// All figures of a relight as JSON; `seconds` are those from the file to the lit file.
-///
-/// # Errors
-/// When a figure cannot be written.
-pub fn relit_json(relit: &Relit, exported: &Exported, seconds: f64) -> serde_json::Result<String> {
-    let figures = json!({ "seconds": seconds, "relight": relit.report, "exposure": exported.exposure });
-    serde_json::to_string_pretty(&figures)
+/// Encodes all metrics of a relight as JSON; `seconds` is the wall time from the files to the lit file.
+pub(crate) fn relit_json(relit: &Relit, exported: &Exported, seconds: f64) -> serde_json::Result<String> {
+    let metrics = json!({ "seconds": seconds, "relight": relit.report, "exposure": exported.exposure });
+    serde_json::to_string_pretty(&metrics)
 }
 
 fn with_sky(mut extras: Value, scene: &Scene) -> Value {
     if scene.sky != DVec3::ZERO {
-        // What a picture shows where there is no surface.
+        // `render` shows it where there is no surface.
         extras["sky"] = json!(scene.sky.to_array());
     }
     extras

@@ -1,4 +1,4 @@
-//! Whoever watches a bake sees it as it is, may end it, and changes nothing.
+//! Observers see a bake while it runs, can cancel it, and change nothing.
 
 use std::time::Duration;
 
@@ -54,7 +54,7 @@ impl Observer for Curious {
 }
 
 #[test]
-fn whoever_always_asks_changes_no_bit() {
+fn an_observer_changes_no_bit() {
     let scene = cornell();
     for rows in [RowStrategy::Exact, RowStrategy::Gather] {
         let (alone, watched) = (cluster(), cluster());
@@ -101,7 +101,7 @@ fn check_states(seen: &[(Phase, LitMesh)]) {
 }
 
 #[test]
-fn a_present_state_can_be_written_with_what_is_unshot() {
+fn a_preview_can_be_exported_with_unshot_light() {
     let scene = cornell();
     let mut curious = Curious::default();
     bake(&scene, &settings(RowStrategy::Exact), &mut cluster().handle(0), &mut curious).unwrap();

@@ -1,29 +1,28 @@
-//! How a job is taken in. Its record is written while nobody else has to wait: a disk that confirms many files at once takes little
-//! longer than for one, and 50 submissions one after the other would take 50 times as long. Until it is written the job is seen
-//! by nobody, and counts wherever it must: among its client's jobs, among those of its scene, and for its key.
+//! Admission of jobs. Records are written in parallel, outside the lock: a disk syncs many files in little more time than one. A
+//! record that is being written is invisible, but counts for the limits of its client, for its scene and for its idempotency key.
 
 use std::io;
 use std::sync::{Arc, MutexGuard, PoisonError};
 
 use protocol::api::SubmitSceneHeader;
 
-use crate::Office;
+use crate::Inner;
 use crate::job::{ClientName, JobId, Record};
 use crate::ledger::Ledger;
-use crate::progress::lock;
 use crate::refusal::Refusal;
 use crate::store::Upload;
+use crate::sync::lock;
 
-/// What a submission is, by what is known of others.
+/// How a submission relates to earlier ones.
 enum Announced {
-    /// It was made before, and gave this job.
+    /// It repeats the submission of this job.
     Before(JobId),
-    /// It is new; the job with its place among all jobs.
+    /// It is new, with its position among all jobs.
     New(Box<Record>),
 }
 
-impl Office {
-    /// Takes in a job, and its scene where that came with it. The same submission again gives the job that it gave before.
+impl Inner {
+    /// Accepts a job, and its scene if that was uploaded. A repeated submission returns the earlier job.
     pub(super) fn accept(self: &Arc<Self>, draft: Record, upload: Option<&Upload>) -> Result<JobId, Refusal> {
         let record = match self.announce(draft, upload.is_some())? {
             Announced::Before(job) => return Ok(job),
@@ -35,7 +34,7 @@ impl Office {
         if let Err(error) = written {
             lock(&self.ledger).dismiss(id);
             self.arrived.notify_all();
-            // Its record too: it may be there although nobody could be sure of it.
+            // With its record, which may be on disk although the sync failed.
             if let Err(error) = self.remove(&record, false) {
                 tracing::warn!(job = %id, %error, "what is left of a job that was refused cannot be removed");
             }
@@ -50,7 +49,7 @@ impl Office {
         Ok(id)
     }
 
-    /// Gives a job its place, if it may be taken in.
+    /// Checks the limits, and gives a job its position.
     fn announce(&self, draft: Record, has_upload: bool) -> Result<Announced, Refusal> {
         let changing = lock(&self.changing);
         let _changing = self.wait_for_key(changing, &draft);
@@ -71,7 +70,7 @@ impl Office {
         if let Some(relit) = &draft.relit
             && !ledger.uses_light(relit.baked, draft.id)
         {
-            // Deleted since it was looked for.
+            // Deleted since it was looked up.
             return Err(Refusal::NoLight(relit.baked));
         }
         if !has_upload && !ledger.has_scene(&draft.client, draft.scene) {
@@ -80,13 +79,13 @@ impl Office {
         Ok(Announced::New(Box::new(ledger.announce(draft))))
     }
 
-    /// Waits while the same key is on its way to the disk: what comes of it is this submission's answer too.
+    /// Waits while a record with the same key is being written: its outcome is this submission's answer too.
     fn wait_for_key<'a>(&self, changing: MutexGuard<'a, ()>, draft: &Record) -> MutexGuard<'a, ()> {
         let is_arriving = |_: &mut ()| lock(&self.ledger).is_arriving(draft);
         self.arrived.wait_while(changing, is_arriving).unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Puts a job on the disk, its scene first.
+    /// Writes a job to disk, its scene first.
     fn write(&self, record: &Record, upload: Option<&Upload>) -> io::Result<()> {
         if let Some(upload) = upload {
             self.store.finish_upload(upload)?;
@@ -94,7 +93,7 @@ impl Office {
         self.store.write(record)
     }
 
-    /// The job that was submitted with the same key.
+    /// Returns the job that was submitted with the same key.
     pub(super) fn known(
         &self,
         ledger: &Ledger,

@@ -1,5 +1,4 @@
-//! What happens to a job. One change at a time: on the disk first, then in memory, so that nobody is told what a crash could take
-//! back.
+//! State changes of jobs, one at a time: on disk first, then in memory, so that no client sees a state that a crash could undo.
 
 use std::io;
 use std::sync::Arc;
@@ -8,27 +7,28 @@ use std::time::{Duration, Instant, SystemTime};
 
 use protocol::api::{Outcome, State};
 
-use crate::Office;
+use crate::Inner;
 use crate::job::{ClientName, JobId, Record};
 use crate::ledger::Entry;
-use crate::progress::{Live, lock};
+use crate::progress::Live;
 use crate::queue::{Action, Event};
 use crate::refusal::Refusal;
-use crate::run::{Ending, Means, run};
-use crate::store::{no_longer_kept, remove_file};
+use crate::run::{Ending, JobContext, run};
+use crate::store::{expired, remove_file};
+use crate::sync::lock;
 
-/// How long a job waits in its place before it is tried again.
+/// How long a job waits before it is tried again.
 const AGAIN: Duration = Duration::from_secs(10);
 
-/// How often a job that waits looks whether it should end.
+/// How often a waiting job checks whether it was stopped.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// Most characters of a failure or a warning, and most warnings, that are kept of a job: it must fit into a message.
+/// Most characters of a failure or warning, and most warnings, stored of a job: it must fit into a message.
 const MOST_WORDS: usize = 2000;
 const MOST_WARNINGS: usize = 100;
 
-impl Office {
-    /// Does what the queue says.
+impl Inner {
+    /// Carries out the queue's actions.
     pub(super) fn perform(self: &Arc<Self>, actions: Vec<Action>) {
         for action in actions {
             match action {
@@ -48,16 +48,16 @@ impl Office {
             .entry(job)
             .and_then(|entry| Some((entry.record.clone(), entry.live.as_ref()?.begin())));
         let Some((record, live)) = begun else {
-            // Deleted since it got its place.
+            // Deleted before it started.
             let actions = lock(&self.ledger).tell_queue(Event::Left(job));
             return self.perform(actions);
         };
-        let office = Arc::clone(self);
+        let inner = Arc::clone(self);
         let work = move || {
-            let means = Means { store: &office.store, workers: &office.workers, limits: &office.limits };
+            let context = JobContext { store: &inner.store, workers: &inner.workers, limits: &inner.limits };
             tracing::info!(job = %record.id, client = %record.client, "begins");
-            let ending = run(&means, &record, &live);
-            office.leave(&record, &live, ending);
+            let ending = run(&context, &record, &live);
+            inner.leave(&record, &live, ending);
         };
         if let Err(error) = thread::Builder::new().name("job".into()).spawn(work) {
             tracing::error!(%error, "cannot start a thread for a job");
@@ -66,13 +66,13 @@ impl Office {
         }
     }
 
-    /// A job's thread has done what it could.
+    /// Ends the thread of a job: stores the result, or queues the job again.
     fn leave(self: &Arc<Self>, record: &Record, live: &Live, ending: Ending) {
         let job = record.id;
         let again = self.settle(record, ending);
         if let Err(why) = &again {
             if !why.is_empty() {
-                tracing::warn!(%job, why, "waits, and goes on where it was");
+                tracing::warn!(%job, why, "waits, to resume later");
             }
             lock(&self.ledger).change(job, |entry| entry.record.state = State::Queued);
             let until = Instant::now() + AGAIN;
@@ -95,12 +95,12 @@ impl Office {
         self.perform(actions);
     }
 
-    /// Keeps what came of a job. Why it must run again, where it must.
+    /// Stores how a job ended; an error is why it must run again.
     fn settle(&self, record: &Record, ending: Ending) -> Result<(), String> {
         let _changing = lock(&self.changing);
         let now = lock(&self.ledger).entry(record.id).map(|entry| entry.record.clone());
         let Some(now) = now.filter(|now| !now.has_ended()) else {
-            // Cancelled or deleted meanwhile: nobody will ask for its files.
+            // Cancelled or deleted meanwhile.
             self.remove_files(record);
             return Ok(());
         };
@@ -111,11 +111,11 @@ impl Office {
                 now.ended(State::Done, String::new(), Some(Outcome { warnings, ..*outcome }))
             }
             Ending::Failed(why) => now.ended(State::Failed, shortened(&why), None),
-            // The service is ending, and the job goes on at the next start.
+            // The service is ending; the job resumes at the next start.
             Ending::Stopped => return Err(String::new()),
             Ending::Later(why) => return Err(why),
         };
-        // The lit file is there: with its rows on the disk, to make it again takes little.
+        // If this fails, the job runs again, quickly: its rows are in the checkpoint.
         self.store.write(&ended).map_err(|error| format!("its record cannot be written: {error}"))?;
         tracing::info!(job = %ended.id, state = ended.state.as_str_name(), failure = ended.failure, "ended");
         self.metrics.ended(ended.state);
@@ -128,7 +128,7 @@ impl Office {
 
     fn remove_files(&self, record: &Record) {
         let mut gone = vec![self.store.checkpoint(record.id), self.store.result(record)];
-        // What a bake that did not end left behind is of no use to anybody.
+        // Light that only this unfinished bake could have kept.
         if record.relit.is_none() || !lock(&self.ledger).uses_light(record.light(), record.id) {
             gone.push(self.store.light(record.light()));
         }
@@ -140,15 +140,15 @@ impl Office {
         self.drop_scene(record);
     }
 
-    /// Removes the scene of a job that is gone, unless others are of it.
+    /// Removes the scene of a deleted job, unless other jobs use it.
     pub(super) fn drop_scene(&self, record: &Record) {
         if !lock(&self.ledger).has_any_of(record.scene) {
-            // A start would remove it as well.
+            // On failure, the next start removes it.
             let _ = remove_file(&self.store.scene(record.scene));
         }
     }
 
-    /// Ends a job, unless it has ended.
+    /// Cancels a job, unless it has ended.
     pub(super) fn cancel(self: &Arc<Self>, client: &ClientName, id: &str) -> Result<(), Refusal> {
         let changing = lock(&self.changing);
         let record = lock(&self.ledger).of_client(client, id)?.record.clone();
@@ -165,7 +165,7 @@ impl Office {
             ledger.tell_queue(Event::Withdrawn(record.id))
         };
         if actions.iter().all(|action| *action != Action::Stop(record.id)) {
-            // It did not run: no thread will do it.
+            // It did not run: no thread will remove it.
             let _ = remove_file(&self.store.checkpoint(record.id));
         }
         drop(changing);
@@ -173,7 +173,7 @@ impl Office {
         Ok(())
     }
 
-    /// Forgets a job.
+    /// Deletes a job.
     pub(super) fn delete(self: &Arc<Self>, client: &ClientName, id: &str) -> Result<(), Refusal> {
         let changing = lock(&self.changing);
         let record = lock(&self.ledger).of_client(client, id)?.record.clone();
@@ -184,14 +184,14 @@ impl Office {
         Ok(())
     }
 
-    /// Forgets a job, while [`Self::changing`] is held.
+    /// Deletes a job, while [`Self::changing`] is held.
     fn forget(&self, record: &Record) -> Result<Vec<Action>, Refusal> {
         let live = lock(&self.ledger).entry(record.id).and_then(|entry| entry.live.clone());
         let runs = live.is_some_and(|live| live.has_begun());
-        // A job that runs needs its scene and light for a moment more; its thread removes what is left.
+        // A running job may still read its scene and light; its thread removes them.
         self.remove(record, runs)?;
         let mut ledger = lock(&self.ledger);
-        // Told by its handle: from now on it is not found by name.
+        // Stopped by its handle: it is not found by name any more.
         if let Some(live) = ledger.entry(record.id).and_then(|entry| entry.live.as_ref()) {
             live.stop();
         }
@@ -200,7 +200,7 @@ impl Office {
         Ok(actions)
     }
 
-    /// Removes a job's files, while [`Self::changing`] is held; its scene and its light too, unless they are kept or others need them.
+    /// Removes a job's files, while [`Self::changing`] is held; its scene and light only if no other job uses them.
     pub(super) fn remove(&self, record: &Record, keeps_both: bool) -> io::Result<()> {
         let (keeps_scene, keeps_light) = {
             let ledger = lock(&self.ledger);
@@ -209,12 +209,12 @@ impl Office {
         self.store.remove(record, keeps_both || keeps_scene, keeps_both || keeps_light)
     }
 
-    /// Forgets jobs that are kept no longer.
+    /// Deletes expired jobs.
     pub(super) fn tidy(self: &Arc<Self>) {
         let _changing = lock(&self.changing);
         let room = match self.store.room() {
             Ok(room) => room,
-            Err(error) => return tracing::warn!(%error, "cannot look how much room there is"),
+            Err(error) => return tracing::warn!(%error, "cannot measure the free space"),
         };
         self.metrics.room(room.taken, room.free);
         let ended: Vec<Record> = {
@@ -227,17 +227,17 @@ impl Office {
             .map(|record| (record.id, record.ended.unwrap_or(record.submitted), self.store.size_of(record)))
             .collect();
         let too_many = room.taken.saturating_sub(self.limits.keep_bytes);
-        let gone = no_longer_kept(sizes, SystemTime::now(), self.limits.keep_age, too_many);
+        let gone = expired(sizes, SystemTime::now(), self.limits.keep_age, too_many);
         for record in ended.iter().filter(|record| gone.contains(&record.id)) {
             match self.forget(record) {
-                Ok(_) => tracing::info!(job = %record.id, "kept no longer"),
-                Err(error) => tracing::warn!(%error, "a job that is kept no longer cannot be removed"),
+                Ok(_) => tracing::info!(job = %record.id, "expired"),
+                Err(error) => tracing::warn!(%error, "an expired job cannot be removed"),
             }
         }
     }
 }
 
-/// As much of a text as is kept.
+/// Returns as much of a text as is stored.
 fn shortened(text: &str) -> String {
     match text.char_indices().nth(MOST_WORDS) {
         Some((end, _)) => format!("{} …", &text[..end]),

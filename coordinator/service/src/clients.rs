@@ -1,4 +1,4 @@
-//! Who may ask: a file of names and tokens.
+//! Clients and their tokens.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -11,10 +11,10 @@ use crate::refusal::Refusal;
 /// Longest name of a client.
 const LONGEST_NAME: usize = 64;
 
-/// Who may ask.
+/// The known clients.
 #[derive(Debug, Clone, Default)]
 pub struct Clients {
-    /// None: everybody is one client.
+    /// `None`: no tokens, and all callers are one client.
     known: Option<Vec<(ClientName, Token)>>,
 }
 
@@ -26,10 +26,10 @@ pub enum ClientsError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The operating system's error.
         error: std::io::Error,
     },
-    /// A line is wrong. Its token is not shown.
+    /// A line is invalid. Its token is not shown.
     #[error("--clients {} line {line}: {reason}", path.display())]
     Line {
         /// The file.
@@ -39,7 +39,7 @@ pub enum ClientsError {
         /// What it should be.
         reason: &'static str,
     },
-    /// There is no line.
+    /// It has no line.
     #[error("--clients {} names nobody: each line is NAME TOKEN", path.display())]
     Empty {
         /// The file.
@@ -48,10 +48,10 @@ pub enum ClientsError {
 }
 
 impl Clients {
-    /// Reads a file with a line `NAME TOKEN` for each client; empty lines and those that begin with `#` are passed over.
+    /// Reads a file with a line `NAME TOKEN` for each client; empty lines and those that begin with `#` are ignored.
     ///
     /// # Errors
-    /// When it cannot be read, or a line is something else, or names somebody or a token twice.
+    /// When it cannot be read, a line is invalid, or a name or token is repeated.
     pub fn read(path: &Path) -> Result<Self, ClientsError> {
         let text = std::fs::read_to_string(path)
             .map_err(|error| ClientsError::Read { path: path.to_owned(), error })?;
@@ -82,20 +82,20 @@ impl Clients {
         Ok(Self { known: Some(known) })
     }
 
-    /// Whose call this is, by its header `authorization`.
+    /// Identifies the caller by the header `authorization`.
     ///
     /// # Errors
-    /// When it is nobody's.
+    /// When it has no known token.
     pub fn identify(&self, authorization: Option<&[u8]>) -> Result<ClientName, Refusal> {
         let Some(known) = &self.known else { return Ok(ClientName::everybody()) };
         let header = authorization.ok_or(Refusal::Unauthenticated(
             "this service demands a token: give yours with --token-file, or as `authorization: Bearer TOKEN`",
         ))?;
-        // All of them are looked at, so that the time taken does not tell which one it was.
+        // Compared with every token, so that the time taken reveals nothing.
         let found = known.iter().filter(|(_, token)| token.is_in(header)).last();
-        found.map(|(name, _)| name.clone()).ok_or(Refusal::Unauthenticated(
-            "the token is none that this service knows: ask its operator for one",
-        ))
+        found
+            .map(|(name, _)| name.clone())
+            .ok_or(Refusal::Unauthenticated("the service does not know this token: ask its operator for one"))
     }
 }
 

@@ -14,19 +14,20 @@ use tokio_util::io::ReaderStream;
 
 use crate::job::{ClientName, Record};
 use crate::metrics::Metrics;
-use crate::present::Stage;
-use crate::progress::{Live, lock};
+use crate::preview::PreviewSource;
+use crate::progress::Live;
 use crate::refusal::Refusal;
 use crate::run::digest;
 use crate::store::remove_file;
+use crate::sync::lock;
 use crate::{Service, blocking};
 use bake::lit::LitMesh;
 use output::export::export;
 
-/// Bytes that are read at once, when the last ones were taken.
+/// Bytes read at once, when the last ones were taken.
 const READ_BYTES: usize = 256 << 10;
 
-/// How long a job is waited for that has no present state yet, and how often it is looked whether it has.
+/// How long to wait for a first preview, and how often to look.
 const PATIENCE: Duration = Duration::from_secs(10);
 const LOOK: Duration = Duration::from_millis(50);
 
@@ -63,12 +64,12 @@ impl Stream for FileBytes {
 }
 
 impl Service {
-    /// The lit file of a job that is done, or the present state of one that runs.
+    /// Opens the lit file of a finished job, or a preview of a running one.
     ///
     /// # Errors
-    /// When the job is none of this client's, has no such file, or the disk fails.
+    /// When the job is not this client's, has no such file, or the disk fails.
     pub async fn fetch(&self, client: &ClientName, request: &FetchResultRequest) -> Result<Fetched, Refusal> {
-        let record = lock(&self.office.ledger).of_client(client, &request.id)?.record.clone();
+        let record = lock(&self.inner.ledger).of_client(client, &request.id)?.record.clone();
         match (record.state, &record.outcome) {
             (State::Done, Some(outcome)) => {
                 if request.offset > outcome.size {
@@ -83,35 +84,31 @@ impl Service {
                     file_name,
                     present: 0,
                 };
-                let mut file = File::open(self.office.store.result(&record)).await?;
+                let mut file = File::open(self.inner.store.result(&record)).await?;
                 file.seek(SeekFrom::Start(request.offset)).await?;
                 Ok(Fetched { header, bytes: self.bytes_of(file) })
             }
-            (State::Running, _) if request.present => self.fetch_present(&record, request.offset).await,
+            (State::Running, _) if request.present => self.fetch_preview(&record, request.offset).await,
             _ if request.present => Err(Refusal::NotRunning(record.id)),
             _ => Err(Refusal::NotDone(record.id)),
         }
     }
 
-    /// Writes the present state of a job that runs, where nobody else has to wait for it. The file has no name by the time that it is
-    /// sent: the system removes it when it is closed.
-    async fn fetch_present(&self, record: &Record, offset: u64) -> Result<Fetched, Refusal> {
+    /// Exports a preview in a blocking thread. The file is unlinked before it is sent: the system removes it when it is closed.
+    async fn fetch_preview(&self, record: &Record, offset: u64) -> Result<Fetched, Refusal> {
         if offset > 0 {
-            return Err(Refusal::invalid(
-                "offset",
-                "must be 0 for a present state: the next one is another file",
-            ));
+            return Err(Refusal::invalid("offset", "must be 0 for a preview: the next one is another file"));
         }
-        let live = lock(&self.office.ledger).entry(record.id).and_then(|entry| entry.live.clone());
+        let live = lock(&self.inner.ledger).entry(record.id).and_then(|entry| entry.live.clone());
         let live = live.ok_or(Refusal::NotRunning(record.id))?;
-        let (stage, lit, number) =
-            self.wait_for_present(&live).await.ok_or(Refusal::NotRunning(record.id))?;
-        // Each may take as much memory as the scene: one after the other.
-        let _turn = self.office.presenting.acquire().await;
-        let office = Arc::clone(&self.office);
+        let (source, lit, number) =
+            self.wait_for_preview(&live).await.ok_or(Refusal::NotRunning(record.id))?;
+        // One at a time: each may take as much memory as the scene.
+        let _turn = self.inner.previewing.acquire().await;
+        let inner = Arc::clone(&self.inner);
         let (file, size, sha256) = blocking(move || {
-            let path = office.store.passing("glb")?;
-            let written = export(&stage.scene, &lit, &stage.export, &path);
+            let path = inner.store.temporary("glb")?;
+            let written = export(&source.scene, &lit, &source.export, &path);
             let opened = written.map_err(|error| Refusal::Failed(error.to_string())).and_then(|_| {
                 let (size, sha256) = digest(&path)?;
                 Ok((std::fs::File::open(&path)?, size, sha256))
@@ -130,11 +127,11 @@ impl Service {
         Ok(Fetched { header, bytes: self.bytes_of(File::from_std(file)) })
     }
 
-    /// The latest present state, or the first that comes soon: it is made when somebody asks.
-    async fn wait_for_present(&self, live: &Live) -> Option<(Stage, Arc<LitMesh>, u64)> {
+    /// Returns the latest preview, or waits for the first: it is made when somebody asks.
+    async fn wait_for_preview(&self, live: &Live) -> Option<(PreviewSource, Arc<LitMesh>, u64)> {
         let until = Instant::now() + PATIENCE;
         loop {
-            match live.present.latest() {
+            match live.preview.latest() {
                 Some(latest) => return Some(latest),
                 None if Instant::now() >= until || live.is_stopped() => return None,
                 None => sleep(LOOK).await,
@@ -144,11 +141,11 @@ impl Service {
 
     fn bytes_of(&self, file: File) -> FileBytes {
         let reader = ReaderStream::with_capacity(file, READ_BYTES);
-        FileBytes { reader, metrics: self.office.metrics.clone() }
+        FileBytes { reader, metrics: self.inner.metrics.clone() }
     }
 }
 
-/// Media type and name of a job's lit file.
+/// Returns media type and name of a job's lit file.
 fn named(record: &Record) -> (String, String) {
     let stem = stem(record);
     match record.header.output.as_ref().map(OutputOptions::format) {
@@ -157,7 +154,7 @@ fn named(record: &Record) -> (String, String) {
     }
 }
 
-/// What a job's files are called: nothing of the client's that could be more than a name.
+/// Returns the stem of a job's file names: the plain characters of the client's name for it.
 fn stem(record: &Record) -> String {
     let is_plain = |character: &char| character.is_ascii_alphanumeric() || matches!(character, '-' | '_');
     let stem: String = record.header.name.chars().filter(is_plain).take(LONGEST_NAME).collect();

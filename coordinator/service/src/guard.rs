@@ -1,4 +1,4 @@
-//! What browsers may not be made to do: pages of other sites reach the service from the user's own machine.
+//! Protection against pages of other sites, which reach the service from a user's browser.
 
 use std::net::IpAddr;
 use std::sync::Arc;
@@ -9,16 +9,16 @@ use axum::http::{HeaderMap, StatusCode, Uri};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 
-/// By which names a service may be called.
+/// Host names that a service answers to.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Names {
-    /// By any: who calls has a token or a certificate, or the service is meant for a whole network.
+    /// Any: callers have a token or a certificate, or the service is open to its network.
     Any,
-    /// By `localhost`, by addresses, and by these: for services that ask nothing of their callers.
+    /// `localhost`, addresses, and these: for services that need neither token nor certificate.
     These(Vec<String>),
 }
 
-/// Refuses what comes from a page of another site.
+/// Refuses requests from a page of another site.
 pub async fn only_own_pages(request: Request, next: Next) -> Response {
     if is_foreign(request.uri(), request.headers()) {
         return (StatusCode::FORBIDDEN, "a page of another site may not ask this service").into_response();
@@ -26,7 +26,7 @@ pub async fn only_own_pages(request: Request, next: Next) -> Response {
     next.run(request).await
 }
 
-/// Refuses names that are not the service's: a page of another site whose name leads here would count as its own.
+/// Refuses other host names, so that DNS rebinding does not turn another site's page into an own one.
 pub async fn only_by_name(State(names): State<Arc<[String]>>, request: Request, next: Next) -> Response {
     let host = host(request.uri(), request.headers());
     if host.is_some_and(|host| !is_own(host, &names)) {
@@ -36,13 +36,13 @@ pub async fn only_by_name(State(names): State<Arc<[String]>>, request: Request, 
     next.run(request).await
 }
 
-/// Host and port that are asked: in the URI with HTTP/2, in a header with HTTP/1.
+/// Returns the requested host and port: from the URI in HTTP/2, from a header in HTTP/1.
 fn host<'a>(uri: &'a Uri, headers: &'a HeaderMap) -> Option<&'a str> {
     let authority = uri.authority().map(|authority| authority.as_str());
     authority.or_else(|| headers.get(HOST).and_then(|host| host.to_str().ok()))
 }
 
-/// Whether a browser says that the request comes from a page of another site.
+/// Whether the browser marks the request as sent by a page of another site.
 fn is_foreign(uri: &Uri, headers: &HeaderMap) -> bool {
     let Some(origin) = headers.get(ORIGIN) else { return false };
     let site = origin.to_str().ok().and_then(|origin| origin.split_once("://")).map(|(_, site)| site);

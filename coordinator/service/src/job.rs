@@ -1,4 +1,4 @@
-//! A job as the service knows it.
+//! Identifiers and the record of a job.
 
 use std::fmt;
 use std::str::FromStr;
@@ -7,12 +7,12 @@ use std::time::SystemTime;
 use prost_types::Timestamp;
 use protocol::api::{Job, Outcome, SceneOptions, State, SubmitSceneHeader};
 
-/// Names a job: 128 random bits, 32 hexadecimal digits. Nobody can guess another's.
+/// Identifier of a job: 128 random bits, printed as 32 hexadecimal digits, so that it cannot be guessed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct JobId(pub u128);
 
 impl JobId {
-    /// Another one with each call.
+    /// Draws a new identifier.
     ///
     /// # Errors
     /// When the system has no random bits.
@@ -29,7 +29,7 @@ impl fmt::Display for JobId {
     }
 }
 
-/// What is not the name of a job.
+/// A text is not a job identifier.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("a job is called by 32 hexadecimal digits")]
 pub struct NotAJobId;
@@ -38,7 +38,7 @@ impl FromStr for JobId {
     type Err = NotAJobId;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
-        // The integer's own reading would take a sign, and upper case for the same job.
+        // `from_str_radix` alone would accept a sign and upper case.
         let is_digit = |byte: u8| matches!(byte, b'0'..=b'9' | b'a'..=b'f');
         if text.len() != 32 || !text.bytes().all(is_digit) {
             return Err(NotAJobId);
@@ -63,12 +63,12 @@ impl fmt::Debug for SceneDigest {
     }
 }
 
-/// Who submits jobs, and sees those of nobody else.
+/// Name of a client; clients see only their own jobs.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct ClientName(pub String);
 
 impl ClientName {
-    /// Everybody, where the service knows no clients.
+    /// The only client of a service without tokens.
     #[must_use]
     pub fn everybody() -> Self {
         Self("everybody".into())
@@ -81,72 +81,72 @@ impl fmt::Display for ClientName {
     }
 }
 
-/// Jobs in the order in which they were submitted: 1, 2, ...
+/// Position of a job in the order of submission, from 1.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Sequence(pub u64);
 
-/// All that is kept of a job beside its files.
+/// What is stored of a job, beside its files.
 ///
-/// What was asked for is kept in the client's own words: they mean the same after an upgrade, by the rules that the API has.
+/// The request is stored as the client sent it: the API's compatibility rules keep its meaning across upgrades.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Record {
-    /// Its name.
+    /// Its identifier.
     pub id: JobId,
-    /// Whose it is.
+    /// Its client.
     pub client: ClientName,
-    /// Its place among all jobs of the service.
+    /// Its position among all jobs of the service.
     pub sequence: Sequence,
-    /// What was asked for.
+    /// The request.
     pub header: SubmitSceneHeader,
-    /// The scene: of a relight, that of the job that it relights.
+    /// The scene; for a relight, that of the baked job.
     pub scene: SceneDigest,
-    /// What a relight has of the job whose light it changes.
+    /// For a relight, what it needs of the baked job.
     pub relit: Option<Relit>,
-    /// Where it stands.
+    /// Its state.
     pub state: State,
     /// Why it failed.
     pub failure: String,
     /// When it was submitted.
     pub submitted: SystemTime,
-    /// When it began to run, if it did.
+    /// When it began to run.
     pub started: Option<SystemTime>,
-    /// When it ended, if it did.
+    /// When it ended.
     pub ended: Option<SystemTime>,
-    /// What came out.
+    /// The result of a finished job.
     pub outcome: Option<Outcome>,
     /// Grows with every change.
     pub revision: u64,
 }
 
-/// What a relight has of a job that was baked, so that it needs no more of it: that one may be deleted meanwhile.
+/// What a relight needs of a baked job, which may be deleted meanwhile.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Relit {
-    /// The job, which was baked itself.
+    /// The baked job.
     pub baked: JobId,
-    /// How its scene was read.
+    /// Scene options of the baked job.
     pub options: SceneOptions,
 }
 
 impl Record {
-    /// The job whose kept light this one needs or has made.
+    /// Returns the job under whose identifier its kept light is stored.
     #[must_use]
     pub fn light(&self) -> JobId {
         self.relit.as_ref().map_or(self.id, |relit| relit.baked)
     }
 
-    /// Whether nothing more will happen to it.
+    /// Whether it is done, failed or cancelled.
     #[must_use]
     pub fn has_ended(&self) -> bool {
         matches!(self.state, State::Done | State::Failed | State::Cancelled)
     }
 
-    /// The same with this state, now.
+    /// Returns the record ended now in `state`.
     #[must_use]
     pub fn ended(&self, state: State, failure: String, outcome: Option<Outcome>) -> Self {
         Self { state, failure, outcome, ended: Some(SystemTime::now()), ..self.clone() }
     }
 
-    /// What a client sees of it, while it does not run.
+    /// Returns the client's view of it, without progress.
     #[must_use]
     pub fn view(&self) -> Job {
         let relight_of = match &self.header.source {
@@ -172,7 +172,7 @@ impl Record {
     }
 }
 
-/// The next number of a revision: greater than the last one, and than any before a restart, as long as the clock goes on.
+/// Returns a revision greater than `last`, and than any before a restart unless the clock went back.
 #[must_use]
 pub fn next_revision(last: u64) -> u64 {
     let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();

@@ -1,24 +1,28 @@
-//! The long-running service: scenes in, jobs that survive, lit files out.
+//! The long-running service: jobs, their store, the API and the page.
+//!
+//! In: scenes and requests of clients (gRPC, gRPC-web, HTTP). Out: jobs that survive restarts, lit files, previews, metrics. It must
+//! not know how light or rows are computed: it hands a job's files and settings to `pipeline` and its rows to `cluster`. Begin
+//! reading at [`Service`], then `submit` (a job comes in), `changes` (it changes state) and `run` (it runs).
 //!
 //! | module | what lives there |
 //! |---|---|
-//! | `job` | a job: its names, its record |
-//! | `queue` | which job runs next: pure |
-//! | `ledger` | all jobs in memory, for what is asked often |
-//! | `store` | the data folder |
-//! | `accept` | how a job is taken in |
-//! | `changes` | what happens to a job, on the disk first and in memory then |
-//! | `run`, `relight` | one job: import, bake or light otherwise, export |
-//! | `progress`, `present` | what is seen of a job that runs |
-//! | `submit`, `watch`, `fetch` | what clients ask for that takes longer than a look |
-//! | `clients`, `settings`, `refusal`, `metrics` | who may ask, limits, why not, figures |
-//! | `api` | the service in gRPC |
-//! | `http`, `guard` | the service in a browser, and what browsers may not be made to do |
-//! | `server` | one port for all of it |
+//! | [`job`] | identifiers and the record of a job |
+//! | [`queue`] | which job runs next: pure |
+//! | `ledger` | all jobs in memory, for reads |
+//! | [`store`] | the data folder |
+//! | `submit`, `accept` | uploads and checks of a submission, and its admission |
+//! | `changes` | state changes of a job: on disk first, then in memory |
+//! | `run` | one job, through the pipeline |
+//! | `progress`, `preview` | the state of a running job, for watchers |
+//! | `watch`, `fetch` | streams of job states and of files |
+//! | [`clients`], `settings`, `refusal`, `metrics` | tokens, limits, errors, metrics |
+//! | [`api`] | the service in gRPC |
+//! | [`http`], [`guard`] | the page, and protection against pages of other sites |
+//! | [`server`] | one port for all of it |
 //!
-//! Threads: those of the network's runtime never touch the disk and never compute. Files are written where blocking is allowed, each
-//! job runs in a thread of its own, and rows are computed by workers. A change of a job is made by one at a time, on the disk before
-//! it is seen, but new jobs are written side by side; what clients ask is answered from memory meanwhile.
+//! Threads: the network's runtime never touches the disk and never computes. Files are written in blocking threads, each job runs in
+//! a thread of its own, and workers compute its rows. Jobs change one at a time, on disk before in memory; only new records are
+//! written in parallel. Reads are answered from memory.
 
 mod accept;
 pub mod api;
@@ -30,16 +34,16 @@ pub mod http;
 pub mod job;
 mod ledger;
 mod metrics;
-mod present;
+mod preview;
 mod progress;
 pub mod queue;
 mod refusal;
-mod relight;
 mod run;
 pub mod server;
 mod settings;
 pub mod store;
 mod submit;
+mod sync;
 #[cfg(test)]
 mod tests;
 mod watch;
@@ -62,43 +66,43 @@ pub use settings::{Limits, ServiceSettings};
 
 use cluster::Cluster;
 use ledger::Ledger;
-use progress::lock;
 use queue::Event;
 use store::{Opened, Store, StoreError};
+use sync::lock;
 
-/// How often it is looked what is kept no longer.
+/// Time between two removals of expired jobs.
 const TIDY: Duration = Duration::from_secs(60);
 
-/// How often it is looked whether jobs have left.
+/// Time between two looks whether all jobs have stopped.
 const PAUSE: Duration = Duration::from_millis(20);
 
 /// The jobs of all clients. A clone is another handle to the same service.
 #[derive(Clone)]
 pub struct Service {
-    office: Arc<Office>,
+    inner: Arc<Inner>,
 }
 
-/// What all parts of the service share.
-struct Office {
+/// The state that all handles share.
+struct Inner {
     store: Store,
     workers: Cluster,
     limits: Limits,
-    /// Held by whoever changes a job: on the disk first, then in memory.
+    /// Held while a job changes, on disk and in memory.
     changing: Mutex<()>,
-    /// Told when a job that was on its way to the disk is there, or will not be.
+    /// Notified when a job that was being written is on disk, or has failed to be.
     arrived: Condvar,
-    /// Held for a moment only.
+    /// Never held during I/O.
     ledger: Mutex<Ledger>,
-    /// Uploads under way.
+    /// Uploads in progress, by client.
     uploads: Mutex<HashMap<ClientName, usize>>,
-    /// Whoever writes a present state.
-    presenting: Semaphore,
+    /// Held while a preview is exported.
+    previewing: Semaphore,
     ending: CancellationToken,
     metrics: Metrics,
 }
 
 impl Service {
-    /// Opens the data folder. Jobs that have not ended go on when [`Self::resume`] is called.
+    /// Opens the data folder. Unfinished jobs resume when [`Self::resume`] is called.
     ///
     /// # Errors
     /// When the folder cannot be used.
@@ -107,16 +111,16 @@ impl Service {
         for path in damaged {
             tracing::error!(path = %path.display(), "a job's record is damaged and is passed over: take it from a back-up");
         }
-        // No place until it is known that the service can be reached.
+        // No job starts before the service can be reached.
         let mut ledger = Ledger::new(settings.places);
         ledger.hold();
         for record in records {
-            // Whoever saw it before sees it as newer: what it was while it ran is not on the disk.
+            // Newer than any revision that was seen while it ran: those are not on disk.
             let revision = next_revision(record.revision);
             ledger.insert(Record { revision, ..record });
         }
         metrics.load(ledger.load());
-        let office = Office {
+        let inner = Inner {
             store,
             workers,
             limits: settings.limits.clone(),
@@ -124,23 +128,23 @@ impl Service {
             arrived: Condvar::new(),
             ledger: Mutex::new(ledger),
             uploads: Mutex::default(),
-            presenting: Semaphore::new(1),
+            previewing: Semaphore::new(1),
             ending: CancellationToken::new(),
             metrics,
         };
-        Ok(Self { office: Arc::new(office) })
+        Ok(Self { inner: Arc::new(inner) })
     }
 
-    /// Begins to work. Within a runtime.
+    /// Starts queued jobs and the removal of expired ones. Call within a runtime.
     pub fn resume(&self) {
-        let actions = lock(&self.office.ledger).tell_queue(Event::Opened);
-        self.office.perform(actions);
-        let office = Arc::clone(&self.office);
+        let actions = lock(&self.inner.ledger).tell_queue(Event::Opened);
+        self.inner.perform(actions);
+        let inner = Arc::clone(&self.inner);
         tokio::spawn(async move {
-            let ending = office.ending.clone();
+            let ending = inner.ending.clone();
             loop {
-                let tidying = Arc::clone(&office);
-                // What goes wrong is in the log.
+                let tidying = Arc::clone(&inner);
+                // Errors are logged.
                 let _ = spawn_blocking(move || tidying.tidy()).await;
                 tokio::select! {
                     () = ending.cancelled() => return,
@@ -150,59 +154,59 @@ impl Service {
         });
     }
 
-    /// Ends: watchers are told, jobs stop and go on at the next start. True when all have left in time.
+    /// Ends watches and stops jobs, which resume at the next start. Returns whether all stopped in time.
     pub async fn end(&self, patience: Duration) -> bool {
-        self.office.ending.cancel();
-        let actions = lock(&self.office.ledger).tell_queue(Event::Closed);
-        self.office.perform(actions);
+        self.inner.ending.cancel();
+        let actions = lock(&self.inner.ledger).tell_queue(Event::Closed);
+        self.inner.perform(actions);
         let left = async {
-            while lock(&self.office.ledger).load().1 > 0 {
+            while lock(&self.inner.ledger).load().1 > 0 {
                 tokio::time::sleep(PAUSE).await;
             }
         };
         tokio::time::timeout(patience, left).await.is_ok()
     }
 
-    /// One job.
+    /// Returns one job.
     ///
     /// # Errors
-    /// When it is none of this client's.
+    /// When it is not this client's.
     pub fn get(&self, client: &ClientName, id: &str) -> Result<Job, Refusal> {
-        lock(&self.office.ledger).view(client, id)
+        lock(&self.inner.ledger).view(client, id)
     }
 
-    /// A page of this client's jobs, newest first.
+    /// Returns a page of this client's jobs, newest first.
     ///
     /// # Errors
-    /// When the token of the page is none.
+    /// When the page token is invalid.
     pub fn list(&self, client: &ClientName, request: &ListJobsRequest) -> Result<ListJobsResponse, Refusal> {
-        lock(&self.office.ledger).list(client, request)
+        lock(&self.inner.ledger).list(client, request)
     }
 
-    /// Ends a job that has not ended; changes nothing of one that has.
+    /// Cancels a job, unless it has ended.
     ///
     /// # Errors
-    /// When it is none of this client's, or the disk fails.
+    /// When it is not this client's, or the disk fails.
     pub async fn cancel(&self, client: &ClientName, id: &str) -> Result<Job, Refusal> {
-        let (office, client, id) = (Arc::clone(&self.office), client.clone(), id.to_owned());
+        let (inner, client, id) = (Arc::clone(&self.inner), client.clone(), id.to_owned());
         blocking(move || {
-            office.cancel(&client, &id)?;
-            lock(&office.ledger).view(&client, &id)
+            inner.cancel(&client, &id)?;
+            lock(&inner.ledger).view(&client, &id)
         })
         .await
     }
 
-    /// Forgets a job; cancels it first where it has not ended.
+    /// Deletes a job and its files; cancels it first if it has not ended.
     ///
     /// # Errors
-    /// When it is none of this client's, or the disk fails.
+    /// When it is not this client's, or the disk fails.
     pub async fn delete(&self, client: &ClientName, id: &str) -> Result<(), Refusal> {
-        let (office, client, id) = (Arc::clone(&self.office), client.clone(), id.to_owned());
-        blocking(move || office.delete(&client, &id)).await
+        let (inner, client, id) = (Arc::clone(&self.inner), client.clone(), id.to_owned());
+        blocking(move || inner.delete(&client, &id)).await
     }
 }
 
-/// Does what may wait for the disk, where that holds up nobody.
+/// Runs work that may wait for the disk in a blocking thread.
 async fn blocking<T: Send + 'static>(
     work: impl FnOnce() -> Result<T, Refusal> + Send + 'static,
 ) -> Result<T, Refusal> {

@@ -1,4 +1,4 @@
-//! Figures of a service, for Prometheus.
+//! Metrics of a service, for Prometheus.
 
 use std::sync::Arc;
 
@@ -10,14 +10,14 @@ use prometheus_client::registry::{Registry, Unit};
 use protocol::api::State;
 use protocol::telemetry::Held;
 
-/// What the service counts. A clone is another handle to the same figures.
+/// Counters and gauges of a service. A clone is another handle to the same metrics.
 #[derive(Debug, Clone, Default)]
 pub struct Metrics {
-    figures: Arc<Figures>,
+    counters: Arc<Counters>,
 }
 
 #[derive(Debug, Default)]
-struct Figures {
+struct Counters {
     queued: Gauge,
     running: Gauge,
     ended: Family<StateLabel, Counter>,
@@ -36,10 +36,20 @@ struct StateLabel {
 }
 
 impl Metrics {
-    /// Shows the figures in a registry.
+    /// Registers the metrics.
     pub fn register(&self, registry: &mut Registry) {
-        let Figures { queued, running, ended, submitted, received, fetched, watchers, uploads, stored, free } =
-            self.figures.as_ref();
+        let Counters {
+            queued,
+            running,
+            ended,
+            submitted,
+            received,
+            fetched,
+            watchers,
+            uploads,
+            stored,
+            free,
+        } = self.counters.as_ref();
         let registry = registry.sub_registry_with_prefix("halflight_service");
         registry.register("jobs_queued", "Jobs that wait", queued.clone());
         registry.register("jobs_running", "Jobs that run", running.clone());
@@ -53,52 +63,52 @@ impl Metrics {
         registry.register_with_unit("disk_free", "Room on its disk", Unit::Bytes, free.clone());
     }
 
-    /// How many jobs wait and run.
+    /// Sets the numbers of queued and running jobs.
     pub fn load(&self, (waiting, running): (usize, usize)) {
-        self.figures.queued.set(waiting as i64);
-        self.figures.running.set(running as i64);
+        self.counters.queued.set(waiting as i64);
+        self.counters.running.set(running as i64);
     }
 
-    /// A job was taken in.
+    /// Counts an accepted job.
     pub fn submitted(&self) {
-        self.figures.submitted.inc();
+        self.counters.submitted.inc();
     }
 
-    /// A job has ended so.
+    /// Counts a job that ended in this state.
     pub fn ended(&self, state: State) {
         let state = match state {
             State::Done => "done",
             State::Failed => "failed",
             _ => "cancelled",
         };
-        self.figures.ended.get_or_create(&StateLabel { state }).inc();
+        self.counters.ended.get_or_create(&StateLabel { state }).inc();
     }
 
-    /// So many bytes of a scene came.
+    /// Counts received bytes of scenes.
     pub fn received(&self, bytes: usize) {
-        self.figures.received.inc_by(bytes as u64);
+        self.counters.received.inc_by(bytes as u64);
     }
 
-    /// So many bytes of a file were taken.
+    /// Counts sent bytes of lit files.
     pub fn fetched(&self, bytes: usize) {
-        self.figures.fetched.inc_by(bytes as u64);
+        self.counters.fetched.inc_by(bytes as u64);
     }
 
-    /// Somebody watches, for as long as this is held.
+    /// Counts a watcher while the result is held.
     #[must_use]
     pub fn watching(&self) -> Held {
-        Held::new(&self.figures.watchers)
+        Held::new(&self.counters.watchers)
     }
 
-    /// An upload is under way, for as long as this is held.
+    /// Counts an upload while the result is held.
     #[must_use]
     pub fn uploading(&self) -> Held {
-        Held::new(&self.figures.uploads)
+        Held::new(&self.counters.uploads)
     }
 
-    /// Bytes of the data folder, and those that its disk has left.
+    /// Sets the size of the data folder and the free space of its disk, in bytes.
     pub fn room(&self, taken: u64, free: u64) {
-        self.figures.stored.set(taken as i64);
-        self.figures.free.set(free as i64);
+        self.counters.stored.set(taken as i64);
+        self.counters.free.set(free as i64);
     }
 }

@@ -1,33 +1,32 @@
-//! What is seen of a job while it runs. The bake tells; whoever watches reads the latest state, whenever it comes to it.
+//! The latest state of a running job: the bake writes it, watchers read it.
 
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use protocol::api;
-use tokio::sync::watch;
-
-use crate::present::Present;
 use bake::lit::LitMesh;
 use bake::{Observer, Phase, Progress};
 use cluster::Cluster;
+use output::export::ExportSettings;
+use pipeline::run::RunObserver;
+use protocol::api;
+use scene::Scene;
+use tokio::sync::watch;
 
-/// Between two states that watchers are told of: rows come by the ten thousand.
+use crate::preview::{Preview, PreviewSource};
+use crate::sync::lock;
+
+/// Least time between two states for watchers: rows come by the ten thousand.
 const INTERVAL: Duration = Duration::from_millis(200);
 
-/// Over so many seconds the rate of rays is taken.
+/// Seconds over which the rate of rays is averaged.
 const RATE_SECONDS: f64 = 3.0;
-
-/// A mutex that a panic elsewhere does not close: what these hold is whole after each statement.
-pub fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
 
 /// A running job, as seen from outside.
 #[derive(Debug)]
 pub struct Live {
-    /// What it knows of the answer by now.
-    pub present: Present,
+    /// Its preview.
+    pub preview: Preview,
     state: Mutex<Seen>,
     stopped: AtomicBool,
     begun: AtomicBool,
@@ -45,7 +44,7 @@ struct Seen {
 }
 
 impl Live {
-    /// A job that begins now; `changed` is told of every state that watchers should see.
+    /// A job that begins now; `changed` is notified of every state that watchers should see.
     #[must_use]
     pub fn new(changed: watch::Sender<()>) -> Self {
         let now = Instant::now();
@@ -57,7 +56,7 @@ impl Live {
             changes: 0,
         };
         Self {
-            present: Present::default(),
+            preview: Preview::default(),
             state: Mutex::new(state),
             stopped: AtomicBool::new(false),
             begun: AtomicBool::new(false),
@@ -65,12 +64,12 @@ impl Live {
         }
     }
 
-    /// Tells the job to end.
+    /// Tells the job to stop.
     pub fn stop(&self) {
         self.stopped.store(true, Ordering::Relaxed);
     }
 
-    /// From now on a thread has it, and removes what is left of it where it was deleted meanwhile.
+    /// Hands it to a thread, which removes what is left of it if it is deleted meanwhile.
     #[must_use]
     pub fn begin(self: &Arc<Self>) -> Arc<Self> {
         self.begun.store(true, Ordering::Relaxed);
@@ -83,20 +82,20 @@ impl Live {
         self.begun.load(Ordering::Relaxed)
     }
 
-    /// Whether it was told to end.
+    /// Whether it was told to stop.
     #[must_use]
     pub fn is_stopped(&self) -> bool {
         self.stopped.load(Ordering::Relaxed)
     }
 
-    /// How far it is, and how often that has changed.
+    /// Returns its progress, and how often that has changed.
     #[must_use]
     pub fn progress(&self) -> (api::Progress, u64) {
         let seen = lock(&self.state);
         (seen.progress, seen.changes)
     }
 
-    /// It does something that is no step of the bake.
+    /// Enters a phase outside the bake.
     pub fn enter(&self, phase: api::Phase) {
         let mut seen = lock(&self.state);
         seen.progress.phase = phase.into();
@@ -104,12 +103,12 @@ impl Live {
         self.tell(&mut seen);
     }
 
-    /// Whether somebody looks at it now.
+    /// Whether somebody watches it now.
     fn is_watched(&self) -> bool {
         self.changed.receiver_count() > 0
     }
 
-    /// The bake has come so far, by so many workers. Cheap where nobody would be told yet.
+    /// Takes the bake's progress and its number of workers; returns at once while no watcher would be notified.
     fn set(&self, progress: &Progress, workers: usize) {
         let mut seen = lock(&self.state);
         let now = Instant::now();
@@ -149,12 +148,20 @@ impl Live {
     }
 }
 
-/// A bake is seen by those who look at its job.
+/// Passes a run's progress on to the watchers of its job, and their wish to cancel it back.
 pub struct Watched<'a> {
-    /// The job.
-    pub live: &'a Live,
-    /// Its workers, and everybody's.
-    pub workers: &'a Cluster,
+    /// What the scene file and the output lack, so far.
+    pub warnings: Vec<String>,
+    live: &'a Live,
+    workers: &'a Cluster,
+    export: ExportSettings,
+}
+
+impl<'a> Watched<'a> {
+    /// A run that has not begun; previews are written as `export` says.
+    pub fn new(live: &'a Live, workers: &'a Cluster, export: &ExportSettings) -> Self {
+        Self { warnings: vec![], live, workers, export: export.clone() }
+    }
 }
 
 impl Observer for Watched<'_> {
@@ -167,14 +174,29 @@ impl Observer for Watched<'_> {
     }
 
     fn wants_present(&mut self) -> bool {
-        self.live.present.is_wanted(self.live.is_watched())
+        self.live.preview.is_wanted(self.live.is_watched())
     }
 
     fn present(&mut self, lit: LitMesh) {
-        let number = self.live.present.set(Arc::new(lit));
+        let number = self.live.preview.set(Arc::new(lit));
         let mut seen = lock(&self.live.state);
         seen.progress.present = number;
         self.live.tell(&mut seen);
+    }
+}
+
+impl RunObserver for Watched<'_> {
+    fn warn(&mut self, warnings: &[String]) {
+        self.warnings.extend_from_slice(warnings);
+    }
+
+    fn imported(&mut self, scene: &Arc<Scene>) {
+        let source = PreviewSource { scene: Arc::clone(scene), export: self.export.clone() };
+        self.live.preview.begin(source);
+    }
+
+    fn exporting(&mut self) {
+        self.live.enter(api::Phase::Export);
     }
 }
 

@@ -1,64 +1,63 @@
 //! Which job runs next: events in, actions out. Pure.
 //!
-//! Jobs of higher priority go first. Among those of the same priority clients take turns: the first job of each, then the second
-//! of each, and so on, where those that run count as first; so nobody waits behind a thousand jobs of somebody else. Jobs of one
-//! client keep their order.
+//! Jobs of higher priority go first. Within a priority, clients take turns: the first job of each, then the second of each, and so
+//! on, counting running jobs; so no client waits behind a thousand jobs of another. Jobs of one client keep their order.
 
 use std::collections::{BTreeMap, HashMap};
 
 use crate::job::{ClientName, JobId, Sequence};
 
-/// Jobs of higher priority begin first.
+/// Priority of a job; higher ones start first.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Priority(pub i32);
 
-/// A job that waits.
+/// A queued job.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Waiting {
-    /// Whose it is.
+    /// Its client.
     pub client: ClientName,
-    /// Before whom it goes.
+    /// Its priority.
     pub priority: Priority,
-    /// When it came.
+    /// Its position in the order of submission.
     pub sequence: Sequence,
 }
 
-/// What the queue is told.
+/// An event that the queue handles.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Event {
-    /// A job came.
+    /// A job was submitted.
     Submitted(JobId, Waiting),
-    /// A job is not wanted any more.
+    /// A job was cancelled or deleted.
     Withdrawn(JobId),
-    /// A job that ran has left its place.
+    /// A running job has ended.
     Left(JobId),
-    /// A job that ran has left its place, and must run again later.
+    /// A running job has stopped, and must run again.
     PutBack(JobId),
-    /// Jobs may begin: until then, all wait.
+    /// Jobs may start.
     Opened,
-    /// No job may begin any more.
+    /// No more jobs may start.
     Closed,
 }
 
-/// What is to be done.
+/// An action that the queue asks for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Action {
-    /// Begin this job: it has a place until it is said to have left.
+    /// Start this job: it occupies a slot until [`Event::Left`] or [`Event::PutBack`].
     Start(JobId),
-    /// Tell this job, which runs, to end.
+    /// Stop this running job.
     Stop(JobId),
 }
 
-/// How many jobs run at once.
+/// How many jobs run at the same time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Places {
-    /// Of all clients.
+    /// Jobs of all clients together.
     pub all: usize,
-    /// Of one client.
+    /// Jobs of one client.
     pub of_a_client: usize,
 }
 
-/// The jobs that wait, and those that run.
+/// Queued and running jobs.
 #[derive(Debug)]
 pub struct Queue {
     places: Places,
@@ -68,13 +67,13 @@ pub struct Queue {
 }
 
 impl Queue {
-    /// An empty queue.
+    /// Creates an empty queue.
     #[must_use]
     pub fn new(places: Places) -> Self {
         Self { places, waiting: BTreeMap::new(), running: BTreeMap::new(), closed: false }
     }
 
-    /// Takes notice of what happened. What is to be done now.
+    /// Handles an event, and returns the actions that follow.
     pub fn handle(&mut self, event: Event) -> Vec<Action> {
         match event {
             Event::Submitted(job, waiting) => {
@@ -82,7 +81,7 @@ impl Queue {
             }
             Event::Withdrawn(job) => {
                 if self.waiting.remove(&job).is_none() && self.running.contains_key(&job) {
-                    // Its place is free when it has left.
+                    // Its slot becomes free when it has stopped.
                     return vec![Action::Stop(job)];
                 }
             }
@@ -103,19 +102,19 @@ impl Queue {
         self.fill()
     }
 
-    /// Jobs that wait.
+    /// Number of queued jobs.
     #[must_use]
     pub fn waiting(&self) -> usize {
         self.waiting.len()
     }
 
-    /// Jobs that run.
+    /// Number of running jobs.
     #[must_use]
     pub fn running(&self) -> usize {
         self.running.len()
     }
 
-    /// The jobs that wait, in the order in which they would begin if all were as long.
+    /// Returns the queued jobs in the order in which they would start if all took equally long.
     #[must_use]
     pub fn order(&self) -> Vec<JobId> {
         let mut by_time: Vec<_> = self.waiting.iter().collect();
@@ -145,7 +144,7 @@ impl Queue {
         count
     }
 
-    /// Gives the free places away.
+    /// Starts jobs in the free slots.
     fn fill(&mut self) -> Vec<Action> {
         let mut actions = vec![];
         while !self.closed && self.running.len() < self.places.all && !self.waiting.is_empty() {
@@ -182,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn jobs_begin_when_there_is_a_place() {
+    fn jobs_start_when_there_is_a_slot() {
         let mut queue = queue(2, 2);
         assert_eq!(queue.handle(submitted(1, "a", 0)), [Action::Start(JobId(1))]);
         assert_eq!(queue.handle(submitted(2, "a", 0)), [Action::Start(JobId(2))]);
@@ -207,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn whoever_has_a_job_running_waits_for_those_who_have_none() {
+    fn a_client_with_a_running_job_waits_for_those_without() {
         let mut queue = queue(1, 9);
         for event in [submitted(1, "a", 0), submitted(2, "a", 0), submitted(3, "b", 0)] {
             queue.handle(event);
@@ -216,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn a_client_has_no_more_places_than_its_own() {
+    fn a_client_has_at_most_its_own_slots() {
         let mut queue = queue(3, 1);
         assert_eq!(queue.handle(submitted(1, "a", 0)), [Action::Start(JobId(1))]);
         assert_eq!(queue.handle(submitted(2, "a", 9)), []);
@@ -225,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn a_job_that_is_withdrawn_keeps_its_place_until_it_has_left() {
+    fn a_withdrawn_job_keeps_its_slot_until_it_has_stopped() {
         let mut queue = queue(1, 1);
         queue.handle(submitted(1, "a", 0));
         queue.handle(submitted(2, "a", 0));
@@ -237,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn a_job_that_is_put_back_has_its_old_turn() {
+    fn a_job_that_is_put_back_keeps_its_turn() {
         let mut queue = queue(1, 1);
         queue.handle(submitted(1, "a", 0));
         queue.handle(submitted(2, "a", 0));
@@ -245,7 +244,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_begins_after_the_end() {
+    fn no_job_starts_after_the_end() {
         let mut queue = queue(1, 1);
         queue.handle(submitted(1, "a", 0));
         queue.handle(submitted(2, "a", 0));

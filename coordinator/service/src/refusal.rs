@@ -1,4 +1,4 @@
-//! Why the service does not do what a client asks.
+//! Errors for clients.
 
 use std::io;
 
@@ -6,23 +6,23 @@ use pipeline::options::{InvalidOptions, Violation};
 
 use crate::job::{JobId, SceneDigest};
 
-/// Why the service does not do what a client asks. Each kind is a status code with details of its own, see `api::errors`.
+/// Why a request is refused. Each variant has its own status code and details, see `api::errors`.
 #[derive(Debug, thiserror::Error)]
 pub enum Refusal {
-    /// Fields that are wrong.
+    /// Invalid fields.
     #[error(transparent)]
     Invalid(#[from] InvalidOptions),
-    /// The bytes of this scene must be sent.
+    /// The scene must be uploaded.
     #[error("the service does not have scene {0} of this client: send its bytes")]
     SceneMissing(SceneDigest),
     /// The job is not done.
-    #[error("job {0} is not done: watch it, or fetch its present state")]
+    #[error("job {0} is not done: watch it, or fetch a preview")]
     NotDone(JobId),
     /// The light of the job was not kept.
-    #[error("the light of job {0} was not kept: submit its scene with the other light")]
+    #[error("the light of job {0} was not kept: submit its scene with the new lights")]
     NoLight(JobId),
-    /// The job has no present state.
-    #[error("job {0} has no present state: it does not run, or has not begun to shoot")]
+    /// The job has no preview.
+    #[error("job {0} has no preview: it does not run, or has not begun to shoot")]
     NotRunning(JobId),
     /// The job does not exist, or is another client's.
     #[error("there is no job {0}: `coordinator jobs` lists those there are")]
@@ -40,33 +40,33 @@ pub enum Refusal {
         /// The limit and what can be done.
         description: String,
     },
-    /// The caller is nobody that the service knows.
+    /// The caller has no valid token.
     #[error("{0}")]
     Unauthenticated(&'static str),
-    /// The upload ended before it was whole, or took too long.
-    #[error("the upload was given up: {0}")]
+    /// The upload was interrupted, or took too long.
+    #[error("the upload was aborted: {0}")]
     Broken(String),
     /// The service is ending.
     #[error("the service is ending: try again")]
     Ending,
-    /// The service's own fault.
+    /// The service failed.
     #[error("the service failed: {0}")]
     Failed(String),
 }
 
 impl Refusal {
-    /// One field that is wrong.
+    /// Refuses one invalid field.
     pub fn invalid(field: impl Into<String>, should: impl Into<String>) -> Self {
         Self::Invalid(InvalidOptions(vec![Violation::new(field, should)]))
     }
 
-    /// A limit of a client that is reached.
+    /// Refuses because a limit is reached.
     pub fn exhausted(subject: impl Into<String>, description: impl Into<String>) -> Self {
         Self::Exhausted { subject: subject.into(), description: description.into() }
     }
 }
 
-/// Whether the system refuses because there is no room.
+/// Whether the error means that the disk is full.
 #[must_use]
 pub fn is_full(error: &io::Error) -> bool {
     matches!(
@@ -83,7 +83,7 @@ impl From<io::Error> for Refusal {
                 "there is no room on the service's disk: delete jobs, or ask its operator",
             );
         }
-        // Its words may have paths of the service.
+        // Its text may contain paths of the service.
         tracing::error!(%error, "the disk fails");
         Self::Failed("its disk cannot be used; its log says more".into())
     }

@@ -26,7 +26,7 @@ use crate::clients::Clients;
 use crate::guard::{Names, only_by_name, only_own_pages};
 use crate::{Service, http};
 
-/// What a client may have: uploads wait for the disk, and a page watches all jobs on one connection.
+/// Bounds of one connection: uploads wait for the disk, and a page makes all its calls on one connection.
 const BOUNDS: ConnectionBounds = ConnectionBounds {
     connection_window: 8 << 20,
     call_window: 2 << 20,
@@ -35,13 +35,13 @@ const BOUNDS: ConnectionBounds = ConnectionBounds {
     keep_alive: Duration::from_secs(20),
 };
 
-/// How long clients have to take what they are owed when the service ends, and jobs to stop.
+/// How long calls may take to end, and jobs to stop, when the service ends.
 const PARTING: Duration = Duration::from_secs(10);
 
 /// Why the service does not serve.
 #[derive(Debug, thiserror::Error)]
 pub enum ServeError {
-    /// The API cannot be told to those who ask.
+    /// The reflection service cannot be built.
     #[error("cannot offer reflection: {0}")]
     Reflection(#[from] tonic_reflection::server::Error),
     /// The server failed.
@@ -49,7 +49,7 @@ pub enum ServeError {
     Transport(#[from] tonic::transport::Error),
 }
 
-/// Serves clients on these connections until `shutdown` is cancelled; then jobs stop, to go on at the next start.
+/// Serves these connections until `shutdown` is cancelled; then jobs stop, to resume at the next start.
 ///
 /// # Errors
 /// When the server fails.
@@ -70,13 +70,13 @@ pub async fn serve(
             .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
     };
     let reflection = described().build_v1()?;
-    // Python's library asks in the older words.
+    // Python's gRPC library uses v1alpha.
     let older_reflection = described().build_v1alpha()?;
     let api = RadiosityServer::new(Api::new(service.clone(), clients))
         .max_decoding_message_size(MAX_MESSAGE_BYTES)
         .max_encoding_message_size(MAX_MESSAGE_BYTES);
     let router = http::routes();
-    // Browsers speak gRPC-web to the API; what else they ask for is the page.
+    // Browsers call the API by gRPC-web and load the page by HTTP.
     let router = with(with(with(router, GrpcWebLayer::new().layer(api)), health_service), reflection);
     service.resume();
     let router = guarded(with(router, older_reflection), names);
@@ -95,7 +95,7 @@ pub async fn serve(
         if !service.end(PARTING).await {
             tracing::warn!("leaving although a job has not stopped: it goes on from its checkpoint");
         }
-        // What is owed to watchers is told meanwhile; whoever is slower than that asks again.
+        // Lets watchers receive their last message; slower ones call again.
         tokio::time::sleep(Duration::from_millis(200)).await;
     };
     tokio::select! {
@@ -106,7 +106,7 @@ pub async fn serve(
     Ok(())
 }
 
-/// A router with a gRPC service beside what it had.
+/// Adds a gRPC service to a router.
 fn with<S>(router: Router, service: S) -> Router
 where
     S: Answers<Request, Error = Infallible> + NamedService + Clone + Send + Sync + 'static,
@@ -116,7 +116,7 @@ where
     router.route_service(&format!("/{}/{{*call}}", S::NAME), service)
 }
 
-/// The same for nobody whom a page of another site has sent.
+/// Refuses requests that come from pages of other sites.
 fn guarded(router: Router, names: Names) -> Router {
     let router = router.layer(from_fn(only_own_pages));
     match names {

@@ -1,36 +1,36 @@
-//! What a service is told at its start.
+//! Settings of a service.
 
 use std::path::PathBuf;
 use std::time::Duration;
 
 use crate::queue::Places;
 
-/// Limits of what comes in and of what is kept.
+/// Limits of requests, of running jobs and of the data folder.
 #[derive(Debug, Clone)]
 pub struct Limits {
-    /// Jobs of one client that have not ended.
+    /// Unfinished jobs per client.
     pub jobs_of_a_client: usize,
-    /// Bytes of one scene.
+    /// Bytes per scene.
     pub upload_bytes: u64,
-    /// Uploads of one client at the same time.
+    /// Concurrent uploads per client.
     pub uploads_of_a_client: usize,
-    /// How long an upload may take.
+    /// Longest duration of an upload.
     pub upload_time: Duration,
-    /// How long an upload may be silent.
+    /// Longest pause within an upload.
     pub upload_silence: Duration,
-    /// Vertices that a job may ask for.
+    /// Vertices per job.
     pub vertices: u64,
-    /// Memory for rows of one job, MiB.
+    /// Memory for the rows of one job, in MiB.
     pub row_cache: usize,
-    /// Bytes of one checkpoint.
+    /// Bytes per checkpoint.
     pub checkpoint_bytes: u64,
-    /// Bytes of the light that a job leaves behind, for jobs that light the same scene otherwise.
+    /// Bytes of kept light per job, for relights.
     pub light_bytes: u64,
-    /// Jobs that ended longer ago are forgotten.
+    /// Age at which ended jobs are deleted.
     pub keep_age: Duration,
-    /// Bytes of all files of the data folder: the oldest jobs that ended are forgotten beyond.
+    /// Bytes of the data folder, beyond which the oldest ended jobs are deleted.
     pub keep_bytes: u64,
-    /// Bytes of the disk that are left free: nothing is taken in when there are fewer.
+    /// Free bytes of the disk, below which submissions are refused.
     pub free_bytes: u64,
 }
 
@@ -53,12 +53,12 @@ impl Default for Limits {
     }
 }
 
-/// What a service is told at its start.
+/// Settings of a service.
 #[derive(Debug, Clone)]
 pub struct ServiceSettings {
-    /// Where it keeps everything.
+    /// The data folder.
     pub data: PathBuf,
-    /// How many jobs run at once.
+    /// How many jobs run at the same time.
     pub places: Places,
     /// Limits.
     pub limits: Limits,

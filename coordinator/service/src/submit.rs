@@ -11,24 +11,24 @@ use tokio_stream::{Stream, StreamExt};
 use bake::{NewLight, listed};
 
 use crate::job::{ClientName, JobId, Record, Relit, SceneDigest, Sequence, next_revision};
-use crate::progress::lock;
 use crate::refusal::Refusal;
 use crate::store::Upload;
-use crate::{Office, Service, blocking};
+use crate::sync::lock;
+use crate::{Inner, Service, blocking};
 use pipeline::options::{Violations, new_light, wanted};
 
-/// Least bytes that are written at once: chunks may have one byte each.
+/// Least bytes written at once: chunks may be as short as a byte.
 const WRITE_BYTES: usize = 256 << 10;
 
 /// Most bytes of a header.
 const HEADER_BYTES: usize = 256 << 10;
 
 impl Service {
-    /// Takes in a job: what to do, and then the bytes of the scene, unless the service has them. The job is on the disk when this
-    /// returns. Chunks are taken as they can be written, and no further than the file that was announced.
+    /// Accepts a job: its header, then the bytes of the scene unless the service has them. The job is on disk when this returns.
+    /// Chunks are pulled as fast as they can be written, up to the announced size.
     ///
     /// # Errors
-    /// When something of it is wrong, a limit is reached, or the scene's bytes are needed and do not come.
+    /// When the request is invalid, a limit is reached, or the scene's bytes are needed and do not arrive.
     pub async fn submit<S>(
         &self,
         client: &ClientName,
@@ -38,19 +38,19 @@ impl Service {
     where
         S: Stream<Item = Result<Bytes, Refusal>> + Send,
     {
-        // First of all: what it needed may be gone by now.
-        let known = self.office.known(&lock(&self.office.ledger), client, &header)?;
+        // A repeated submission first: what it refers to may be deleted by now.
+        let known = self.inner.known(&lock(&self.inner.ledger), client, &header)?;
         if let Some(known) = known {
             return self.get(client, &known.to_string());
         }
-        let (draft, size) = self.office.draft(client, header)?;
-        let id = self.office.submit(draft, size, chunks).await?;
+        let (draft, size) = self.inner.draft(client, header)?;
+        let id = self.inner.submit(draft, size, chunks).await?;
         self.get(client, &id.to_string())
     }
 }
 
-impl Office {
-    /// The job that would come of a submission, and the length of its scene.
+impl Inner {
+    /// Checks a submission; returns its record and the size of its scene.
     fn draft(&self, client: &ClientName, header: SubmitSceneHeader) -> Result<(Record, u64), Refusal> {
         let mut wrong = Violations::default();
         let is_small = prost::Message::encoded_len(&header) <= HEADER_BYTES;
@@ -76,7 +76,7 @@ impl Office {
             }
             Some(Source::Relight(relight)) => {
                 let light = new_light(relight, &mut wrong);
-                // What is wrong by itself is not looked up.
+                // Look up the job only for a valid request.
                 wrong = wrong.check().map(|()| Violations::default())?;
                 let light = NewLight { groups, ..light };
                 let (scene, relit) = self.relit(client, &relight.job_id, &light, &mut wrong)?;
@@ -114,7 +114,7 @@ impl Office {
         Ok((record, size))
     }
 
-    /// What a relight takes over from the job whose light it changes.
+    /// Returns what a relight needs of the baked job.
     fn relit(
         &self,
         client: &ClientName,
@@ -164,13 +164,13 @@ impl Office {
             let receiving = self.receive(draft.scene, size, chunks);
             Some(timeout(self.limits.upload_time, receiving).await.unwrap_or(Err(took_too_long))?)
         };
-        let office = Arc::clone(self);
-        blocking(move || office.accept(draft, upload.as_ref())).await
+        let inner = Arc::clone(self);
+        blocking(move || inner.accept(draft, upload.as_ref())).await
     }
 
     async fn check_room(self: &Arc<Self>, size: u64) -> Result<(), Refusal> {
-        let office = Arc::clone(self);
-        let free = blocking(move || Ok(office.store.free()?)).await?;
+        let inner = Arc::clone(self);
+        let free = blocking(move || Ok(inner.store.free()?)).await?;
         if free < self.limits.free_bytes.saturating_add(size) {
             return Err(Refusal::exhausted(
                 "disk",
@@ -180,7 +180,7 @@ impl Office {
         Ok(())
     }
 
-    /// Takes a scene's bytes.
+    /// Receives a scene's bytes.
     async fn receive<S>(self: &Arc<Self>, scene: SceneDigest, size: u64, chunks: S) -> Result<Upload, Refusal>
     where
         S: Stream<Item = Result<Bytes, Refusal>> + Send,
@@ -188,13 +188,13 @@ impl Office {
         tokio::pin!(chunks);
         let silence = || Instant::now() + self.limits.upload_silence;
         let fell_silent = |_| Refusal::Broken("nothing came for longer than this service allows".into());
-        // Whether anything comes at all is known before a file is made for it.
+        // Creates no file before the first chunk.
         let mut next = timeout_at(silence(), chunks.next()).await.map_err(fell_silent)?;
         if next.is_none() {
             return Err(Refusal::SceneMissing(scene));
         }
-        let office = Arc::clone(self);
-        let mut upload = blocking(move || Ok(office.store.begin_upload()?)).await?;
+        let inner = Arc::clone(self);
+        let mut upload = blocking(move || Ok(inner.store.begin_upload()?)).await?;
         let mut gathered = BytesMut::new();
         loop {
             let chunk = next.transpose()?;
@@ -234,7 +234,7 @@ impl Office {
         Ok(upload)
     }
 
-    /// A place for an upload of this client, for as long as it is held.
+    /// Counts an upload of this client while the result is held.
     fn count_upload(self: &Arc<Self>, client: &ClientName) -> Result<Counted, Refusal> {
         let mut uploads = lock(&self.uploads);
         let count = uploads.entry(client.clone()).or_default();
@@ -245,19 +245,19 @@ impl Office {
             return Err(Refusal::exhausted(format!("client:{client}"), description));
         }
         *count += 1;
-        Ok(Counted { office: Arc::clone(self), client: client.clone() })
+        Ok(Counted { inner: Arc::clone(self), client: client.clone() })
     }
 }
 
-/// An upload that counts among those of its client.
+/// An upload in progress, counted until it is dropped.
 struct Counted {
-    office: Arc<Office>,
+    inner: Arc<Inner>,
     client: ClientName,
 }
 
 impl Drop for Counted {
     fn drop(&mut self) {
-        if let hash_map::Entry::Occupied(mut count) = lock(&self.office.uploads).entry(self.client.clone()) {
+        if let hash_map::Entry::Occupied(mut count) = lock(&self.inner.uploads).entry(self.client.clone()) {
             *count.get_mut() -= 1;
             if *count.get() == 0 {
                 count.remove();

@@ -15,7 +15,7 @@ use cluster::{ClusterSettings, Workers};
 
 const DAY: Duration = Duration::from_secs(24 * 3600);
 
-/// A service with one place and a worker that never comes: a job that begins does not end.
+/// A service with one slot and a worker that never connects: a job that starts does not end.
 fn service(folder: &TempDir, limits: Limits) -> Service {
     let nobody = Workers::Remote(vec!["127.0.0.1:1".into()]);
     let workers = ClusterSettings { grace: ClusterSettings::ENDLESS_GRACE, ..nobody.into() };
@@ -29,7 +29,7 @@ fn everybody() -> ClientName {
     ClientName::everybody()
 }
 
-/// A job that is submitted with the scene of the test.
+/// Submits a job with cornell.
 async fn submit(service: &Service) -> Job {
     let path = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/scenes/cornell.glb"));
     let scene = Bytes::from(std::fs::read(path).unwrap());
@@ -56,7 +56,7 @@ fn record(id: u128) -> Record {
     }
 }
 
-/// Puts a job into the data folder that ended so long ago, with its lit file.
+/// Stores a job that ended `age` ago, with its lit file.
 fn put_ended(folder: &TempDir, id: u128, age: Duration) {
     let Opened { store, .. } = Store::open(&folder.path().join("data")).unwrap();
     let ended = record(id).ended(State::Done, String::new(), None);
@@ -76,7 +76,7 @@ fn count(folder: &TempDir, of: &str) -> usize {
 }
 
 #[tokio::test(start_paused = true)]
-async fn nothing_but_the_next_state_is_kept_for_a_watcher_that_does_not_read() {
+async fn a_slow_watcher_skips_states() {
     let folder = tempfile::tempdir().unwrap();
     let service = service(&folder, Limits::default());
     let Job { id, .. } = submit(&service).await;
@@ -84,7 +84,7 @@ async fn nothing_but_the_next_state_is_kept_for_a_watcher_that_does_not_read() {
     let (mut slow, mut quick) = (watch(), watch());
     let mut told = quick.next().await.unwrap().unwrap();
     for _ in 0..100 {
-        lock(&service.office.ledger).change(id.parse().unwrap(), |_| {});
+        lock(&service.inner.ledger).change(id.parse().unwrap(), |_| {});
         let next = quick.next().await.unwrap().unwrap();
         assert!(next.revision > told.revision, "the slow one holds up the other");
         told = next;
@@ -96,7 +96,7 @@ async fn nothing_but_the_next_state_is_kept_for_a_watcher_that_does_not_read() {
 }
 
 #[tokio::test(start_paused = true)]
-async fn what_is_kept_no_longer_goes_while_the_service_runs() {
+async fn expired_jobs_are_deleted_while_the_service_runs() {
     let folder = tempfile::tempdir().unwrap();
     put_ended(&folder, 1, 40 * DAY);
     put_ended(&folder, 2, 20 * DAY);
@@ -110,7 +110,7 @@ async fn what_is_kept_no_longer_goes_while_the_service_runs() {
     // The first goes by its age, the second because there is room for one lit file and a half.
     assert_eq!((count(&folder, "jobs"), count(&folder, "results")), (4, 1));
     service.cancel(&everybody(), &cancelled.id).await.unwrap();
-    lock(&service.office.ledger).change(JobId(3), |entry| {
+    lock(&service.inner.ledger).change(JobId(3), |entry| {
         entry.record.ended = Some(SystemTime::now() - 31 * DAY);
     });
     tokio::time::sleep(TIDY).await;
@@ -124,7 +124,7 @@ async fn what_is_kept_no_longer_goes_while_the_service_runs() {
 
 /// However little may be kept, jobs that have not ended stay, and their scenes.
 #[tokio::test(start_paused = true)]
-async fn jobs_that_have_not_ended_are_kept_whatever_the_room() {
+async fn unfinished_jobs_never_expire() {
     let folder = tempfile::tempdir().unwrap();
     put_ended(&folder, 1, Duration::ZERO);
     let service = service(&folder, Limits { keep_bytes: 0, keep_age: Duration::ZERO, ..Limits::default() });
@@ -139,7 +139,7 @@ async fn jobs_that_have_not_ended_are_kept_whatever_the_room() {
 }
 
 #[test]
-fn a_job_on_its_way_to_the_disk_counts_and_is_not_seen() {
+fn a_job_that_is_being_written_counts_and_is_invisible() {
     let mut ledger = Ledger::new(Places { all: 0, of_a_client: 0 });
     let mut keyed = record(1);
     keyed.header.idempotency_key = "monday".into();

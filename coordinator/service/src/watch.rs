@@ -7,31 +7,30 @@ use tokio_stream::wrappers::ReceiverStream;
 
 use crate::Service;
 use crate::job::ClientName;
-use crate::progress::lock;
 use crate::refusal::Refusal;
+use crate::sync::lock;
 
-/// Between two states of a job, at least.
+/// Least time between two states of a job.
 const INTERVAL: Duration = Duration::from_millis(200);
 
 impl Service {
-    /// The job at once, and whenever something of it has changed, until it has ended. Nothing is kept for a slow reader but what it
-    /// is about to take: it is told the latest state when it has.
+    /// Streams the job now and after every change, until it has ended. A slow reader skips states: nothing is queued for it.
     ///
     /// # Errors
-    /// When it is none of this client's.
+    /// When it is not this client's.
     pub fn watch(
         &self,
         client: &ClientName,
         id: &str,
     ) -> Result<ReceiverStream<Result<Job, Refusal>>, Refusal> {
-        let (mut job_news, mut queue_news) = lock(&self.office.ledger).news(client, id)?;
+        let (mut job_news, mut queue_news) = lock(&self.inner.ledger).news(client, id)?;
         let (sender, receiver) = mpsc::channel(1);
         let (service, client, id) = (self.clone(), client.clone(), id.to_owned());
-        let watching = self.office.metrics.watching();
+        let watching = self.inner.metrics.watching();
         tokio::spawn(async move {
             let _watching = watching;
             let mut told: Option<Job> = None;
-            // The state is looked up when there is room for it.
+            // Looks up the state when the reader is ready for it.
             while let Ok(place) = sender.reserve().await {
                 job_news.mark_unchanged();
                 queue_news.mark_unchanged();
@@ -50,10 +49,10 @@ impl Service {
                     return;
                 }
                 tokio::select! {
-                    // Deleted: the next look says so.
+                    // Also when deleted: the next lookup fails.
                     _ = job_news.changed() => {}
                     Ok(()) = queue_news.changed(), if waits => {}
-                    () = service.office.ending.cancelled() => {
+                    () = service.inner.ending.cancelled() => {
                         if let Ok(place) = sender.reserve().await {
                             place.send(Err(Refusal::Ending));
                         }
@@ -68,7 +67,7 @@ impl Service {
     }
 }
 
-/// Whether nothing more will happen to a job.
+/// Whether a job is done, failed or cancelled.
 fn has_ended(job: &Job) -> bool {
     matches!(job.state(), State::Done | State::Failed | State::Cancelled)
 }

@@ -1,13 +1,12 @@
-use std::io::{BufWriter, Write};
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
 use anyhow::Context;
-use atomic_write_file::AtomicWriteFile;
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
+use output::files;
 use rayon::ThreadPoolBuilder;
 use scene::{ImportOptions, import};
 use serde_json::{Value, json};
@@ -16,6 +15,7 @@ use view_factors::{Division, ViewFactorSettings, ViewFactors, view_factors};
 use super::report::new_table;
 use super::scene_options::SceneOptions;
 use super::workers::ThreadArguments;
+use super::write_output;
 
 /// Most points that a pair of polygons may be given for a form factor of 1.
 const MOST_POINTS: i64 = 1 << 24;
@@ -56,7 +56,7 @@ pub struct FormFactorArguments {
 /// Computes the view factors of one scene.
 pub fn run(arguments: &FormFactorArguments, threads: NonZeroUsize) -> anyhow::Result<()> {
     let clock = Instant::now();
-    let outputs = check_outputs(arguments)?;
+    check_outputs(arguments)?;
     let options = ImportOptions { needs_light: false, ..arguments.options.import_options()? };
     let scene = import(&arguments.scene, &options)?;
     for warning in &scene.warnings {
@@ -71,26 +71,24 @@ pub fn run(arguments: &FormFactorArguments, threads: NonZeroUsize) -> anyhow::Re
         .install(|| view_factors(&scene, &settings, &|done, all| progress.step(done, all)))
         .with_context(|| format!("{} has no view factors", arguments.scene.display()))?;
     progress.bar.finish_and_clear();
-    drop(outputs);
-    write(&arguments.output, |out| pool.install(|| factors.write_factors(out)))?;
+    write_output(&arguments.output, |out| pool.install(|| factors.write_factors(out)))?;
     if let Some(path) = &arguments.areas {
-        write(path, |out| factors.write_areas(out))?;
+        write_output(path, |out| factors.write_areas(out))?;
     }
     let seconds = clock.elapsed().as_secs_f64();
     if let Some(path) = &arguments.report {
         let text = serde_json::to_string_pretty(&report(&factors, &settings, seconds))?;
-        write(path, |out| writeln!(out, "{text}"))?;
+        write_output(path, |out| writeln!(out, "{text}"))?;
     }
     print(&factors, seconds);
     Ok(())
 }
 
 /// Nothing is computed that could not be written, and nothing is written over the scene or another output.
-fn check_outputs(arguments: &FormFactorArguments) -> anyhow::Result<Vec<AtomicWriteFile>> {
+fn check_outputs(arguments: &FormFactorArguments) -> anyhow::Result<()> {
     let whole = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
     let outputs = [Some(&arguments.output), arguments.areas.as_ref(), arguments.report.as_ref()];
     let mut taken = vec![whole(&arguments.scene)];
-    let mut files = vec![];
     for output in outputs.into_iter().flatten() {
         let path = whole(output);
         anyhow::ensure!(
@@ -98,25 +96,10 @@ fn check_outputs(arguments: &FormFactorArguments) -> anyhow::Result<Vec<AtomicWr
             "output {} is the scene or another output: choose another output",
             output.display()
         );
-        super::ensure_place(output)?;
-        let cannot = || format!("output {} cannot be written: choose another output", output.display());
-        files.push(AtomicWriteFile::open(output).with_context(cannot)?);
+        files::check(output)?;
         taken.push(path);
     }
-    Ok(files)
-}
-
-/// Writes a file whole or not at all.
-fn write(
-    path: &Path,
-    content: impl FnOnce(&mut (dyn Write + Send)) -> std::io::Result<()>,
-) -> anyhow::Result<()> {
-    let write = || -> std::io::Result<()> {
-        let mut out = BufWriter::new(AtomicWriteFile::open(path)?);
-        content(&mut out)?;
-        out.into_inner()?.commit()
-    };
-    write().with_context(|| format!("output {} cannot be written", path.display()))
+    Ok(())
 }
 
 fn report(factors: &ViewFactors, settings: &ViewFactorSettings, seconds: f64) -> Value {

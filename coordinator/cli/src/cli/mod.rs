@@ -19,10 +19,13 @@ mod study;
 mod telemetry;
 mod workers;
 
+use std::io::{self, Write};
 use std::path::Path;
 
+use anyhow::Context;
 use clap::{Parser, Subcommand};
 use cluster::metrics::Metrics;
+use output::files;
 
 pub use arrange::parse;
 
@@ -113,15 +116,10 @@ pub fn run(arguments: Arguments) -> anyhow::Result<()> {
     }
 }
 
-/// Refuses an output whose folder does not exist, or that is a folder itself.
-fn ensure_place(output: &Path) -> anyhow::Result<()> {
-    let whole = std::path::absolute(output).unwrap_or_else(|_| output.to_owned());
-    let folder = whole.parent().unwrap_or(Path::new("/"));
-    anyhow::ensure!(
-        folder.is_dir(),
-        "output directory {} does not exist: create it, or choose another output",
-        folder.display()
-    );
-    anyhow::ensure!(!output.is_dir(), "output {} is a directory: name a file in it", output.display());
-    Ok(())
+/// Writes an output whole or not at all.
+fn write_output(
+    path: &Path,
+    content: impl FnOnce(&mut (dyn Write + Send)) -> io::Result<()>,
+) -> anyhow::Result<()> {
+    files::write_with(path, content).with_context(|| format!("output {} cannot be written", path.display()))
 }

@@ -1,7 +1,11 @@
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use bake::Progress;
+use bake::{Observer, Progress};
+use cluster::metrics::Metrics;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use pipeline::run::RunObserver;
+use scene::Scene;
 
 /// Between plain lines of one step, where standard error is not a terminal.
 const PLAIN_INTERVAL: Duration = Duration::from_secs(5);
@@ -73,8 +77,45 @@ impl ProgressLine {
     }
 
     /// Removes the bar: the table follows.
-    pub fn finish(self) {
+    pub fn finish(&self) {
         self.bar.finish_and_clear();
+    }
+}
+
+/// Shows a run on standard error and to Prometheus.
+pub struct Shown {
+    line: ProgressLine,
+    metrics: Metrics,
+}
+
+impl Shown {
+    /// Shows nothing yet.
+    pub fn new(metrics: &Metrics) -> Self {
+        Self { line: ProgressLine::new(), metrics: metrics.clone() }
+    }
+}
+
+impl Observer for Shown {
+    fn progress(&mut self, progress: &Progress) {
+        self.metrics.progress(progress);
+        self.line.show(progress);
+    }
+}
+
+impl RunObserver for Shown {
+    fn warn(&mut self, warnings: &[String]) {
+        for warning in warnings {
+            eprintln!("warning: {warning}");
+        }
+    }
+
+    fn imported(&mut self, _scene: &Arc<Scene>) {
+        // Rates and the time left are those of the bake alone.
+        self.line = ProgressLine::new();
+    }
+
+    fn exporting(&mut self) {
+        self.line.finish();
     }
 }
 

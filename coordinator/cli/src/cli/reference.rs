@@ -1,13 +1,12 @@
-use std::io::Write;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 use anyhow::Context;
-use atomic_write_file::AtomicWriteFile;
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
+use output::files;
 use serde_json::json;
 use verify::plain::{PlainOptions, PlainScene};
 use verify::reference::{
@@ -17,6 +16,7 @@ use verify::reference::{
 
 use super::scene_options::SceneOptions;
 use super::workers::ThreadArguments;
+use super::write_output;
 
 #[derive(Args)]
 pub struct ReferenceArguments {
@@ -69,7 +69,7 @@ pub fn run(arguments: &ReferenceArguments, threads: NonZeroUsize) -> anyhow::Res
     let progress = Progress::new(places.len());
     let points = trace(&scene, &places, &settings, &|| progress.step()).with_context(failed)?;
     progress.bar.finish_and_clear();
-    write(&arguments.output, &points)?;
+    write_output(&arguments.output, |out| out.write_all(to_csv(&points).as_bytes()))?;
     let mut figures = json!({
         "points": points.len(),
         "paths": arguments.paths,
@@ -115,18 +115,7 @@ fn check_output(arguments: &ReferenceArguments) -> anyhow::Result<()> {
         "output {} is what is read: choose another output",
         output.display()
     );
-    super::ensure_place(output)?;
-    let cannot = || format!("output {} cannot be written: choose another output", output.display());
-    AtomicWriteFile::open(output).and_then(AtomicWriteFile::discard).with_context(cannot)
-}
-
-fn write(path: &Path, points: &[ReferencePoint]) -> anyhow::Result<()> {
-    let write = || -> std::io::Result<()> {
-        let mut file = AtomicWriteFile::open(path)?;
-        file.write_all(to_csv(points).as_bytes())?;
-        file.commit()
-    };
-    write().with_context(|| format!("output {} cannot be written", path.display()))
+    Ok(files::check(output)?)
 }
 
 /// A bar; plain lines at every tenth where there is no terminal.

@@ -1,15 +1,16 @@
 use std::path::PathBuf;
-use std::time::Instant;
 
-use bake::{BakeSettings, KeptLight, LightChange, NewLight, relight};
+use bake::{BakeSettings, LightChange, NewLight};
 use clap::Args;
-use output::export::{ExportSettings, check_writable, export};
-use pipeline::summary::{relit_extras, relit_json};
-use scene::{ImportOptions, import};
+use cluster::metrics::Metrics;
+use output::export::check_writable;
+use pipeline::relight::{RelightRequest, Relighted};
+use pipeline::run::SceneSource;
 
 use super::output_options::OutputOptions;
+use super::progress::Shown;
 use super::scene_options::{SceneOptions, radiance};
-use super::solve::{check_distinct, check_report, write_report};
+use super::solve::{check_distinct, check_report};
 
 #[derive(Args)]
 pub struct RelightArguments {
@@ -38,7 +39,6 @@ pub struct RelightArguments {
 
 /// Relights one file.
 pub fn run(arguments: &RelightArguments) -> anyhow::Result<()> {
-    let clock = Instant::now();
     check_writable(&arguments.output)?;
     if let Some(report) = &arguments.report {
         check_report(report)?;
@@ -49,33 +49,30 @@ pub fn run(arguments: &RelightArguments) -> anyhow::Result<()> {
         ("output", Some(&arguments.output)),
         ("report", arguments.report.as_ref()),
     ])?;
-    let (settings, export_settings) =
+    let (settings, export) =
         arguments.written.settings(&arguments.options.options(), BakeSettings::default())?;
-    let kept = KeptLight::read(&arguments.kept)?;
-    let options = ImportOptions { sky: kept.sky(), ..arguments.options.import_options()? };
-    let scene = import(&arguments.scene, &options)?;
-    let light = NewLight {
-        changes: arguments.lights.clone(),
-        sky: arguments.options.sky(),
-        only: settings.only,
-        groups: settings.groups,
+    let request = RelightRequest {
+        scene: SceneSource::File(&arguments.scene),
+        import: arguments.options.import_options()?,
+        kept_light: &arguments.kept,
+        light: NewLight {
+            changes: arguments.lights.clone(),
+            sky: arguments.options.sky(),
+            only: settings.only,
+            groups: settings.groups,
+        },
+        export,
+        output: &arguments.output,
+        report: arguments.report.as_deref(),
     };
-    let relit = relight(&scene, &kept, &light)?;
-    let export_settings = ExportSettings { extras: relit_extras(&relit), ..export_settings };
-    let exported = export(&relit.scene, &relit.lit, &export_settings, &arguments.output)?;
-    for warning in [&scene.warnings, &relit.report.warnings, &exported.warnings].into_iter().flatten() {
-        eprintln!("warning: {warning}");
-    }
-    let seconds = clock.elapsed().as_secs_f64();
+    let Relighted { seconds, report, .. } =
+        pipeline::relight::run(request, &mut Shown::new(&Metrics::default()))?;
     println!(
         "relit {} vertices in {seconds:.2} s; estimated error {:.2} % (as baked {:.2} %)",
-        relit.report.vertices,
-        100.0 * relit.report.error.total,
-        100.0 * relit.report.error_as_baked.total
+        report.vertices,
+        100.0 * report.error.total,
+        100.0 * report.error_as_baked.total
     );
-    if let Some(path) = &arguments.report {
-        write_report(path, &relit_json(&relit, &exported, seconds)?)?;
-    }
     Ok(())
 }
 

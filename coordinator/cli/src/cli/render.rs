@@ -1,26 +1,25 @@
-use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 
 use anyhow::Context;
-use atomic_write_file::AtomicWriteFile;
 use clap::{Args, ValueEnum};
 use cluster::{Cluster, ClusterSettings};
 use glam::DVec3;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use kernel::picture::{Camera, MOST_SAMPLES, Projection, encode_picture};
+use output::files;
 use output::render::{
     CameraChoice, Caption, LitFile, LookAt, PictureFormat, TileSettings, ToneMap, choose_view, encode_exr,
     encode_png, read_lit, render_tiles, suitable_exposure,
 };
 
-use super::ensure_place;
 use super::options::positive;
 use super::progress::short;
 use super::report::new_table;
 use super::scene_options::SceneOptions;
 use super::telemetry::TelemetryArguments;
 use super::workers::WorkerArguments;
+use super::write_output;
 
 /// Width of a picture where neither side is given.
 const DEFAULT_WIDTH: u32 = 1280;
@@ -124,7 +123,7 @@ pub fn run(arguments: &RenderArguments, workers: &ClusterSettings) -> anyhow::Re
     let clock = Instant::now();
     let format = PictureFormat::of(&arguments.output)
         .with_context(|| format!("output {} must end in .png or .exr", arguments.output.display()))?;
-    ensure_place(&arguments.output)?;
+    files::check(&arguments.output)?;
     let file = read_lit(&arguments.file, &arguments.scene.import_options()?.read)?;
     for warning in &file.warnings {
         eprintln!("warning: {warning}");
@@ -153,7 +152,7 @@ pub fn run(arguments: &RenderArguments, workers: &ClusterSettings) -> anyhow::Re
         PictureFormat::Png => encode_png(&picture, &caption)?,
         PictureFormat::Exr => encode_exr(&picture, &caption)?,
     };
-    write(&arguments.output, &bytes)?;
+    write_output(&arguments.output, |out| out.write_all(&bytes))?;
 
     let triangles: usize = file.scene.parts.iter().map(|part| part.triangles.len()).sum();
     let mut table = new_table();
@@ -215,15 +214,6 @@ fn triple(point: DVec3) -> String {
     let [x, y, z] = point.to_array().map(|value| format!("{value:.4}"));
     let short = |text: String| text.trim_end_matches('0').trim_end_matches('.').to_owned();
     [x, y, z].map(short).join(",")
-}
-
-fn write(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
-    let write = || -> std::io::Result<()> {
-        let mut file = AtomicWriteFile::open(path)?;
-        file.write_all(bytes)?;
-        file.commit()
-    };
-    write().with_context(|| format!("output {} cannot be written", path.display()))
 }
 
 fn vector(text: &str) -> Result<DVec3, String> {

@@ -2,19 +2,19 @@ use std::time::Duration;
 
 use cluster::WorkerSummary;
 use comfy_table::{Table, presets};
-use pipeline::summary::{Computed, Summary, busy_share};
+use pipeline::summary::{Summary, WorkerMetrics, busy_share};
 
 use super::progress::short;
 
-/// Figures as tables, for people.
+/// Metrics as tables, for people.
 pub trait Tables {
     /// Prints the tables.
     fn print(&self);
 }
 
-impl Tables for Summary<'_> {
+impl Tables for Summary {
     fn print(&self) {
-        let bake = self.bake;
+        let bake = &self.bake;
         let mut table = new_table();
         let mut row = |name: &str, value: String| {
             table.add_row([name.to_owned(), value]);
@@ -103,7 +103,7 @@ impl Tables for Summary<'_> {
         if let Some(bytes) = self.peak_memory_bytes {
             row("peak memory", format!("{}B", short(bytes as f64)));
         }
-        if let Some(checkpoint) = self.checkpoint {
+        if let Some(checkpoint) = &self.checkpoint {
             let mut text =
                 format!("{} rows from it, {} added", checkpoint.rows_read, checkpoint.rows_written);
             match &checkpoint.stopped {
@@ -125,7 +125,9 @@ impl Tables for Summary<'_> {
             row("dropped", format!("{} triangles without area", self.degenerate_triangles));
         }
         println!("{table}");
-        if let Computed::Alone(workers @ [_, _, ..], _) = self.workers {
+        if let WorkerMetrics::Exclusive(workers, _) = &self.workers
+            && workers.len() > 1
+        {
             println!("{}", worker_table(workers));
         }
     }

@@ -1,23 +1,18 @@
 use std::path::{Path, PathBuf};
-use std::time::Instant;
 
 use anyhow::Context;
-use atomic_write_file::AtomicWriteFile;
-use bake::{BakeSettings, Observer, Progress, bake, check_groups};
+use bake::BakeSettings;
 use clap::Args;
-use cluster::checkpoint::{Checkpointed, remove};
-use cluster::metrics::Metrics;
-use cluster::{Cluster, ClusterSettings};
-use output::export::{ExportSettings, check_writable, export};
+use cluster::ClusterSettings;
+use output::export::check_writable;
+use output::files::AtomicWriteFile;
 use pipeline::options::{Violations, bake_settings};
-use pipeline::summary::{Computed, Summary, extras};
+use pipeline::run::{BakeRequest, CheckpointFile, RunError, SceneSource, Workers};
 use protocol::api::BakeOptions;
-use scene::import;
 
-use super::machine::peak_memory_bytes;
 use super::options::Given;
 use super::output_options::OutputOptions;
-use super::progress::ProgressLine;
+use super::progress::Shown;
 use super::report::Tables;
 use super::scene_options::SceneOptions;
 use super::telemetry::TelemetryArguments;
@@ -87,93 +82,49 @@ struct CheckpointArguments {
     keep_checkpoint: bool,
 }
 
-/// Shows how far a bake is: to whoever waits for it, and to Prometheus.
-struct Shown {
-    line: ProgressLine,
-    metrics: Metrics,
-}
-
-impl Observer for Shown {
-    fn progress(&mut self, progress: &Progress) {
-        self.metrics.progress(progress);
-        self.line.show(progress);
-    }
-}
-
 /// Bakes one file.
 pub fn run(arguments: &SolveArguments, workers: &ClusterSettings) -> anyhow::Result<()> {
-    let clock = Instant::now();
     check_writable(&arguments.output)?;
     if let Some(report) = &arguments.report {
         check_report(report)?;
     }
+    let CheckpointArguments { checkpoint, checkpoint_size, keep_checkpoint } = &arguments.checkpoint;
     check_distinct(&[
         ("scene", Some(&arguments.scene)),
         ("output", Some(&arguments.output)),
         ("report", arguments.report.as_ref()),
-        ("checkpoint", arguments.checkpoint.checkpoint.as_ref()),
+        ("checkpoint", checkpoint.as_ref()),
         ("kept light", arguments.keep_light.as_ref()),
     ])?;
     if let Some(kept) = &arguments.keep_light {
         check_place(kept, "kept light", "--keep-light")?;
     }
-    let (settings, export_settings) =
+    let (settings, export) =
         arguments.written.settings(&arguments.options.options(), arguments.knobs.settings()?)?;
-    let settings =
-        BakeSettings { keep_light: arguments.keep_light.is_some().then_some(u64::MAX), ..settings };
-    let scene = import(&arguments.scene, &arguments.options.import_options()?)?;
-    for warning in &scene.warnings {
-        eprintln!("warning: {warning}");
-    }
-    check_groups(&scene, &settings.groups)?;
-    let mut shown = Shown { line: ProgressLine::new(), metrics: workers.metrics.clone() };
-    let cluster = Cluster::start(workers)?;
-    let (baked, recorded) = match &arguments.checkpoint.checkpoint {
-        None => (bake(&scene, &settings, &mut cluster.handle(0), &mut shown)?, None),
-        Some(path) => {
-            let limit = arguments.checkpoint.checkpoint_size.saturating_mul(1 << 20);
-            let mut service = Checkpointed::open(cluster.handle(0), path, limit)?;
-            let baked = bake(&scene, &settings, &mut service, &mut shown);
-            let (_, recorded) = service.finish();
-            let kept = || format!("the rows made so far are in {}: the same command goes on", path.display());
-            (baked.with_context(kept)?, Some(recorded))
-        }
+    let request = BakeRequest {
+        scene: SceneSource::File(&arguments.scene),
+        import: arguments.options.import_options()?,
+        bake: BakeSettings { keep_light: arguments.keep_light.is_some().then_some(u64::MAX), ..settings },
+        export,
+        output: &arguments.output,
+        kept_light: arguments.keep_light.as_deref(),
+        report: arguments.report.as_deref(),
+        checkpoint: checkpoint.as_ref().map(|path| CheckpointFile {
+            path,
+            max_bytes: checkpoint_size.saturating_mul(1 << 20),
+            replace: false,
+            keep: *keep_checkpoint,
+        }),
     };
-    shown.line.finish();
-    for warning in &baked.report.warnings {
-        eprintln!("warning: {warning}");
-    }
-    let (per_worker, counts) = (cluster.workers(), cluster.counts());
-    cluster.shutdown();
-    let extras = extras(&scene, &settings, &baked.report);
-    let export_settings = ExportSettings { extras, ..export_settings };
-    let exported = export(&scene, &baked.lit, &export_settings, &arguments.output)?;
-    for warning in &exported.warnings {
-        eprintln!("warning: {warning}");
-    }
-    if let (Some(path), Some(kept)) = (&arguments.keep_light, &baked.kept) {
-        kept.write(path)?;
-    }
-    let summary = Summary {
-        seconds: clock.elapsed().as_secs_f64(),
-        unit: &export_settings.unit,
-        account: &scene.import_report,
-        degenerate_triangles: scene.degenerate_triangles,
-        peak_memory_bytes: peak_memory_bytes(),
-        bake: &baked.report,
-        exported: &exported,
-        workers: Computed::Alone(&per_worker, counts),
-        checkpoint: recorded.as_ref(),
+    let mut shown = Shown::new(&workers.metrics);
+    let finished = pipeline::run::run(request, Workers::Exclusive(workers), &mut shown);
+    let finished = match (finished, checkpoint) {
+        (Err(error @ RunError::Bake(_)), Some(path)) => Err(error).with_context(|| {
+            format!("the rows made so far are in {}: the same command goes on", path.display())
+        }),
+        (finished, _) => Ok(finished?),
     };
-    summary.print();
-    if let Some(path) = &arguments.report {
-        write_report(path, &summary.to_json(&settings)?)?;
-    }
-    if let Some(path) = &arguments.checkpoint.checkpoint
-        && !arguments.checkpoint.keep_checkpoint
-    {
-        remove(path)?;
-    }
+    finished?.summary.print();
     Ok(())
 }
 
@@ -197,20 +148,9 @@ pub fn check_report(path: &Path) -> anyhow::Result<()> {
     check_place(path, "report", "--report")
 }
 
-/// Finds out whether a file can be written that is called so and was asked for with this option.
+/// Checks that a file can be written that the user names with `option`.
 fn check_place(path: &Path, name: &str, option: &str) -> anyhow::Result<()> {
     AtomicWriteFile::open(path)
-        .map(AtomicWriteFile::discard)
-        .with_context(|| format!("{name} {} cannot be written: choose another {option}", path.display()))??;
-    Ok(())
-}
-
-pub fn write_report(path: &Path, json: &str) -> anyhow::Result<()> {
-    use std::io::Write;
-    let write = || -> std::io::Result<()> {
-        let mut file = AtomicWriteFile::open(path)?;
-        file.write_all(json.as_bytes())?;
-        file.commit()
-    };
-    write().with_context(|| format!("report {} cannot be written", path.display()))
+        .and_then(AtomicWriteFile::discard)
+        .with_context(|| format!("{name} {} cannot be written: choose another {option}", path.display()))
 }

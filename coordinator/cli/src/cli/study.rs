@@ -1,14 +1,13 @@
 use std::fs;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Instant;
 
 use anyhow::Context;
-use atomic_write_file::AtomicWriteFile;
 use bake::BakeSettings;
 use clap::Args;
 use cluster::Workers;
+use output::files::{self, AtomicWriteFile};
 use tempfile::TempDir;
 use verify::score::{check_reference, score};
 use verify::study::{Circumstances, Measurement, PlanSize, RunReport, Step, markdown, plan, svg, to_csv};
@@ -119,12 +118,8 @@ impl Outputs {
     fn write(&self, csv: &str, svg: &str, markdown: &str) -> anyhow::Result<()> {
         for (name, text) in [(CSV, csv), (SVG, svg), (MARKDOWN, markdown)] {
             let path = self.folder.join(name);
-            let write = || -> std::io::Result<()> {
-                let mut file = AtomicWriteFile::open(&path)?;
-                file.write_all(text.as_bytes())?;
-                file.commit()
-            };
-            write().with_context(|| format!("{} cannot be written", path.display()))?;
+            files::write(&path, text.as_bytes())
+                .with_context(|| format!("{} cannot be written", path.display()))?;
         }
         Ok(())
     }

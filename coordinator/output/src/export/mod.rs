@@ -55,12 +55,13 @@ mod refined;
 mod tests;
 mod write;
 
-use std::io;
 use std::path::{Path, PathBuf};
 
 use bake::LightGroup;
 use bake::lit::LitMesh;
 use scene::Scene;
+
+use crate::files::FileError;
 
 /// Which vertices the triangles of the output share.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -118,20 +119,9 @@ pub enum ExportError {
     /// The output's name does not say which format is meant.
     #[error("output {0} must end in .glb, .gltf or .ply")]
     Extension(PathBuf),
-    /// The output's directory does not exist.
-    #[error("output directory {0} does not exist: create it, or choose another output")]
-    NoDirectory(PathBuf),
-    /// The output is a directory.
-    #[error("output {0} is a directory: name a file in it")]
-    IsDirectory(PathBuf),
     /// The output cannot be written.
-    #[error("output {path} cannot be written: {source}")]
-    Write {
-        /// The file.
-        path: PathBuf,
-        /// What the operating system says.
-        source: io::Error,
-    },
+    #[error(transparent)]
+    File(#[from] FileError),
     /// An exposure that would make every vertex black, or worse.
     #[error("exposure must be a positive number, not {0}")]
     Exposure(f64),

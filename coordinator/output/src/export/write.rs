@@ -3,13 +3,13 @@
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-use atomic_write_file::AtomicWriteFile;
 use gltf::Glb;
 use gltf::binary::Header;
 use gltf::json::Root;
 use percent_encoding::{AsciiSet, CONTROLS, utf8_percent_encode};
 
 use super::ExportError;
+use crate::files::{self, FileError};
 
 /// What a file name may hold and a relative URI may not.
 const NOT_IN_URI: &AsciiSet = &CONTROLS
@@ -40,11 +40,7 @@ pub(super) enum Format {
 
 /// Finds out whether the output can be written.
 pub(super) fn check(path: &Path) -> Result<(), ExportError> {
-    for path in files(path)? {
-        // A file beside the output that is given up at once: asks the operating system what the real one will.
-        open(&path)?.discard().map_err(|source| ExportError::Write { path, source })?;
-    }
-    Ok(())
+    files(path)?.iter().try_for_each(|path| Ok(files::check(path)?))
 }
 
 /// Writes the document and its buffer as a `.gltf` where the extension says so, else as a `.glb`.
@@ -70,15 +66,15 @@ pub(super) fn write_files(contents: Vec<Vec<u8>>, path: &Path) -> Result<(), Exp
         .into_iter()
         .zip(contents)
         .map(|(path, bytes)| {
-            let mut file = open(&path)?;
+            let mut file = files::open(&path)?;
             match file.write_all(&bytes).and_then(|()| file.as_file().sync_all()) {
                 Ok(()) => Ok((file, path)),
-                Err(source) => Err(ExportError::Write { path, source }),
+                Err(error) => Err(FileError::Write { path, error }.into()),
             }
         })
-        .collect::<Result<Vec<_>, _>>()?;
+        .collect::<Result<Vec<_>, ExportError>>()?;
     for (file, path) in written.into_iter().rev() {
-        file.commit().map_err(|source| ExportError::Write { path, source })?;
+        file.commit().map_err(|error| FileError::Write { path, error })?;
     }
     Ok(())
 }
@@ -107,21 +103,6 @@ fn binary_path(path: &Path) -> PathBuf {
     path.with_extension("bin")
 }
 
-/// Opens a file that takes the path's place when it is committed.
-fn open(path: &Path) -> Result<AtomicWriteFile, ExportError> {
-    let directory = match path.parent() {
-        Some(parent) if parent != Path::new("") => parent,
-        _ => Path::new("."),
-    };
-    if !directory.is_dir() {
-        return Err(ExportError::NoDirectory(directory.to_owned()));
-    }
-    if path.is_dir() {
-        return Err(ExportError::IsDirectory(path.to_owned()));
-    }
-    AtomicWriteFile::open(path).map_err(|source| ExportError::Write { path: path.to_owned(), source })
-}
-
 /// The document as a binary glTF.
 fn glb(root: &Root, binary: Vec<u8>, path: &Path) -> Result<Vec<u8>, ExportError> {
     let json = root.to_vec()?;
@@ -134,5 +115,5 @@ fn glb(root: &Root, binary: Vec<u8>, path: &Path) -> Result<Vec<u8>, ExportError
     // The length is computed on writing.
     let glb = Glb { header: Header { magic: *b"glTF", version: 2, length: 0 }, json: json.into(), bin };
     glb.to_vec()
-        .map_err(|error| ExportError::Write { path: path.to_owned(), source: io::Error::other(error) })
+        .map_err(|error| FileError::Write { path: path.to_owned(), error: io::Error::other(error) }.into())
 }

@@ -1,4 +1,4 @@
-//! Refusals as statuses: each kind has a code and details of `google.rpc`, as `proto/radiosity/v1` promises.
+//! Refusals as gRPC statuses, with the codes and `google.rpc` details that `proto/radiosity/v1` documents.
 
 use std::collections::HashMap;
 use std::time::Duration;
@@ -8,16 +8,16 @@ use tonic_types::{ErrorDetails, FieldViolation, StatusExt};
 
 use crate::refusal::Refusal;
 
-/// Whose reasons those of `ErrorInfo` are.
+/// Domain of the reasons in `ErrorInfo`.
 pub const DOMAIN: &str = "radiosity.v1";
 
-/// When a client may try again.
+/// Delay before a client may retry.
 const AGAIN: Duration = Duration::from_secs(5);
 
-/// What kind of thing `ResourceInfo` is about.
+/// Resource type in `ResourceInfo`.
 const JOB: &str = "radiosity.v1.Job";
 
-/// The code of a refusal.
+/// Returns the status code of a refusal.
 #[must_use]
 pub fn code(refusal: &Refusal) -> Code {
     match refusal {

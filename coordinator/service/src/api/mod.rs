@@ -1,4 +1,4 @@
-//! The service in gRPC: messages in, messages out. What they mean is [`Service`]'s matter.
+//! The service in gRPC: translates messages to calls of [`Service`].
 //!
 //! | module | what lives there |
 //! |---|---|
@@ -26,7 +26,7 @@ use super::job::ClientName;
 use super::refusal::Refusal;
 use super::{Fetched, Service};
 
-/// How long a client may take for the header of a submission.
+/// Time limit for the header of a submission.
 const HEADER: Duration = Duration::from_secs(30);
 
 /// The service as tonic calls it.
@@ -36,13 +36,13 @@ pub struct Api {
 }
 
 impl Api {
-    /// Offers a service to these clients.
+    /// Serves these clients.
     #[must_use]
     pub fn new(service: Service, clients: Clients) -> Self {
         Self { service, clients }
     }
 
-    /// Whose call this is.
+    /// Identifies the caller.
     fn client<T>(&self, request: &Request<T>) -> Result<ClientName, Refusal> {
         let header = request.metadata().get("authorization");
         self.clients.identify(header.map(|header| header.as_bytes()))
@@ -109,7 +109,7 @@ impl Radiosity for Api {
     }
 }
 
-/// The bytes of a message of an upload.
+/// Returns the bytes of an upload message.
 fn chunk(message: Result<SubmitSceneRequest, Status>) -> Result<Bytes, Refusal> {
     match message {
         Ok(SubmitSceneRequest { body: Some(Received::Chunk(bytes)) }) => Ok(bytes),

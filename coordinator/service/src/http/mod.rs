@@ -2,11 +2,10 @@
 //!
 //! | module | what lives there |
 //! |---|---|
-//! | `page` | the page's files, as they are in the program, and how they are answered |
+//! | `page` | the page's files, embedded in the program |
 //! | `policy` | what browsers may do with the page |
 //!
-//! The page speaks gRPC-web, so there is no second API for it: also an upload is a call of `SubmitScene`, all of whose messages are the
-//! body of one request.
+//! The page uses gRPC-web, so there is no second API; an upload is a call of `SubmitScene` with all messages in one request body.
 
 mod page;
 mod policy;
@@ -18,7 +17,7 @@ use axum::middleware::map_response;
 use axum::routing::get;
 use pipeline::options::form;
 
-/// The routes of HTTP: the page, and the options of its form.
+/// Returns the HTTP routes: the files of the page, the options of its form, and 404 for all others.
 pub fn routes() -> Router {
     let options = async || ([(CONTENT_TYPE, "application/json")], form().to_string());
     page::routes()

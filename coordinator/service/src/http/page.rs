@@ -1,4 +1,4 @@
-//! The files of the page, as they are in the program, and how they are answered.
+//! The files of the page, embedded in the program.
 
 use std::sync::Arc;
 
@@ -12,34 +12,34 @@ use axum::routing::get;
 use bytes::Bytes;
 use include_dir::{Dir, include_dir};
 
-/// What the build has made of `web/`, or the plain page instead (`build.rs`).
+/// The built page of `web/`, or the plain page (`build.rs`).
 static FOLDER: Dir<'_> = include_dir!("$OUT_DIR/page");
 
-/// The page that is asked for without a name.
+/// The file served at `/`.
 const INDEX: &str = "index.html";
 
-/// The build puts a compressed copy beside each file that gets shorter by it.
+/// Extension of the compressed copy that the build puts beside a file.
 const COMPRESSED: &str = ".gz";
 
-/// The names of these files have a digest of their content in them: they never change.
+/// Folder of files whose names contain a digest, so that they never change.
 const NEVER_CHANGING: &str = "assets/";
 
 /// A file of the page.
 struct File {
-    /// From the top of the page.
+    /// Path within the page.
     name: &'static str,
     whole: Content,
     compressed: Option<Content>,
 }
 
-/// Bytes of a file, as they are sent.
+/// Bytes of a file and their entity tag.
 struct Content {
     bytes: &'static [u8],
-    /// Names them by their digest.
+    /// Tags them by their digest.
     tag: HeaderValue,
 }
 
-/// A route for each file.
+/// Returns a route for each file.
 pub(super) fn routes() -> Router {
     files(&FOLDER).into_iter().fold(Router::new(), |router, file| {
         let path = file.path();
@@ -48,7 +48,7 @@ pub(super) fn routes() -> Router {
     })
 }
 
-/// All files under a folder, each with its compressed copy.
+/// Lists the files under a folder, each with its compressed copy.
 fn files(folder: &'static Dir<'static>) -> Vec<File> {
     let deeper = folder.dirs().flat_map(files);
     let here = folder.files().filter_map(|file| {
@@ -63,7 +63,7 @@ fn files(folder: &'static Dir<'static>) -> Vec<File> {
 impl Content {
     fn new(bytes: &'static [u8]) -> Self {
         let tag = format!("\"{}\"", blake3::hash(bytes).to_hex());
-        // Digits in quotes are a value that a header may have.
+        // Quoted digits are a valid header value.
         let tag = HeaderValue::from_str(&tag).unwrap_or(HeaderValue::from_static("\"\""));
         Self { bytes, tag }
     }
@@ -74,7 +74,7 @@ impl File {
         if self.name == INDEX { "/".to_owned() } else { format!("/{}", self.name) }
     }
 
-    /// The answer to who asks for it with these headers.
+    /// Returns the response to a request with these headers.
     fn answer(&self, asked: &HeaderMap) -> Response {
         let compressed = self.compressed.as_ref().filter(|_| takes_gzip(asked));
         let content = compressed.unwrap_or(&self.whole);
@@ -107,13 +107,13 @@ fn takes_gzip(asked: &HeaderMap) -> bool {
     })
 }
 
-/// Whether one of the tags that a browser knows is this one.
+/// Whether the browser's tags contain this one.
 fn names(known: &HeaderValue, tag: &HeaderValue) -> bool {
     let Ok(known) = known.to_str() else { return false };
     known.split(',').any(|one| one.trim().trim_start_matches("W/") == tag)
 }
 
-/// What a file is by its name; the page is made of few kinds.
+/// Returns the media type for a file name.
 fn media_type(name: &str) -> HeaderValue {
     HeaderValue::from_static(match name.rsplit('.').next() {
         Some("html") => "text/html; charset=utf-8",

@@ -1,4 +1,4 @@
-//! Jobs on their way to the disk: nobody sees them, and they count already. Pure.
+//! Jobs whose record is being written: invisible, but counted. Pure.
 
 use std::collections::BTreeMap;
 
@@ -11,7 +11,7 @@ pub struct Arriving {
 }
 
 impl Arriving {
-    /// One more, which gets a place after all that arrive and after `last`.
+    /// Adds a job, after the other arriving ones and after `last`.
     pub fn announce(&mut self, record: Record, last: Sequence) -> Record {
         let last = self.records.values().map(|record| record.sequence).fold(last, Ord::max);
         let record = Record { sequence: Sequence(last.0 + 1), ..record };
@@ -19,12 +19,12 @@ impl Arriving {
         record
     }
 
-    /// One less: it is there, or will not be.
+    /// Removes a job: its record is written, or has failed to be.
     pub fn dismiss(&mut self, job: JobId) {
         self.records.remove(&job);
     }
 
-    /// Whether one has the client and the key of this draft.
+    /// Whether a job has the client and the idempotency key of this draft.
     #[must_use]
     pub fn has_key_of(&self, draft: &Record) -> bool {
         let key = &draft.header.idempotency_key;
@@ -32,7 +32,7 @@ impl Arriving {
         !key.is_empty() && self.records.values().any(is_same)
     }
 
-    /// All of them.
+    /// Returns all arriving jobs.
     pub fn all(&self) -> impl Iterator<Item = &Record> {
         self.records.values()
     }

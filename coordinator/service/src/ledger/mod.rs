@@ -1,9 +1,9 @@
-//! All jobs in memory: what is asked often is answered from here, without a look at the disk.
+//! All jobs in memory: reads are answered from here, without the disk.
 //!
 //! | module | what lives there |
 //! |---|---|
-//! | `arriving` | jobs on their way to the disk |
-//! | `views` | what clients see |
+//! | `arriving` | jobs whose record is being written |
+//! | `views` | jobs as clients see them |
 
 mod arriving;
 mod views;
@@ -24,9 +24,9 @@ use arriving::Arriving;
 /// A job in memory.
 #[derive(Debug)]
 pub struct Entry {
-    /// What is kept of it.
+    /// Its record.
     pub record: Record,
-    /// While it has a place.
+    /// Its live state, while it runs.
     pub live: Option<Arc<Live>>,
     changed: watch::Sender<()>,
 }
@@ -39,15 +39,15 @@ pub struct Ledger {
     by_key: HashMap<(ClientName, String), JobId>,
     arriving: Arriving,
     queue: Queue,
-    /// Jobs before each that waits; made when it is asked for.
+    /// Jobs ahead of each queued job; computed on demand.
     ahead: Option<HashMap<JobId, u32>>,
     queue_changed: watch::Sender<()>,
-    /// How often the queue has changed: each time, the jobs that wait may have another place.
+    /// Number of changes of the queue, each of which may move queued jobs.
     queue_changes: u64,
 }
 
 impl Ledger {
-    /// An empty one.
+    /// Creates an empty ledger.
     #[must_use]
     pub fn new(places: Places) -> Self {
         Self {
@@ -62,29 +62,29 @@ impl Ledger {
         }
     }
 
-    /// Lets no job begin, until the queue is told that they may.
+    /// Starts no jobs until [`Event::Opened`].
     pub fn hold(&mut self) {
         self.tell_queue(Event::Closed);
     }
 
-    /// Gives a job its place among all jobs. It counts from now on, until it is taken in or dismissed.
+    /// Gives a job its position. It counts from now on, until it is inserted or dismissed.
     pub fn announce(&mut self, record: Record) -> Record {
         let last = self.by_sequence.last_key_value().map_or(Sequence::default(), |(last, _)| *last);
         self.arriving.announce(record, last)
     }
 
-    /// Forgets a job that was announced.
+    /// Drops an announced job.
     pub fn dismiss(&mut self, job: JobId) {
         self.arriving.dismiss(job);
     }
 
-    /// Whether a job of the same client and key is on its way to the disk.
+    /// Whether a job of the same client and key is being written.
     #[must_use]
     pub fn is_arriving(&self, draft: &Record) -> bool {
         self.arriving.has_key_of(draft)
     }
 
-    /// Takes a job in. Which jobs begin now.
+    /// Adds a job, and returns the queue's actions.
     pub fn insert(&mut self, record: Record) -> Vec<Action> {
         let id = record.id;
         self.arriving.dismiss(id);
@@ -101,7 +101,7 @@ impl Ledger {
         waiting.map(|waiting| self.tell_queue(Event::Submitted(id, waiting))).unwrap_or_default()
     }
 
-    /// Forgets a job, which has ended or was withdrawn.
+    /// Removes a job, which has ended or was withdrawn.
     pub fn remove(&mut self, job: JobId) -> Option<Entry> {
         let entry = self.entries.remove(&job)?;
         self.by_sequence.remove(&entry.record.sequence);
@@ -112,7 +112,7 @@ impl Ledger {
         Some(entry)
     }
 
-    /// Tells the queue what happened. What is to be done; jobs that begin are marked as running.
+    /// Passes an event to the queue, marks jobs that start as running, and returns the queue's actions.
     pub fn tell_queue(&mut self, event: Event) -> Vec<Action> {
         let actions = self.queue.handle(event);
         self.ahead = None;
@@ -131,7 +131,7 @@ impl Ledger {
         actions
     }
 
-    /// A job, whoever's.
+    /// Returns a job of any client.
     #[must_use]
     pub fn entry(&self, job: JobId) -> Option<&Entry> {
         self.entries.get(&job)
@@ -145,10 +145,10 @@ impl Ledger {
         }
     }
 
-    /// A job of this client.
+    /// Returns a job of this client.
     ///
     /// # Errors
-    /// When it does not exist, or is another's: nobody learns which.
+    /// When it does not exist or is another client's, without telling which.
     pub fn of_client(&self, client: &ClientName, id: &str) -> Result<&Entry, Refusal> {
         let entry = id.parse().ok().and_then(|id: JobId| self.entries.get(&id));
         entry.filter(|entry| entry.record.client == *client).ok_or_else(|| {
@@ -156,7 +156,7 @@ impl Ledger {
         })
     }
 
-    /// The job that this client submitted with this key.
+    /// Returns the job that this client submitted with this key.
     #[must_use]
     pub fn by_key(&self, client: &ClientName, key: &str) -> Option<&Entry> {
         if key.is_empty() {
@@ -165,49 +165,49 @@ impl Ledger {
         self.by_key.get(&(client.clone(), key.to_owned())).and_then(|job| self.entries.get(job))
     }
 
-    /// All jobs, the oldest first.
+    /// Returns all jobs, oldest first.
     pub fn all(&self) -> impl DoubleEndedIterator<Item = &Entry> {
         self.by_sequence.values().filter_map(|job| self.entries.get(job))
     }
 
-    /// Whether a job other than this one is of a scene.
+    /// Whether a job other than `but` uses a scene.
     #[must_use]
     pub fn uses(&self, scene: SceneDigest, but: JobId) -> bool {
         self.records().any(|record| record.scene == scene && record.id != but)
     }
 
-    /// Whether any job is of a scene.
+    /// Whether any job uses a scene.
     #[must_use]
     pub fn has_any_of(&self, scene: SceneDigest) -> bool {
         self.records().any(|record| record.scene == scene)
     }
 
-    /// Those on their way to the disk as well.
+    /// Includes arriving jobs.
     fn records(&self) -> impl Iterator<Item = &Record> {
         self.entries.values().map(|entry| &entry.record).chain(self.arriving.all())
     }
 
-    /// Whether a job other than this one needs the light that the bake of a job left behind.
+    /// Whether a job other than `but` uses the light that a baked job has kept.
     #[must_use]
     pub fn uses_light(&self, baked: JobId, but: JobId) -> bool {
         self.records().any(|record| record.light() == baked && record.id != but)
     }
 
-    /// Whether this client has a job of a scene: then it need not send it again. What others have sent does not count: a digest does
-    /// not prove that somebody has the file.
+    /// Whether this client has a job of a scene, and need not upload it again. Scenes of other clients do not count: a digest does
+    /// not prove that the client has the file.
     #[must_use]
     pub fn has_scene(&self, client: &ClientName, scene: SceneDigest) -> bool {
         self.entries.values().any(|entry| entry.record.scene == scene && entry.record.client == *client)
     }
 
-    /// Jobs of a client that have not ended.
+    /// Counts the unfinished jobs of a client.
     #[must_use]
     pub fn unfinished(&self, client: &ClientName) -> usize {
         let is_counted = |record: &&Record| record.client == *client && !record.has_ended();
         self.records().filter(is_counted).count()
     }
 
-    /// How many jobs wait and run.
+    /// Returns the numbers of queued and running jobs.
     #[must_use]
     pub fn load(&self) -> (usize, usize) {
         (self.queue.waiting(), self.queue.running())
@@ -215,7 +215,7 @@ impl Ledger {
 }
 
 impl Entry {
-    /// Counts a change on from what was shown last: [`Ledger::show`] adds those of the queue or of the run.
+    /// Raises the revision beyond those shown last, to which [`Ledger::show`] adds changes of the queue or the run.
     fn touch(&mut self, queue_changes: u64) {
         let changes = self.live.as_ref().map_or(0, |live| live.progress().1);
         self.record.revision = next_revision(self.record.revision + changes.max(queue_changes));

@@ -6,21 +6,21 @@ use super::{Entry, Ledger};
 use crate::job::{ClientName, Record, Sequence};
 use crate::refusal::Refusal;
 
-/// Jobs of a page where nobody says how many, and at most.
+/// Jobs per page: default and most.
 const PAGE: (usize, usize) = (100, 1000);
 
-/// A page that has more bytes is complete: it fits into a message then.
+/// Bytes after which a page ends, so that it fits into a message.
 const PAGE_BYTES: usize = MAX_MESSAGE_BYTES / 4;
 
 impl Ledger {
-    /// What a client sees of its job.
+    /// Returns a client's view of its job.
     ///
     /// # Errors
-    /// When it is none of its.
+    /// When it is not the client's.
     pub fn view(&mut self, client: &ClientName, id: &str) -> Result<Job, Refusal> {
         let job = self.of_client(client, id)?.record.id;
         self.count_ahead();
-        // It is there: it was found above.
+        // It exists: it was found above.
         self.entry(job).map(|entry| self.show(entry)).ok_or_else(|| Refusal::UnknownJob(id.into()))
     }
 
@@ -46,10 +46,10 @@ impl Ledger {
         job
     }
 
-    /// A page of a client's jobs.
+    /// Returns a page of a client's jobs, newest first.
     ///
     /// # Errors
-    /// When the token of the page is none of this service's.
+    /// When the page token is invalid.
     pub fn list(
         &mut self,
         client: &ClientName,
@@ -91,10 +91,10 @@ impl Ledger {
         Ok(ListJobsResponse { jobs, next_page_token })
     }
 
-    /// News of a job of this client, and of the queue.
+    /// Subscribes to changes of a client's job, and of the queue.
     ///
     /// # Errors
-    /// When it is none of its.
+    /// When it is not the client's.
     pub fn news(
         &self,
         client: &ClientName,

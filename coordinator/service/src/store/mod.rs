@@ -1,10 +1,10 @@
-//! What survives: the data folder.
+//! The data folder.
 //!
 //! | module | what lives there |
 //! |---|---|
 //! | `record` | a job as a file |
-//! | `upload` | a scene on its way in |
-//! | `room` | how much room there is, and what is kept no longer |
+//! | `upload` | a scene that is being uploaded |
+//! | `room` | disk usage, and which jobs expire |
 //!
 //! ```text
 //! DATA/layout            "halflight service data, layout 1"
@@ -12,14 +12,14 @@
 //! DATA/jobs/ID           a record for each job
 //! DATA/scenes/SHA256     the files that were submitted, each once
 //! DATA/results/ID.glb    lit files (or .ply)
-//! DATA/light/ID          the light of each source, for jobs that light the same scene otherwise
-//! DATA/checkpoints/ID    finished rows of jobs under way
-//! DATA/passing/          what nobody misses after a restart: uploads on their way, present states
+//! DATA/light/ID          the light of each source, for relights
+//! DATA/checkpoints/ID    finished rows of unfinished jobs
+//! DATA/passing/          temporary files: uploads in progress, previews
 //! ```
 //!
-//! Every file appears under its name when all of it is on the disk, and a record is written last and removed first: so whatever the
-//! moment at which the power fails, a record names only what is there. Files that no record names are removed at the start. No name
-//! comes from a client: they are made of random bits and digests.
+//! A file appears under its name when all of it is on disk, and a record is written last and removed first: whenever the power
+//! fails, a record refers only to files that exist. Unreferenced files are removed at the start. File names are random bits and
+//! digests, never a client's text.
 
 mod record;
 mod room;
@@ -29,41 +29,41 @@ mod upload;
 
 use std::collections::BTreeSet;
 use std::fs::{self, File, TryLockError};
-use std::io::{self, Write};
+use std::io;
 use std::path::{Path, PathBuf};
 
-use atomic_write_file::AtomicWriteFile;
+use output::files;
 use protocol::api::Format;
 
-pub use room::{Room, no_longer_kept};
+pub use room::{Room, expired};
 pub use upload::Upload;
 
 use super::job::{JobId, Record, SceneDigest};
 
-/// What the file `layout` says.
+/// Content of the file `layout`.
 const LAYOUT: &str = "halflight service data, layout 1\n";
 
 /// Folders of the data folder.
 const FOLDERS: [&str; 6] = ["jobs", "scenes", "results", "light", "checkpoints", "passing"];
 
-/// Why a data folder cannot be used. Nothing of it is lost.
+/// Why a data folder cannot be opened. Its files are left as they are.
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
-    /// The system refuses.
+    /// The operating system refuses.
     #[error("data folder {} cannot be used: {error}; choose another --data", path.display())]
     Io {
         /// The file or folder.
         path: PathBuf,
-        /// What the system says.
+        /// The operating system's error.
         error: io::Error,
     },
-    /// Another service has it.
+    /// Another service uses it.
     #[error("data folder {} is in use by another service: stop that one, or choose another --data", path.display())]
     InUse {
         /// The folder.
         path: PathBuf,
     },
-    /// It is of another release, or something else.
+    /// It has another layout.
     #[error(
         "data folder {} says {found:?} in its file `layout`, and this release knows {LAYOUT:?}: use the release that \
          wrote it, or choose another --data",
@@ -72,16 +72,16 @@ pub enum StoreError {
     Layout {
         /// The folder.
         path: PathBuf,
-        /// What it says.
+        /// Content of its `layout`.
         found: String,
     },
-    /// There are files in it and no layout.
+    /// It has files but no layout.
     #[error("data folder {} has files that are no service's: choose another --data", path.display())]
     Foreign {
         /// The folder.
         path: PathBuf,
     },
-    /// A record of a release to come.
+    /// A record was written by a later release.
     #[error(
         "job record {} is of version {theirs}, this release reads up to {ours}: use the release that wrote it",
         path.display()
@@ -100,26 +100,26 @@ pub enum StoreError {
 #[derive(Debug)]
 pub struct Store {
     root: PathBuf,
-    /// Held until the process ends, however it ends.
+    /// Held until the process ends.
     _lock: File,
 }
 
-/// What a data folder held.
+/// An opened data folder and its contents.
 #[derive(Debug)]
 pub struct Opened {
     /// The folder.
     pub store: Store,
     /// Its jobs.
     pub records: Vec<Record>,
-    /// Records that cannot be read, which lie where they were.
+    /// Records that cannot be read, left in place.
     pub damaged: Vec<PathBuf>,
 }
 
 impl Store {
-    /// Opens a data folder, or makes one. What was left half done is removed.
+    /// Opens or creates a data folder, and removes unreferenced files.
     ///
     /// # Errors
-    /// When it is in use, of another release, something else, or cannot be read and written.
+    /// When it is in use, has another layout, or cannot be read and written.
     pub fn open(root: &Path) -> Result<Opened, StoreError> {
         let failed = |path: &Path| {
             let path = path.to_owned();
@@ -153,7 +153,7 @@ impl Store {
             TryLockError::WouldBlock => StoreError::InUse { path: root.to_owned() },
             TryLockError::Error(error) => failed(&path)(error),
         })?;
-        write_whole(&layout, LAYOUT.as_bytes()).map_err(failed(&layout))?;
+        files::write(&layout, LAYOUT.as_bytes()).map_err(failed(&layout))?;
         for folder in FOLDERS {
             let folder = root.join(folder);
             fs::create_dir_all(&folder).map_err(failed(&folder))?;
@@ -167,10 +167,10 @@ impl Store {
         let failed = |path: &Path, error| StoreError::Io { path: path.to_owned(), error };
         let folder = self.root.join("jobs");
         let (mut records, mut damaged) = (vec![], vec![]);
-        for path in files(&folder).map_err(|error| failed(&folder, error))? {
+        for path in files_of(&folder).map_err(|error| failed(&folder, error))? {
             let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
             let Ok(id) = name.parse::<JobId>() else {
-                // A record on its way when the power failed: nobody was told of it.
+                // A record that was being written when the power failed.
                 fs::remove_file(&path).map_err(|error| failed(&path, error))?;
                 continue;
             };
@@ -184,14 +184,14 @@ impl Store {
             }
         }
         records.sort_by_key(|record| record.sequence);
-        // Where a record cannot be read, nobody knows which files it names.
+        // A damaged record may refer to any file.
         self.sweep(&records, damaged.is_empty()).map_err(|error| failed(&self.root, error))?;
         Ok(Opened { store: self, records, damaged })
     }
 
-    /// Removes files that no record names.
+    /// Removes files that no record refers to.
     fn sweep(&self, records: &[Record], all_known: bool) -> io::Result<()> {
-        files(&self.root.join("passing"))?.iter().try_for_each(fs::remove_file)?;
+        files_of(&self.root.join("passing"))?.iter().try_for_each(fs::remove_file)?;
         if !all_known {
             return Ok(());
         }
@@ -203,24 +203,24 @@ impl Store {
             named.insert(self.light(record.light()));
         }
         for folder in ["scenes", "results", "light", "checkpoints"] {
-            let files = files(&self.root.join(folder))?;
+            let files = files_of(&self.root.join(folder))?;
             files.iter().filter(|path| !named.contains(*path)).try_for_each(fs::remove_file)?;
         }
         Ok(())
     }
 
-    /// Writes a job's record, on the disk when this returns.
+    /// Writes a job's record, synced to disk.
     ///
     /// # Errors
-    /// What the system says; the record is then as it was.
+    /// The operating system's; the record is then unchanged.
     pub fn write(&self, record: &Record) -> io::Result<()> {
-        write_whole(&self.record(record.id), &record::encode(record))
+        files::write(&self.record(record.id), &record::encode(record))
     }
 
-    /// Forgets a job and its files; its scene and its light too, unless another job needs them.
+    /// Removes a job's record and files; its scene and light only if no other job uses them.
     ///
     /// # Errors
-    /// What the system says. The job may be forgotten and files of it still be there, until the next start.
+    /// The operating system's. Files that are left without a record are removed at the next start.
     pub fn remove(&self, record: &Record, scene_is_used: bool, light_is_used: bool) -> io::Result<()> {
         remove_file(&self.record(record.id))?;
         sync_folder(&self.root.join("jobs"))?;
@@ -232,18 +232,18 @@ impl Store {
         if scene_is_used { Ok(()) } else { remove_file(&self.scene(record.scene)) }
     }
 
-    /// Where a job's record is.
+    /// Path of a job's record.
     fn record(&self, job: JobId) -> PathBuf {
         self.root.join("jobs").join(job.to_string())
     }
 
-    /// Where a scene is, if it is there.
+    /// Path of a scene.
     #[must_use]
     pub fn scene(&self, scene: SceneDigest) -> PathBuf {
         self.root.join("scenes").join(scene.to_string())
     }
 
-    /// Where a job's lit file goes.
+    /// Path of a job's lit file.
     #[must_use]
     pub fn result(&self, record: &Record) -> PathBuf {
         let extension = match record.header.output.as_ref().map(protocol::api::OutputOptions::format) {
@@ -253,41 +253,34 @@ impl Store {
         self.root.join("results").join(format!("{}.{extension}", record.id))
     }
 
-    /// Where the light is that the bake of a job left behind, if it did.
+    /// Path of the light that a baked job has kept.
     #[must_use]
     pub fn light(&self, baked: JobId) -> PathBuf {
         self.root.join("light").join(baked.to_string())
     }
 
-    /// Where a job's finished rows are.
+    /// Path of a job's checkpoint.
     #[must_use]
     pub fn checkpoint(&self, job: JobId) -> PathBuf {
         self.root.join("checkpoints").join(job.to_string())
     }
 
-    /// A place for a file that nobody misses after a restart.
+    /// Returns a new path for a temporary file.
     ///
     /// # Errors
     /// When the system has no random bits.
-    pub fn passing(&self, extension: &str) -> io::Result<PathBuf> {
+    pub fn temporary(&self, extension: &str) -> io::Result<PathBuf> {
         let name = JobId::random().map_err(io::Error::other)?;
         Ok(self.root.join("passing").join(format!("{name}.{extension}")))
     }
 }
 
-/// Writes a file that is whole or not there, and on the disk when this returns: the library flushes the file and its folder.
-fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let mut file = AtomicWriteFile::open(path)?;
-    file.write_all(bytes)?;
-    file.commit()
-}
-
-/// Makes sure that names which came to a folder or left it are on the disk.
+/// Syncs the names in a folder to disk.
 fn sync_folder(folder: &Path) -> io::Result<()> {
     File::open(folder)?.sync_all()
 }
 
-/// Removes a file that may not be there.
+/// Removes a file, if it exists.
 pub(crate) fn remove_file(path: &Path) -> io::Result<()> {
     match fs::remove_file(path) {
         Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
@@ -295,7 +288,7 @@ pub(crate) fn remove_file(path: &Path) -> io::Result<()> {
     }
 }
 
-/// The files of a folder.
-fn files(folder: &Path) -> io::Result<Vec<PathBuf>> {
+/// Lists the files of a folder.
+fn files_of(folder: &Path) -> io::Result<Vec<PathBuf>> {
     fs::read_dir(folder)?.map(|entry| entry.map(|entry| entry.path())).collect()
 }

@@ -1,4 +1,4 @@
-//! A job as a file: a line that says what it is, a checksum, and a message.
+//! A job as a file: a magic line, a checksum, and a protobuf message.
 
 use std::time::SystemTime;
 
@@ -8,13 +8,13 @@ use protocol::api::{Outcome, SceneOptions, State, SubmitSceneHeader};
 
 use crate::job::{ClientName, JobId, Record, Relit, SceneDigest, Sequence};
 
-/// Version of the records that this release writes; it reads those before as well.
+/// Record version that this release writes; it reads earlier ones too.
 pub const VERSION: u32 = 1;
 
-/// What every record begins with.
+/// First bytes of every record.
 const MAGIC: &[u8] = b"halflight job record\n";
 
-/// Bytes of the checksum: the first of the BLAKE3 digest of what follows.
+/// Bytes of the checksum: the first of the BLAKE3 digest of the message.
 const CHECKSUM: usize = 16;
 
 /// The message. Fields are added, never changed, as in the API.
@@ -55,21 +55,21 @@ struct Stored {
 /// Why a record cannot be read.
 #[derive(Debug, PartialEq, Eq)]
 pub enum RecordError {
-    /// It is of a release to come.
+    /// It was written by a later release.
     Version {
         /// Its version.
         theirs: u32,
     },
-    /// It is not what was written.
+    /// Its bytes have changed.
     Damaged,
 }
 
-/// A record as bytes.
+/// Encodes a record.
 pub fn encode(record: &Record) -> Vec<u8> {
     encode_as(record, VERSION)
 }
 
-/// The same under a version.
+/// Encodes a record under a version.
 pub(super) fn encode_as(record: &Record, version: u32) -> Vec<u8> {
     let body = Stored {
         version,
@@ -91,7 +91,7 @@ pub(super) fn encode_as(record: &Record, version: u32) -> Vec<u8> {
     [MAGIC, &checksum(&body), &body].concat()
 }
 
-/// The record in these bytes.
+/// Decodes a record.
 pub fn decode(id: JobId, bytes: &[u8]) -> Result<Record, RecordError> {
     let body = bytes.strip_prefix(MAGIC).and_then(|rest| {
         let (sum, body) = rest.split_first_chunk::<CHECKSUM>()?;

@@ -3,41 +3,41 @@ use std::io;
 use std::path::Path;
 use std::time::{Duration, SystemTime};
 
-use super::{Store, files};
+use super::{Store, files_of};
 use crate::job::{JobId, Record};
 
-/// How much room there is and is taken.
+/// Disk usage.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Room {
     /// Bytes of all files of the data folder.
     pub taken: u64,
-    /// Bytes that the disk has left.
+    /// Free bytes of its disk.
     pub free: u64,
 }
 
 impl Store {
-    /// How much room there is now.
+    /// Measures the disk usage.
     ///
     /// # Errors
-    /// What the system says.
+    /// The operating system's.
     pub fn room(&self) -> io::Result<Room> {
         let mut taken = 0;
         for folder in super::FOLDERS {
-            taken += files(&self.root.join(folder))?.iter().map(|path| size(path)).sum::<u64>();
+            taken += files_of(&self.root.join(folder))?.iter().map(|path| size(path)).sum::<u64>();
         }
         Ok(Room { taken, free: self.free()? })
     }
 
-    /// Bytes that the disk has left.
+    /// Returns the free bytes of the disk.
     ///
     /// # Errors
-    /// What the system says.
+    /// The operating system's.
     pub fn free(&self) -> io::Result<u64> {
         let disk = rustix::fs::statvfs(&self.root)?;
         Ok(disk.f_bavail.saturating_mul(disk.f_frsize))
     }
 
-    /// Bytes that go when this job does, its scene aside, if no other needs its light.
+    /// Returns the bytes that deleting this job frees, without its scene, if no other job uses its light.
     #[must_use]
     pub fn size_of(&self, record: &Record) -> u64 {
         let own =
@@ -46,15 +46,15 @@ impl Store {
     }
 }
 
-/// A file that has gone meanwhile has none.
+/// Returns the size of a file, 0 if it is gone.
 fn size(path: &Path) -> u64 {
     fs::metadata(path).map_or(0, |file| file.len())
 }
 
-/// Which jobs are kept no longer: those that ended before `keep_age`, and the oldest others until so many bytes are gone. Pure;
-/// `ended` has jobs with when they ended and what they take.
+/// Selects the jobs to delete: those that ended longer ago than `keep_age`, then the oldest until enough bytes are freed. `ended`
+/// lists jobs with the time at which they ended and their size. Pure.
 #[must_use]
-pub fn no_longer_kept(
+pub fn expired(
     mut ended: Vec<(JobId, SystemTime, u64)>,
     now: SystemTime,
     keep_age: Duration,
@@ -82,13 +82,13 @@ mod tests {
         let now = SystemTime::UNIX_EPOCH + Duration::from_secs(1000);
         let at = |second| SystemTime::UNIX_EPOCH + Duration::from_secs(second);
         let ended = || vec![(JobId(3), at(900), 10), (JobId(1), at(100), 10), (JobId(2), at(800), 10)];
-        let gone = |age, bytes| no_longer_kept(ended(), now, Duration::from_secs(age), bytes);
+        let gone = |age, bytes| expired(ended(), now, Duration::from_secs(age), bytes);
         assert_eq!(gone(2000, 0), []);
         assert_eq!(gone(500, 0), [JobId(1)]);
         assert_eq!(gone(2000, 11), [JobId(1), JobId(2)]);
         assert_eq!(gone(500, 11), [JobId(1), JobId(2)]);
         assert_eq!(gone(0, 0), [JobId(1), JobId(2), JobId(3)]);
-        // A clock that went back makes nobody old.
-        assert_eq!(no_longer_kept(vec![(JobId(1), at(2000), 1)], now, Duration::ZERO, 0), []);
+        // A time in the future counts as age 0.
+        assert_eq!(expired(vec![(JobId(1), at(2000), 1)], now, Duration::ZERO, 0), []);
     }
 }

@@ -77,7 +77,7 @@ fn other_folders_and_other_releases_are_left_alone() {
 
 /// The moments at which the power may fail, as the folder then looks.
 #[test]
-fn what_was_left_half_done_is_removed() {
+fn unreferenced_files_are_removed() {
     let folder = tempfile::tempdir().unwrap();
     let Opened { store, .. } = open(&folder);
     let kept = record(1, 1);
@@ -103,7 +103,7 @@ fn what_was_left_half_done_is_removed() {
 }
 
 #[test]
-fn a_damaged_record_costs_nobody_a_file() {
+fn a_damaged_record_costs_no_file() {
     let folder = tempfile::tempdir().unwrap();
     let Opened { store, .. } = open(&folder);
     let (whole, torn) = (record(1, 1), record(2, 2));
@@ -139,7 +139,7 @@ fn a_record_of_a_release_to_come_stops_the_service() {
 }
 
 #[test]
-fn a_job_goes_with_its_files_and_its_scene_when_no_other_has_it() {
+fn a_job_is_removed_with_its_files_and_an_unused_scene() {
     let folder = tempfile::tempdir().unwrap();
     let Opened { store, .. } = open(&folder);
     let mut ply = record(1, 1);
@@ -159,7 +159,7 @@ fn a_job_goes_with_its_files_and_its_scene_when_no_other_has_it() {
 }
 
 #[test]
-fn an_upload_has_its_place_when_it_is_whole() {
+fn an_upload_appears_when_it_is_complete() {
     let folder = tempfile::tempdir().unwrap();
     let Opened { store, .. } = open(&folder);
     let mut upload = store.begin_upload().unwrap();

@@ -7,7 +7,7 @@ use sha2::{Digest, Sha256};
 use super::{Store, remove_file, sync_folder};
 use crate::job::SceneDigest;
 
-/// A scene on its way in. Removed when it is dropped before it has its place.
+/// A scene that is being uploaded; its file is removed if it is dropped unfinished.
 #[derive(Debug)]
 pub struct Upload {
     path: PathBuf,
@@ -20,20 +20,20 @@ impl Upload {
     /// Appends bytes.
     ///
     /// # Errors
-    /// What the system says.
+    /// The operating system's.
     pub fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
         self.hasher.update(bytes);
         self.received += bytes.len() as u64;
         self.file.write_all(bytes)
     }
 
-    /// Bytes so far.
+    /// Number of bytes so far.
     #[must_use]
     pub fn received(&self) -> u64 {
         self.received
     }
 
-    /// Digest of all that was written.
+    /// Digest of the bytes so far.
     #[must_use]
     pub fn digest(&self) -> SceneDigest {
         SceneDigest(self.hasher.clone().finalize().into())
@@ -42,29 +42,29 @@ impl Upload {
 
 impl Drop for Upload {
     fn drop(&mut self) {
-        // It may have moved to its place.
+        // A finished one has moved.
         let _ = remove_file(&self.path);
     }
 }
 
 impl Store {
-    /// Begins to take in a scene.
+    /// Begins an upload.
     ///
     /// # Errors
-    /// What the system says.
+    /// The operating system's.
     pub fn begin_upload(&self) -> io::Result<Upload> {
-        let path = self.passing("upload")?;
+        let path = self.temporary("upload")?;
         let file = File::create_new(&path)?;
         Ok(Upload { path, file, hasher: Sha256::new(), received: 0 })
     }
 
-    /// Gives a scene that arrived its place, on the disk when this returns.
+    /// Moves an uploaded scene to its path, synced to disk.
     ///
     /// # Errors
-    /// What the system says.
+    /// The operating system's.
     pub fn finish_upload(&self, upload: &Upload) -> io::Result<()> {
         let place = self.scene(upload.digest());
-        // The same bytes may be there: a client has sent them before, or does so now.
+        // The same bytes may exist: a client has sent them before, or is doing so.
         if !place.exists() {
             upload.file.sync_all()?;
             fs::rename(&upload.path, &place)?;

@@ -1,4 +1,4 @@
-// The page: its state, what its parts do to it, and how it is drawn.
+// The page: its state, its actions, and its rendering.
 
 import { html, render } from 'lit-html';
 import type { Job } from '../messages/radiosity/v1/radiosity_pb';
@@ -15,7 +15,7 @@ import { sceneView } from './scene_view';
 import { tokenDialog } from './token_dialog';
 import { uploadView, type Upload } from './upload_view';
 
-/** Draws the page into an element, and keeps it up to date. */
+/** Renders the page into an element, and keeps it up to date. */
 export class App {
   readonly #root: HTMLElement;
   readonly #jobs = new Jobs(() => this.#changed());
@@ -43,7 +43,7 @@ export class App {
   #changed(): void {
     if (this.#isDue) return;
     this.#isDue = true;
-    // Not by frames: a hidden tab draws none, and must not fall behind.
+    // Not by animation frames: a hidden tab has none, and must not fall behind.
     queueMicrotask(() => {
       this.#isDue = false;
       const job = this.#open();
@@ -90,7 +90,7 @@ export class App {
               : ''}
             ${uploadView(this.#options, this.#uploads, this.#isOver, {
               bake: (files) => this.#bake(files),
-              look: (file) => void this.#look(file),
+              view: (file) => void this.#view(file),
               dismiss: (upload) => this.#dismiss(upload),
             })}
             ${jobsView(this.#jobs, this.#scene.job, {
@@ -150,7 +150,7 @@ export class App {
     this.#changed();
   }
 
-  async #look(file: File): Promise<void> {
+  async #view(file: File): Promise<void> {
     if (location.hash !== '#/') history.replaceState(null, '', '#/');
     void this.#jobs.watch('');
     await this.#scene.openFile(file);
@@ -161,7 +161,7 @@ export class App {
   }
 
   async #remove(job: Job): Promise<void> {
-    if (!confirm(`Delete ${job.name || job.id} and what came out of it?`)) return;
+    if (!confirm(`Delete ${job.name || job.id} and its lit file?`)) return;
     await client.deleteJob({ id: job.id });
     this.#jobs.remove(job.id);
     if (this.#scene.job === job.id) location.hash = '#/';
@@ -181,7 +181,7 @@ export class App {
     this.#changed();
   }
 
-  // The whole page takes files: who aims at a small place may miss it, and the browser would open the file instead.
+  // The whole page accepts drops: the browser would open a file that misses a small drop zone.
   #watchDrops(): void {
     const over = (isOver: boolean) => (event: DragEvent) => {
       event.preventDefault();

@@ -20,12 +20,12 @@ export const STATES: Record<State, string> = {
 export const PHASES: Record<Phase, string> = {
   [Phase.UNSPECIFIED]: 'starting',
   [Phase.IMPORT]: 'reading the scene',
-  [Phase.LIGHT]: 'light of the sources',
+  [Phase.LIGHT]: 'direct light',
   [Phase.SHOOT]: 'shooting',
   [Phase.REFINE]: 'refining the mesh',
   [Phase.MEASURE]: 'measuring the error',
-  [Phase.SETTLE]: 'last sweeps',
-  [Phase.GROUPS]: 'groups of lights',
+  [Phase.SETTLE]: 'final solve',
+  [Phase.GROUPS]: 'light groups',
   [Phase.EXPORT]: 'writing the file',
 };
 

@@ -6,16 +6,16 @@ import { State, type Job } from '../messages/radiosity/v1/radiosity_pb';
 import { isUnderWay, type Jobs } from '../service/jobs';
 import { ago, bytes, count, duration, percent, PHASES, short, STATES } from './format';
 
-/** What can be done with a job. */
+/** Actions on a job. */
 export interface JobActions {
   download(job: Job): void;
   cancel(job: Job): void;
   remove(job: Job): void;
 }
 
-/** The list, with the job that is looked at marked. */
+/** The list, with the open job marked. */
 export function jobsView(jobs: Jobs, open: string, actions: JobActions): TemplateResult {
-  const empty = jobs.isKnown ? 'No jobs yet.' : jobs.failure ? '' : 'Asking the service…';
+  const empty = jobs.isKnown ? 'No jobs yet.' : jobs.failure ? '' : 'Loading…';
   return html`
     <section class="jobs" aria-labelledby="jobs">
       <h2 id="jobs">Jobs</h2>
@@ -38,7 +38,7 @@ function jobItem(job: Job, isOpen: boolean, actions: JobActions): TemplateResult
         <a href="#/job/${encodeURIComponent(job.id)}" aria-current=${isOpen ? 'true' : nothing}>${name}</a>
         <span class="state">${STATES[job.state]}</span>
       </div>
-      ${progressBar(job)} ${figures(job)}
+      ${progressBar(job)} ${metrics(job)}
       ${job.failure ? html`<p class="failure">${job.failure}</p>` : nothing}
       ${job.outcome?.warnings.length
         ? html`<details class="warnings">
@@ -58,26 +58,26 @@ function jobItem(job: Job, isOpen: boolean, actions: JobActions): TemplateResult
   `;
 }
 
-/** How far a job is, as a bar, while it is under way. */
+/** The progress bar of an unfinished job. */
 export function progressBar(job: Job): TemplateResult | typeof nothing {
   if (!isUnderWay(job)) return nothing;
   const { rows = 0n, rowsNeeded = 0n } = job.progress ?? {};
   const label = `Rows of ${job.name || job.id}`;
-  // Without a value a bar says that something is under way.
+  // A bar without a value is indeterminate.
   return rowsNeeded > 0n
     ? html`<progress aria-label=${label} max="1" value=${Math.min(Number(rows) / Number(rowsNeeded), 1)}></progress>`
     : html`<progress aria-label=${label}></progress>`;
 }
 
-/** What is known of a job, in a few words. */
-export function figures(job: Job): TemplateResult {
-  return html`<p class="figures">${parts(job).filter(Boolean).join(' · ')}</p>`;
+/** The metrics of a job, in one line. */
+export function metrics(job: Job): TemplateResult {
+  return html`<p class="metrics">${parts(job).filter(Boolean).join(' · ')}</p>`;
 }
 
 function parts(job: Job): (string | false | undefined)[] {
   const { progress, outcome } = job;
   if (job.state === State.QUEUED) {
-    return [job.ahead > 0 ? `${count(job.ahead)} ${job.ahead === 1 ? 'job' : 'jobs'} before it` : 'next in turn'];
+    return [job.ahead > 0 ? `${count(job.ahead)} ${job.ahead === 1 ? 'job' : 'jobs'} ahead` : 'next'];
   }
   if (job.state === State.RUNNING && progress) {
     return [

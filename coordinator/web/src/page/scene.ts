@@ -1,4 +1,4 @@
-// What is looked at: a job, as its light arrives, or a file of this machine.
+// The open scene: a job, with previews while it runs, or a local file.
 
 import type { Vector2 } from 'three';
 import type { Viewer, Motion, Shown, ToneMap } from '../viewer/viewer';
@@ -19,18 +19,18 @@ export interface Scale {
   isAutomatic: boolean;
 }
 
-/** What is looked at, and how. */
+/** The open scene, and how it is shown. */
 export class SceneState {
-  /** The job, if it is one. */
+  /** The job, empty for a local file. */
   job = '';
-  /** What it is called. */
+  /** Its name. */
   title = '';
-  /** What hinders: instead of a picture, or beside an old one. */
+  /** Why there is no picture, or no newer one. */
   message = '';
-  /** The part of a file that has arrived, while one is on its way. */
+  /** The fraction of a file that has arrived, while one is loading. */
   arriving: number | undefined;
-  /** The present state that is shown; 0 for a result or nothing. */
-  present = 0n;
+  /** Number of the preview shown; 0 for a result or nothing. */
+  preview = 0n;
   isResult = false;
   file: LitFile | undefined;
   shown: Shown = 'lit';
@@ -39,9 +39,9 @@ export class SceneState {
   hasMesh = false;
   exposure = 0;
   scale: Scale = { low: 0.1, high: 1, isLogarithmic: true, isAutomatic: true };
-  /** What was measured last. */
+  /** The last reading. */
   reading: Reading | undefined;
-  /** Where in the picture, as long as that is still the place. */
+  /** Where in the picture it was taken, until the camera moves. */
   readingAt: Vector2 | undefined;
   viewer: Viewer | undefined;
 
@@ -59,22 +59,22 @@ export class SceneState {
     this.#canvas = canvas as HTMLCanvasElement | undefined;
   }
 
-  /** Leaves what is looked at. */
+  /** Closes the scene. */
   close(): void {
     this.#loading?.abort();
     this.#loading = undefined;
     this.viewer?.clear();
-    Object.assign(this, { job: '', title: '', message: '', arriving: undefined, present: 0n, isResult: false });
+    Object.assign(this, { job: '', title: '', message: '', arriving: undefined, preview: 0n, isResult: false });
     Object.assign(this, { file: undefined, reading: undefined, readingAt: undefined });
   }
 
-  /** Turns to a job. */
+  /** Opens a job. */
   open(job: string): void {
     this.close();
     this.job = job;
   }
 
-  /** Shows a lit file of this machine. */
+  /** Opens a local lit file. */
   async openFile(file: File): Promise<void> {
     this.close();
     this.title = file.name;
@@ -82,37 +82,37 @@ export class SceneState {
     await this.#load(() => file.arrayBuffer());
   }
 
-  /** Fetches what is new of the job. */
+  /** Fetches the job's result or its next preview. */
   follow(job: Job): void {
     this.title = job.name;
     if (this.#loading) return;
     if (job.state === State.DONE && !this.isResult) {
       this.isResult = true;
       void this.#fetch(job, false);
-    } else if (job.state === State.RUNNING && (job.progress?.present ?? 0n) > this.present) {
-      // Not asked for again if it cannot be shown; the next one may.
-      this.present = job.progress!.present;
+    } else if (job.state === State.RUNNING && (job.progress?.present ?? 0n) > this.preview) {
+      // Not fetched again if it cannot be shown; the next one may.
+      this.preview = job.progress!.present;
       void this.#fetch(job, true);
     }
   }
 
-  /** Asks again for what could not be shown. */
+  /** Fetches again what could not be shown. */
   retry(): void {
     Object.assign(this, { message: '', isResult: false });
     this.#changed();
   }
 
-  async #fetch(job: Job, present: boolean): Promise<void> {
+  async #fetch(job: Job, isPreview: boolean): Promise<void> {
     await this.#load(async (signal) => {
-      const fetched = await fetchResult(job.id, present, (part) => this.#arrive(part), signal);
-      if (fetched.mediaType !== GLB) throw new Error('the result is no GLB, which could be shown: download it');
-      this.present = fetched.present;
+      const fetched = await fetchResult(job.id, isPreview, (part) => this.#arrive(part), signal);
+      if (fetched.mediaType !== GLB) throw new Error('only GLB files can be shown: download this result');
+      this.preview = fetched.preview;
       return fetched.bytes.buffer;
     });
     // The job may have ended meanwhile: then its result comes next.
-    if (present) this.message = '';
+    if (isPreview) this.message = '';
     if (this.job === job.id && this.file && !this.message) {
-      this.#announce(present ? `Present state ${this.present} of ${job.name} is shown` : `${job.name} is shown`);
+      this.#announce(isPreview ? `Preview ${this.preview} of ${job.name} is shown` : `${job.name} is shown`);
     }
   }
 
@@ -127,14 +127,14 @@ export class SceneState {
       ]);
       const file = await readLitFile(bytes);
       if (loading.signal.aborted) return;
-      if (!file.spreads.irradiance) throw new Error('this file has no light at its vertices: bake it first');
+      if (!file.spreads.irradiance) throw new Error('this file has no baked light: bake it first');
       this.viewer ??= this.#newViewer(Viewer);
       const isSameScene = this.file !== undefined;
       this.file = file;
-      // The light is seen to grow; what comes out of a job in the end is shown as it is.
-      this.viewer.show(file, isSameScene, this.present > 0n);
+      // Previews keep one exposure, so that the light grows; a result has its own.
+      this.viewer.show(file, isSameScene, this.preview > 0n);
       this.message = '';
-      // What is looked at gets brighter under the mark.
+      // The light under the mark may have changed.
       this.reading = this.readingAt && this.viewer.measure(this.readingAt);
       if (!file.spreads.unshot && this.shown === 'unshot') this.shown = 'lit';
       this.apply();
@@ -166,13 +166,13 @@ export class SceneState {
         },
       });
     } catch {
-      throw new Error('this browser has no WebGL 2, which the picture needs; the file can be downloaded');
+      throw new Error('the viewer needs WebGL 2, which this browser lacks: download the file');
     }
   }
 
   #inWords({ values }: Reading): string {
     const value = values.irradiance?.luminance;
-    return value === undefined ? 'no light of its own' : `${value.toPrecision(3)} ${this.file!.unit}`;
+    return value === undefined ? 'no baked light' : `${value.toPrecision(3)} ${this.file!.unit}`;
   }
 
   #arrive(part: number): void {
@@ -180,7 +180,7 @@ export class SceneState {
     this.#changed();
   }
 
-  /** Hands the settings to the viewer. */
+  /** Applies the settings to the viewer. */
   apply(): void {
     const { viewer, file, scale } = this;
     if (!viewer) return;

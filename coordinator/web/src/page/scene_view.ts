@@ -1,11 +1,11 @@
-// The picture, what stands over it, and its controls.
+// The viewer with its overlays and controls.
 
 import { html, nothing, type TemplateResult } from 'lit-html';
 import { live } from 'lit-html/directives/live.js';
 import { ref } from 'lit-html/directives/ref.js';
 import { State, type Job } from '../messages/radiosity/v1/radiosity_pb';
 import { count, digits } from './format';
-import { figures, progressBar } from './jobs_view';
+import { metrics, progressBar } from './jobs_view';
 import { legend } from './legend';
 import type { Reading } from '../viewer/probe';
 import type { SceneState } from './scene';
@@ -14,11 +14,11 @@ const STEPS = 10;
 const SHOWN = { lit: 'Lit', irradiance: 'Irradiance', unshot: 'Unshot' } as const;
 const MOTIONS = { orbit: 'Orbit', walk: 'Walk' } as const;
 
-/** Everything about the scene that is looked at, and the job that it is of. */
+/** The open scene, and its job. */
 export function sceneView(scene: SceneState, job: Job | undefined): TemplateResult {
   return html`
     <section class="scene" aria-label="Viewer" 
-      data-file=${scene.file ? (scene.present > 0n ? 'present' : 'whole') : 'none'} data-present=${scene.present}>
+      data-file=${scene.file ? (scene.preview > 0n ? 'preview' : 'whole') : 'none'} data-preview=${scene.preview}>
       <div class="stage">
         <canvas
           tabindex="0"
@@ -30,7 +30,7 @@ export function sceneView(scene: SceneState, job: Job | undefined): TemplateResu
         <div class="over top">
           <a class="back" href="#/">Jobs</a>
           <h2>${scene.title || 'No scene'}</h2>
-          ${job ? html`<div class="now">${progressBar(job)}${figures(job)}</div>` : nothing}
+          ${job ? html`<div class="now">${progressBar(job)}${metrics(job)}</div>` : nothing}
         </div>
         ${notice(scene, job)} ${scene.readingAt ? mark(scene.readingAt) : nothing}
         <div class="low">
@@ -51,18 +51,18 @@ function notice(scene: SceneState, job: Job | undefined): TemplateResult | typeo
   const box = (text: string, part?: number): TemplateResult => html`<div class="over notice">
     <p>${text}</p>
     ${scene.message && scene.job ? html`<button type="button" @click=${() => scene.retry()}>Try again</button>` : nothing}
-    ${part === undefined ? nothing : html`<progress aria-label="File on its way" .value=${part}></progress>`}
+    ${part === undefined ? nothing : html`<progress aria-label="Loading the file" .value=${part}></progress>`}
   </div>`;
   if (scene.message) return box(scene.message);
   if (scene.file) return nothing;
-  if (scene.arriving !== undefined) return box('The scene is on its way', scene.arriving);
-  if (job?.state === State.QUEUED) return box('The job waits for its turn');
-  if (job?.state === State.RUNNING) return box('The light appears here as it arrives');
-  if (job?.state === State.FAILED || job?.state === State.CANCELLED) return box('There is nothing to see of this job');
-  return box('Drop a scene anywhere to bake it, or choose a job to look at');
+  if (scene.arriving !== undefined) return box('Loading the scene', scene.arriving);
+  if (job?.state === State.QUEUED) return box('The job is queued');
+  if (job?.state === State.RUNNING) return box('The light appears here while the job runs');
+  if (job?.state === State.FAILED || job?.state === State.CANCELLED) return box('This job has no lit file');
+  return box('Drop a scene anywhere to bake it, or choose a job');
 }
 
-// Placed by attributes of a drawing, which the content security policy allows.
+// Placed by SVG attributes: the content security policy forbids inline styles.
 function mark({ x, y }: NonNullable<SceneState['readingAt']>): TemplateResult {
   const point = `M${100 * x} ${100 * y}h0`;
   return html`<svg class="mark" viewBox="0 0 100 100" preserveAspectRatio="none" aria-hidden="true">
@@ -81,8 +81,8 @@ function readingBox({ name, point, values }: Reading, unit: string): TemplateRes
     `,
   );
   return html`<div class="over reading">
-    <h3>${name || 'A surface'}</h3>
-    ${rows.length ? nothing : html`<p>No light of its own</p>`}
+    <h3>${name || 'Unnamed surface'}</h3>
+    ${rows.length ? nothing : html`<p>No baked light</p>`}
     <dl>
       ${rows}
       <dt>at</dt>
@@ -97,7 +97,7 @@ function controls(scene: SceneState): TemplateResult {
     scene.apply();
   };
   return html`
-    <form class="controls" aria-label="How the scene is shown" @submit=${(event: Event) => event.preventDefault()}>
+    <form class="controls" aria-label="Display options" @submit=${(event: Event) => event.preventDefault()}>
       <fieldset class="choice" ?disabled=${!scene.file}>
         <legend>Show</legend>
         ${choices('shown', SHOWN, scene.shown, (shown) => change({ shown }), (shown) => shown !== 'unshot' || !!scene.file?.spreads.unshot)}
@@ -120,12 +120,12 @@ function controls(scene: SceneState): TemplateResult {
         )}
       </fieldset>
       <details>
-        <summary>Keys and fingers</summary>
+        <summary>Keys and gestures</summary>
         <p id="keys">
           ${scene.motion === 'walk'
-            ? 'Arrows or W A S D walk, Q and E go down and up, Shift runs. Drag or one finger looks around; two fingers move.'
-            : 'Arrows turn, plus and minus go nearer and farther. Drag or one finger turns; wheel or two fingers zoom and shift.'}
-          A click or tap measures the light at a point, P or Enter in the middle.
+            ? 'Arrow keys or W A S D walk, Q and E move down and up, Shift runs. Drag or use one finger to look around, two fingers to move.'
+            : 'Arrow keys orbit, plus and minus zoom. Drag or use one finger to orbit; use the wheel or two fingers to zoom and pan.'}
+          Click or tap to measure the light at a point; press P or Enter to measure in the middle.
         </p>
       </details>
       ${scene.file ? html`<p class="fine">${count(scene.file.triangles)} triangles</p>` : nothing}
@@ -176,7 +176,7 @@ function scaleEnds(scene: SceneState, change: Change): TemplateResult {
   const { scale } = scene;
   const set = (values: Partial<typeof scale>): void => {
     const next = { ...scale, isAutomatic: false, ...values };
-    // Ends that are no scale are left until they are one.
+    // Ignores ends that are not a valid scale yet.
     if (next.high > next.low && next.low > (next.isLogarithmic ? 0 : -Infinity)) change({ scale: next });
   };
   const end = (name: 'low' | 'high', label: string): TemplateResult => html`

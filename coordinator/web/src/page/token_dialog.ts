@@ -1,4 +1,4 @@
-// Asks for the token of a service that wants one.
+// The dialog for the token of a service that requires one.
 
 import { html, nothing, type TemplateResult } from 'lit-html';
 import { ref } from 'lit-html/directives/ref.js';
@@ -19,10 +19,10 @@ export function tokenDialog(isOpen: boolean, changed: () => void): TemplateResul
             take(String(new FormData(event.target as HTMLFormElement).get('token')).trim(), changed);
           }}>
             <h2 id="token-title">Token</h2>
-            <p>${known === null ? 'This service wants a token.' : 'The service does not know this token.'} It is kept until this tab is closed.</p>
+            <p>${known === null ? 'This service requires a token.' : 'The service does not know this token.'} The token is kept until this tab is closed.</p>
             <label for="token">Bearer token</label>
             <input id="token" name="token" type="password" autocomplete="off" required autofocus />
-            <button class="main">Go on</button>
+            <button class="main">Continue</button>
           </form>
         </dialog>`
       : nothing}

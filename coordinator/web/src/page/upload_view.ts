@@ -1,13 +1,13 @@
-// Where scenes are handed over.
+// Uploads of scenes.
 
 import { html, nothing, type TemplateResult } from 'lit-html';
 import { repeat } from 'lit-html/directives/repeat.js';
 import type { Option } from '../service/options';
 import { optionsForm } from './options_form';
 
-/** A file on its way to the service. */
+/** A file that is being uploaded. */
 export interface Upload {
-  /** Chosen by the page. */
+  /** Idempotency key of the submission. */
   key: string;
   name: string;
   step: 'reading' | 'sending' | 'failed';
@@ -16,29 +16,29 @@ export interface Upload {
   stop: AbortController;
 }
 
-/** What can be done about files. */
+/** Actions on files. */
 export interface UploadActions {
   bake(files: Iterable<File>): void;
-  look(file: File): void;
+  view(file: File): void;
   dismiss(upload: Upload): void;
 }
 
-const STEPS = { reading: 'reading', sending: 'sending', failed: 'failed' };
+const STEPS = { reading: 'reading', sending: 'uploading', failed: 'failed' };
 
-/** A place for files, and those that are on their way. */
+/** The drop zone, the options of a bake, and uploads in progress. */
 export function uploadView(options: Option[], uploads: Upload[], isOver: boolean, actions: UploadActions): TemplateResult {
   return html`
     <section class="upload" aria-labelledby="upload">
       <h2 id="upload">Bake a scene</h2>
       <div class="drop" ?data-over=${isOver}>
-        <p>Drop a <code>.glb</code> here, or a <code>.gltf</code> with its data inside.</p>
+        <p>Drop a <code>.glb</code> or a self-contained <code>.gltf</code> here.</p>
         ${picker('Choose a file', 'bake', true, (files) => actions.bake(files))}
       </div>
       <details class="options">
         <summary>Quality</summary>
         ${optionsForm(options)}
       </details>
-      ${picker('Look at a lit file', 'look', false, ([file]) => file && actions.look(file))}
+      ${picker('View a lit file', 'view', false, ([file]) => file && actions.view(file))}
       ${uploads.length
         ? html`<ul class="uploads">${repeat(uploads, ({ key }) => key, (upload) => uploadItem(upload, actions))}</ul>`
         : nothing}
@@ -52,7 +52,7 @@ function uploadItem(upload: Upload, actions: UploadActions): TemplateResult {
     <div class="line"><span>${upload.name}</span> <span class="state">${STEPS[upload.step]}</span></div>
     ${failed
       ? html`<p class="failure" role="alert">${upload.failure}</p>`
-      : html`<progress aria-label="${upload.name} on its way" max="1" value=${upload.part}></progress>`}
+      : html`<progress aria-label="Uploading ${upload.name}" max="1" value=${upload.part}></progress>`}
     <div class="actions"><button type="button" @click=${() => actions.dismiss(upload)}>${failed ? 'Dismiss' : 'Cancel'}</button></div>
   </li>`;
 }

@@ -1,7 +1,7 @@
 // The client's jobs, kept up to date.
 //
-// The list is asked for every few seconds, and only the job that is looked at is watched by a stream of its own: a browser opens
-// six connections to a server at most, and streams would use them up.
+// The list is polled every few seconds; only the open job is watched by a stream: browsers open at most six connections to a
+// server, and more streams would use them up.
 
 import { State, type Job } from '../messages/radiosity/v1/radiosity_pb';
 import { client, explain, wantsToken } from './client';
@@ -23,9 +23,9 @@ export class Jobs {
   hasMore = false;
   /** Whether the service has answered yet. */
   isKnown = false;
-  /** Why the last question failed. */
+  /** Why the last request failed. */
   failure = '';
-  /** Whether the service wants a token that it knows. */
+  /** Whether the service requires another token. */
   isLocked = false;
 
   #shown = PAGE;
@@ -41,12 +41,12 @@ export class Jobs {
     document.addEventListener('visibilitychange', () => !document.hidden && void this.ask());
   }
 
-  /** The job of this name, as it was last seen. */
+  /** The job of this identifier, as last seen. */
   find(id: string): Job | undefined {
     return this.list.find((job) => job.id === id);
   }
 
-  /** Asks for the list now, and again later. */
+  /** Fetches the list now, and again later. */
   async ask(): Promise<void> {
     clearTimeout(this.#timer);
     this.#asking?.abort();
@@ -69,7 +69,7 @@ export class Jobs {
       this.failure = this.isLocked ? '' : explain(error);
     }
     this.#changed();
-    // A hidden tab asks again when it is seen.
+    // A hidden tab fetches again when it becomes visible.
     if (!document.hidden && !this.isLocked) {
       this.#timer = setTimeout(() => void this.ask(), this.list.some(isUnderWay) ? BUSY_MS : IDLE_MS);
     }
@@ -81,7 +81,7 @@ export class Jobs {
     void this.ask();
   }
 
-  /** Takes in what a call has answered. */
+  /** Adds or updates a job. */
   put(job: Job): void {
     const i = this.list.findIndex(({ id }) => id === job.id);
     if (i >= 0) this.list[i] = newest(this.list[i], job);
@@ -89,13 +89,13 @@ export class Jobs {
     this.#changed();
   }
 
-  /** Forgets a job. */
+  /** Removes a job. */
   remove(id: string): void {
     this.list = this.list.filter((job) => job.id !== id);
     this.#changed();
   }
 
-  /** Follows one job closely until it ends or another is watched; none if the name is empty. */
+  /** Watches one job until it ends or another is watched; none if `id` is empty. */
   async watch(id: string): Promise<void> {
     if (this.#watched === id) return;
     this.#watched = id;
@@ -108,7 +108,7 @@ export class Jobs {
         break; // The stream ends with the job.
       } catch {
         if (signal.aborted) return;
-        // The list says what is wrong, if it lasts; the stream is tried again as long as the job is in it.
+        // Retries while the job is in the list, which reports a lasting failure.
         await new Promise((resolve) => setTimeout(resolve, BUSY_MS));
         const job = this.find(id);
         if (!job || !isUnderWay(job)) break;
@@ -118,7 +118,7 @@ export class Jobs {
   }
 }
 
-/** Answers may overtake each other. The list leaves out what only a question for the one job brings. */
+/** The newer of two states: responses may overtake each other, and the list omits some fields. */
 function newest(known: Job | undefined, told: Job): Job {
   return known && known.revision >= told.revision ? known : told;
 }

@@ -8,23 +8,23 @@ export interface Fetched {
   bytes: Uint8Array<ArrayBuffer>;
   name: string;
   mediaType: string;
-  /** Number of the present state; 0 for a result. */
-  present: bigint;
+  /** Number of the preview; 0 for a result. */
+  preview: bigint;
 }
 
-/** The lit file of a job that is done, or the present state of one that runs. */
+/** Fetches the lit file of a finished job, or a preview of a running one. */
 export async function fetchResult(
   id: string,
-  present: boolean,
+  isPreview: boolean,
   progress: (part: number) => void,
   signal: AbortSignal,
 ): Promise<Fetched> {
   let found: Fetched | undefined;
   let length = 0;
-  for await (const { body } of client.fetchResult({ id, present }, { signal })) {
+  for await (const { body } of client.fetchResult({ id, present: isPreview }, { signal })) {
     if (body.case === 'header') {
-      const { size, fileName: name, mediaType, present } = body.value;
-      found = { bytes: new Uint8Array(Number(size)), name, mediaType, present };
+      const { size, fileName: name, mediaType, present: preview } = body.value;
+      found = { bytes: new Uint8Array(Number(size)), name, mediaType, preview };
     } else if (body.case === 'chunk' && found) {
       if (length + body.value.length > found.bytes.length) throw new ConnectError('the file is longer than announced', Code.DataLoss);
       found.bytes.set(body.value, length);
@@ -36,7 +36,7 @@ export async function fetchResult(
   return found;
 }
 
-/** Hands bytes to the browser as a download. */
+/** Saves a file as a browser download. */
 export function save({ bytes, name, mediaType }: Fetched): void {
   const url = URL.createObjectURL(new Blob([bytes], { type: mediaType }));
   const link = document.createElement('a');

@@ -159,7 +159,7 @@ fn light_of_another_release_fails_the_relight_and_nothing_else() {
     service.kill();
     let kept = room.data().join("light").join(&baked);
     let length = fs::read(&kept).unwrap().len();
-    assert!(KeptLight::read(&kept).is_ok());
+    assert!(KeptLight::from_bytes(&fs::read(&kept).unwrap()).is_ok());
     fs::write(&kept, [b"halflight light\n0.0.1 protocol 1\n".as_slice(), &vec![0; length]].concat()).unwrap();
     let service = room.start(&["--jobs", "1"]);
     let said = service.ask(&[&["submit", "--relight", &baked, "--watch"], &EVENING[..]].concat());

@@ -1,10 +1,5 @@
 //! Kept light as a file: two lines that say what it is, a BLAKE3 digest, and a protobuf message that the digest is of.
 
-use std::fs;
-use std::io::Write;
-use std::path::Path;
-
-use atomic_write_file::AtomicWriteFile;
 use glam::{DVec3, Vec3};
 use kernel::replica::Digest;
 use prost::Message;
@@ -80,36 +75,16 @@ pub(super) struct Part {
 }
 
 impl KeptLight {
-    /// Writes it to a file, whole or not at all.
-    ///
-    /// # Errors
-    /// When the system refuses.
-    pub fn write(&self, path: &Path) -> Result<(), RelightError> {
-        let failed = |error| RelightError::Io { path: path.to_owned(), error };
-        let mut file = AtomicWriteFile::open(path).map_err(failed)?;
-        file.write_all(&self.to_bytes()).map_err(failed)?;
-        file.commit().map_err(failed)
-    }
-
-    /// Reads it from a file.
-    ///
-    /// # Errors
-    /// When the file cannot be read, is something else, damaged, or of another release.
-    pub fn read(path: &Path) -> Result<Self, RelightError> {
-        let bytes = fs::read(path).map_err(|error| RelightError::Io { path: path.to_owned(), error })?;
-        Self::from_bytes(&bytes)
-    }
-
-    /// The bytes of the file.
+    /// Encodes it as the bytes of a file.
     #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
         sealed(&self.body().encode_to_vec())
     }
 
-    /// The same from the bytes of a file.
+    /// Decodes the bytes of a file.
     ///
     /// # Errors
-    /// As for [`Self::read`].
+    /// When they are something else, damaged, or of another release.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, RelightError> {
         let damaged = |what: &str| RelightError::Damaged(what.into());
         let rest = bytes.strip_prefix(MAGIC).ok_or_else(|| damaged("it is no file of kept light"))?;

@@ -25,9 +25,6 @@ mod relit_scene;
 #[cfg(test)]
 mod tests;
 
-use std::io;
-use std::path::PathBuf;
-
 use glam::DVec3;
 use kernel::replica::Digest;
 use serde::Serialize;
@@ -46,14 +43,6 @@ use scene::Scene;
 /// Why a scene cannot be lit otherwise.
 #[derive(Debug, thiserror::Error)]
 pub enum RelightError {
-    /// The file cannot be read or written.
-    #[error("kept light {} cannot be used: {error}", path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// What the system says.
-        error: io::Error,
-    },
     /// The file is something else, or damaged.
     #[error("kept light is of no use: {0}; bake the scene again to keep its light")]
     Damaged(String),

@@ -2,13 +2,12 @@ use std::io::{self, Seek, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use atomic_write_file::AtomicWriteFile;
 use clap::Args;
+use output::files::{self, AtomicWriteFile};
 use protocol::api::fetch_result_response::Body;
 use protocol::api::{FetchResultRequest, FileHeader};
 use sha2::{Digest, Sha256};
 
-use super::super::ensure_place;
 use super::{Connection, ServerArgument, Trouble, wait};
 
 #[derive(Args)]
@@ -36,7 +35,7 @@ pub enum JobFile {
 
 /// Downloads a file of a job.
 pub fn run(arguments: &FetchArguments) -> anyhow::Result<()> {
-    ensure_place(&arguments.output)?;
+    files::check(&arguments.output)?;
     let file = if arguments.preview { JobFile::Preview } else { JobFile::Result };
     wait(async {
         let mut connection = Connection::open(&arguments.server).await?;

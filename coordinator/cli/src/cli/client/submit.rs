@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use bake::LightChange;
 use clap::{Args, ValueEnum};
+use output::files;
 use protocol::api::submit_scene_header::Source;
 use protocol::api::submit_scene_request::Body;
 use protocol::api::{
@@ -16,7 +17,6 @@ use tokio_util::io::ReaderStream;
 use tonic::{Code, Status};
 use tonic_types::StatusExt;
 
-use super::super::ensure_place;
 use super::super::options::Given;
 use super::super::output_options::OutputOptions;
 use super::super::relight::change;
@@ -70,7 +70,7 @@ enum FormatName {
 /// Submits a scene, and waits for its job if that is asked for.
 pub fn run(arguments: &SubmitArguments) -> anyhow::Result<()> {
     if let Some(output) = &arguments.output {
-        ensure_place(output)?;
+        files::check(output)?;
     }
     let header = header(arguments)?;
     wait(async {

@@ -1,0 +1,266 @@
+//! From a scene file to a lit file: import, bake, export, report.
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+
+use bake::{BakeError, BakeSettings, Baked, Observer, RelightError, bake, check_groups};
+use cluster::checkpoint::{CheckpointError, CheckpointSummary, Checkpointed, remove};
+use cluster::{Cluster, ClusterError, ClusterSettings, Handle};
+use output::export::{ExportError, ExportSettings, export};
+use output::files;
+use scene::{ImportError, ImportOptions, Scene, import, import_slice};
+
+use crate::memory::peak_memory_bytes;
+use crate::summary::{Summary, WorkerMetrics, extras};
+
+/// A scene file.
+pub enum SceneSource<'a> {
+    /// A file, with the buffers and images beside it.
+    File(&'a Path),
+    /// The bytes of a file; references to other files are refused.
+    Bytes(Vec<u8>),
+}
+
+/// What to bake, and the files to write.
+pub struct BakeRequest<'a> {
+    /// The scene.
+    pub scene: SceneSource<'a>,
+    /// How it is read.
+    pub import: ImportOptions,
+    /// How it is baked.
+    pub bake: BakeSettings,
+    /// How the lit file is written; its extras are added by the run.
+    pub export: ExportSettings,
+    /// The lit file.
+    pub output: &'a Path,
+    /// File for the light of each source, written if the bake keeps it ([`BakeSettings::keep_light`]).
+    pub kept_light: Option<&'a Path>,
+    /// File for all metrics as JSON.
+    pub report: Option<&'a Path>,
+    /// File for finished rows.
+    pub checkpoint: Option<CheckpointFile<'a>>,
+}
+
+/// A file that records finished rows, so that an interrupted bake can resume.
+#[derive(Debug, Clone, Copy)]
+pub struct CheckpointFile<'a> {
+    /// The file.
+    pub path: &'a Path,
+    /// Largest size in bytes; rows beyond it are not recorded.
+    pub max_bytes: u64,
+    /// Replace a file that cannot be used instead of failing.
+    pub replace: bool,
+    /// Leave the file in place when the output is written.
+    pub keep: bool,
+}
+
+/// A finished bake.
+#[derive(Debug)]
+pub struct Finished {
+    /// Its metrics.
+    pub summary: Summary,
+    /// The same as JSON.
+    pub report_json: String,
+    /// Names of the lights that a relight can change; `None` if the light of each source was not kept.
+    pub lights: Option<Vec<String>>,
+}
+
+/// Why a run failed.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    /// The scene cannot be read.
+    #[error(transparent)]
+    Import(#[from] ImportError),
+    /// A light group names a light that the scene does not have.
+    #[error(transparent)]
+    Groups(BakeError),
+    /// No workers can be had.
+    #[error(transparent)]
+    Cluster(#[from] ClusterError),
+    /// The checkpoint cannot be used.
+    #[error(transparent)]
+    Checkpoint(#[from] CheckpointError),
+    /// A checkpoint that is not needed any more cannot be removed.
+    #[error(transparent)]
+    CheckpointRemoval(CheckpointError),
+    /// The bake failed or was cancelled.
+    #[error(transparent)]
+    Bake(#[from] BakeError),
+    /// The lit file cannot be written.
+    #[error(transparent)]
+    Export(#[from] ExportError),
+    /// The file of kept light cannot be read or written.
+    #[error("kept light {} cannot be used: {error}", path.display())]
+    KeptLight {
+        /// The file.
+        path: PathBuf,
+        /// The operating system's error.
+        error: io::Error,
+    },
+    /// The scene cannot be relit.
+    #[error(transparent)]
+    Relight(#[from] RelightError),
+    /// The report cannot be written.
+    #[error("report {} cannot be written: {error}", path.display())]
+    Report {
+        /// The file.
+        path: PathBuf,
+        /// The operating system's error.
+        error: io::Error,
+    },
+    /// The metrics cannot be expressed in JSON.
+    #[error(transparent)]
+    Json(#[from] serde_json::Error),
+}
+
+/// Observes a run beyond its bake.
+pub trait RunObserver: Observer {
+    /// Takes warnings for the user, as soon as they are known.
+    fn warn(&mut self, warnings: &[String]);
+
+    /// Called when the scene is read and the bake begins.
+    fn imported(&mut self, _scene: &Arc<Scene>) {}
+
+    /// Called when the light is known and the output is written next.
+    fn exporting(&mut self) {}
+}
+
+/// The workers of a run.
+#[derive(Clone, Copy)]
+pub enum Workers<'a> {
+    /// A cluster for this run alone, started when the scene is read.
+    Exclusive(&'a ClusterSettings),
+    /// A cluster that other runs use too.
+    Shared {
+        /// The cluster.
+        cluster: &'a Cluster,
+        /// Jobs of runs of higher priority go first.
+        priority: i32,
+    },
+}
+
+/// Bakes a scene file: writes the lit file and the other files of the request.
+///
+/// # Errors
+/// When a step fails or the observer cancels. An output that was there before is then as it was; the checkpoint stays.
+pub fn run(
+    request: BakeRequest<'_>,
+    workers: Workers<'_>,
+    observer: &mut dyn RunObserver,
+) -> Result<Finished, RunError> {
+    let clock = Instant::now();
+    let scene = Arc::new(read_scene(request.scene, &request.import, observer)?);
+    check_groups(&scene, &request.bake.groups).map_err(RunError::Groups)?;
+    if observer.is_cancelled() {
+        return Err(BakeError::Cancelled.into());
+    }
+    observer.imported(&scene);
+    let (baked, workers, recorded) =
+        bake_on(workers, &scene, &request.bake, request.checkpoint.as_ref(), observer)?;
+    observer.exporting();
+    observer.warn(&baked.report.warnings);
+    let settings = ExportSettings { extras: extras(&scene, &request.bake, &baked.report), ..request.export };
+    let exported = export(&scene, &baked.lit, &settings, request.output)?;
+    observer.warn(&exported.warnings);
+    if let (Some(path), Some(kept)) = (request.kept_light, &baked.kept) {
+        files::write(path, &kept.to_bytes())
+            .map_err(|error| RunError::KeptLight { path: path.to_owned(), error })?;
+    }
+    let summary = Summary {
+        seconds: clock.elapsed().as_secs_f64(),
+        unit: settings.unit,
+        account: scene.import_report.clone(),
+        degenerate_triangles: scene.degenerate_triangles,
+        // Where others share the workers, they share this process too.
+        peak_memory_bytes: match &workers {
+            WorkerMetrics::Exclusive(..) => peak_memory_bytes(),
+            WorkerMetrics::Shared(_) => None,
+        },
+        bake: baked.report,
+        exported,
+        workers,
+        checkpoint: recorded,
+    };
+    let report_json = summary.to_json(&request.bake)?;
+    write_report(request.report, &report_json)?;
+    if let Some(CheckpointFile { path, keep: false, .. }) = request.checkpoint {
+        remove(path).map_err(RunError::CheckpointRemoval)?;
+    }
+    let names = |light: bake::KeptLight| light.lights().into_iter().map(str::to_owned).collect();
+    Ok(Finished { summary, report_json, lights: baked.kept.map(names) })
+}
+
+/// Bakes on these workers, and releases them.
+fn bake_on(
+    workers: Workers<'_>,
+    scene: &Scene,
+    settings: &BakeSettings,
+    checkpoint: Option<&CheckpointFile<'_>>,
+    observer: &mut dyn RunObserver,
+) -> Result<(Baked, WorkerMetrics, Option<CheckpointSummary>), RunError> {
+    let own;
+    let (cluster, priority) = match workers {
+        Workers::Exclusive(settings) => {
+            own = Cluster::start(settings)?;
+            (&own, 0)
+        }
+        Workers::Shared { cluster, priority } => (cluster, priority),
+    };
+    let handle = || cluster.handle(priority);
+    let (baked, handle, recorded) = match checkpoint {
+        None => {
+            let mut handle = handle();
+            (bake(scene, settings, &mut handle, observer), handle, None)
+        }
+        Some(checkpoint) => {
+            let mut rows = open_checkpoint(checkpoint, handle)?;
+            let baked = bake(scene, settings, &mut rows, observer);
+            let (handle, recorded) = rows.finish();
+            (baked, handle, Some(recorded))
+        }
+    };
+    let metrics = match workers {
+        Workers::Exclusive(_) => WorkerMetrics::Exclusive(cluster.workers(), cluster.counts()),
+        Workers::Shared { .. } => WorkerMetrics::Shared(handle.workers()),
+    };
+    Ok((baked?, metrics, recorded))
+}
+
+/// Reads a scene, and passes on what there is to say of it.
+pub(crate) fn read_scene(
+    source: SceneSource<'_>,
+    options: &ImportOptions,
+    observer: &mut dyn RunObserver,
+) -> Result<Scene, RunError> {
+    let scene = match source {
+        SceneSource::File(path) => import(path, options)?,
+        SceneSource::Bytes(bytes) => import_slice(&bytes, options)?,
+    };
+    observer.warn(&scene.warnings);
+    Ok(scene)
+}
+
+/// Writes the metrics where that is asked for.
+pub(crate) fn write_report(path: Option<&Path>, json: &str) -> Result<(), RunError> {
+    let Some(path) = path else { return Ok(()) };
+    files::write(path, json.as_bytes()).map_err(|error| RunError::Report { path: path.to_owned(), error })
+}
+
+fn open_checkpoint(
+    file: &CheckpointFile<'_>,
+    handle: impl Fn() -> Handle,
+) -> Result<Checkpointed<Handle>, RunError> {
+    match Checkpointed::open(handle(), file.path, file.max_bytes) {
+        Err(error) if file.replace => {
+            tracing::warn!(%error, "replacing a checkpoint that cannot be used");
+            let removed = fs::remove_file(file.path);
+            let path = file.path.to_owned();
+            removed.map_err(|error| RunError::CheckpointRemoval(CheckpointError::Io { path, error }))?;
+            Ok(Checkpointed::open(handle(), file.path, file.max_bytes)?)
+        }
+        opened => Ok(opened?),
+    }
+}
