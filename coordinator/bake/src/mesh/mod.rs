@@ -11,6 +11,7 @@
 //! | `shares` | deals the patches out among their vertices |
 //! | `triangulation` | the leaves as triangles without cracks |
 //! | `locate` | the leaf and the triangle under a point |
+//! | `receivers` | vertices as receivers |
 //!
 //! Vertices are points with one normal: facets that meet at a crease have vertices of their own there. They are only ever
 //! added, so an index stays valid and the vertices of a coarse mesh are the first of the refined one.
@@ -20,6 +21,7 @@ mod contact;
 mod locate;
 mod order;
 mod pieces;
+mod receivers;
 mod shares;
 mod subdivision;
 mod triangulation;
@@ -28,13 +30,14 @@ mod welding;
 use std::collections::HashMap;
 
 use glam::DVec3;
-use kernel::geometry::PlaneId;
+use kernel::geometry::{ConvexPolygon, PlaneId};
 use smallvec::SmallVec;
 
 use order::FacetPlaces;
 pub use order::along_curve;
 
 pub use locate::{Interpolation, interpolation};
+pub use receivers::{INWARD, receivers};
 pub use shares::{Share, Surroundings, surroundings};
 pub use triangulation::triangulate;
 
@@ -97,6 +100,15 @@ pub struct Patch {
     pub area: f64,
 }
 
+impl Patch {
+    /// Mean of its corners' values, from one value per vertex.
+    #[must_use]
+    pub fn mean(&self, values: &[DVec3]) -> DVec3 {
+        let corners = self.corners.iter().map(|corner| values[corner.index()]);
+        corners.sum::<DVec3>() / self.corners.len() as f64
+    }
+}
+
 /// An edge, whichever way it is walked.
 type Edge = (VertexId, VertexId);
 
@@ -131,6 +143,18 @@ impl Mesh {
     #[must_use]
     pub fn patch(&self, id: PatchId) -> &Patch {
         &self.patches[id.index()]
+    }
+
+    /// A patch as a polygon in this plane.
+    #[must_use]
+    pub fn polygon(&self, id: PatchId, plane: PlaneId) -> ConvexPolygon {
+        ConvexPolygon { plane, corners: self.corners(id) }
+    }
+
+    /// Positions of a patch's corners.
+    #[must_use]
+    pub fn corners(&self, id: PatchId) -> Vec<DVec3> {
+        self.patch(id).corners.iter().map(|corner| self.position(*corner)).collect()
     }
 
     /// Position of a vertex.

@@ -7,8 +7,6 @@
 //! | `shooting` | progressive refinement: which share shoots next, and what its shot gives |
 //! | `sweeps` | finishes the solution with all rows |
 //! | `acceleration` | fewer passes to a fixed point of light |
-//! | `refinement` | where the mesh needs more vertices |
-//! | `fit` | vertex values with the least error between the vertices |
 //! | `balance` | where the energy went |
 //!
 //! Colours are linear RGB in W/m^2 (or the scene's light unit), lengths in the frame.
@@ -16,9 +14,7 @@
 pub mod acceleration;
 pub mod balance;
 pub mod cache;
-pub mod fit;
 mod light;
-pub mod refinement;
 pub mod shooting;
 pub mod sweeps;
 #[cfg(test)]

@@ -1,18 +1,15 @@
 //! The figures of a bake.
 
-use glam::DVec3;
 use serde::Serialize;
 
 use super::light::Origin;
-use super::{Bake, ErrorBudget, RowStrategy};
+use super::measure::Measured;
+use super::solved::Solved;
+use crate::context::Context;
+use crate::error_budget::ErrorBudget;
+use crate::settings::{BakeSettings, RowStrategy};
 use crate::solver::balance::{EnergyBalance, RowSums};
-use scene::{Light, LightKind};
-
-/// A vertex whose row sums to more than this is counted as enclosed: what its row lacks is error, not sky.
-const ENCLOSED: f64 = 0.999;
-
-/// A scene whose vertices see less than this of their hemisphere covered, in the mean, is open.
-const OPEN: f64 = 0.99;
+use scene::LightKind;
 
 /// Row sums over this are worth a warning.
 const LARGEST_ROW_SUM: f64 = 1.01;
@@ -95,46 +92,51 @@ pub struct Model {
     pub pairs_sampled: u64,
 }
 
-impl Bake<'_, '_> {
-    pub(super) fn report(&self) -> BakeReport {
-        let statistics = &self.office.statistics;
-        let areas = self.energies.iter().map(|share| share.area);
-        let sums: Vec<(f64, f64)> = self.row_sums.iter().copied().zip(areas).collect();
+impl Measured {
+    /// The figures so far.
+    pub(super) fn report(&self, cx: &Context, occluders: usize) -> BakeReport {
+        let monitor = &cx.client.monitor;
+        let statistics = &monitor.statistics;
+        let Solved { mesh, rows, solution, .. } = &self.solved;
+        let areas = mesh.energies.iter().map(|share| share.area);
+        let sums: Vec<(f64, f64)> = self.solved.row_sums.iter().copied().zip(areas).collect();
         let row_sums = RowSums::new(&sums);
         BakeReport {
-            warnings: self.warnings(&row_sums),
-            vertices: self.mesh.vertices.len(),
-            shooting_vertices: self.shares.len(),
-            patches: self.mesh.leaves().count(),
-            occluders: self.occluders,
-            row_strategy: if self.is_gathered { RowStrategy::Gather } else { RowStrategy::Exact },
-            rows: self.office.rows_made(),
-            rows_again: self.office.rows_made_again(),
-            row_bytes: self.most_row_bytes,
-            model: self.model(),
+            warnings: self.warnings(cx.settings, &row_sums),
+            vertices: mesh.mesh.vertices.len(),
+            shooting_vertices: mesh.shares.len(),
+            patches: mesh.mesh.leaves().count(),
+            occluders,
+            row_strategy: rows.source.strategy(),
+            rows: monitor.rows_made(),
+            rows_again: monitor.rows_again,
+            row_bytes: rows.table.most_bytes,
+            model: self.model(cx),
             factors: statistics.factors,
-            visible_factors: self.office.visible_factors(),
+            visible_factors: monitor.visible_factors,
             rays: statistics.rays,
-            shots: self.spent.shots,
-            sweeps: self.spent.sweeps,
-            refinement_rounds: self.spent.rounds,
-            unshot_bound: self.unshot_bound,
+            shots: cx.work.shots,
+            sweeps: cx.work.sweeps,
+            refinement_rounds: cx.work.rounds,
+            unshot_bound: solution.unshot_bound,
             error: self.error,
-            restarts: self.spent.restarts,
-            balance: self.balance(),
+            restarts: cx.work.restarts,
+            balance: self.solved.balance(cx),
             row_sums,
             busy_seconds: statistics.busy_nanoseconds as f64 * 1e-9,
-            seconds: self.spent.seconds.clone(),
+            seconds: cx.work.seconds.clone(),
         }
     }
 
-    fn model(&self) -> Model {
-        let statistics = &self.office.statistics;
-        let sources = |counts: fn(&Origin) -> bool| self.sources.iter().filter(|s| counts(&s.origin)).count();
+    fn model(&self, cx: &Context) -> Model {
+        let statistics = &cx.client.monitor.statistics;
+        let sources = |counts: fn(&Origin) -> bool| {
+            self.solved.sources.all.iter().filter(|s| counts(&s.origin)).count()
+        };
         let lights =
-            |counts: fn(&LightKind) -> bool| self.scene.lights.iter().filter(|l| counts(&l.kind)).count();
+            |counts: fn(&LightKind) -> bool| cx.scene.lights.iter().filter(|l| counts(&l.kind)).count();
         Model {
-            channels: self.channels.count(),
+            channels: cx.channels.count(),
             area_lights: sources(|origin| matches!(origin, Origin::Surface(_))),
             point_lights: lights(|kind| matches!(kind, LightKind::Point { .. })),
             spot_lights: lights(|kind| matches!(kind, LightKind::Spot(_))),
@@ -148,64 +150,19 @@ impl Bake<'_, '_> {
         }
     }
 
-    /// True when light can leave the scene: then what a point light sends to no surface has escaped, where in a closed scene
-    /// it is an error of the mesh. Shares that see next to nothing lie between surfaces and do not count.
-    fn is_open(&self) -> bool {
-        let seeing = self.row_sums.iter().zip(&self.energies).filter(|(sum, _)| **sum > 1.0 - ENCLOSED);
-        let (covered, area) =
-            seeing.fold((0.0, 0.0), |(c, a), (sum, share)| (c + sum.min(1.0) * share.area, a + share.area));
-        covered < OPEN * area
-    }
-
-    fn warnings(&self, row_sums: &RowSums) -> Vec<String> {
+    fn warnings(&self, settings: &BakeSettings, row_sums: &RowSums) -> Vec<String> {
         let mut warnings = vec![];
-        warnings.extend(self.obstacle());
+        warnings.extend(self.describe_obstacle(settings));
         if row_sums.largest > LARGEST_ROW_SUM {
             warnings.push(format!(
                 "form factors of a vertex sum to {:.4}, more than 1: surfaces overlap, or smooth normals bend far",
                 row_sums.largest
             ));
         }
-        if self.unshot_bound > self.settings.threshold {
-            warnings.push(format!("the sweeps left {:.1e} of the reflected flux unshot", self.unshot_bound));
+        let unshot = self.solved.solution.unshot_bound;
+        if unshot > settings.threshold {
+            warnings.push(format!("the sweeps left {unshot:.1e} of the reflected flux unshot"));
         }
         warnings
-    }
-
-    pub(super) fn balance(&self) -> EnergyBalance {
-        let square_unit = self.scene.frame.scale * self.scene.frame.scale;
-        let surfaces = &self.scene.surfaces;
-        let (mut emitted, mut absorbed, mut escaped) = (DVec3::ZERO, DVec3::ZERO, DVec3::ZERO);
-        for (id, patch) in self.mesh.leaves() {
-            let surface = &surfaces[patch.surface as usize];
-            let corners = patch.corners.iter().map(|corner| self.irradiance[corner.index()]);
-            let mean = corners.sum::<DVec3>() / patch.corners.len() as f64;
-            emitted += surface.exitance * patch.area;
-            // The rest passes through.
-            let look = self.patch_looks.of(self.scene, &self.mesh, id);
-            absorbed += (look.opacity - look.reflectance) * mean * patch.area;
-        }
-        for (index, share) in self.shares.iter().enumerate() {
-            if self.row_sums[index] < ENCLOSED {
-                let leaving = self.looks[index].exitance + self.radiosity[index];
-                escaped += leaving * share.area * (1.0 - self.row_sums[index]);
-            }
-        }
-        let [emitted, absorbed, unshot, escaped] =
-            [emitted, absorbed, self.unshot, escaped].map(|f| f * square_unit);
-        let from_lights: DVec3 = self.scene.lights.iter().map(flux).sum();
-        let past = if self.is_open() { from_lights - self.from_lights * square_unit } else { DVec3::ZERO };
-        let emitted = emitted + from_lights + self.from_outside * square_unit;
-        EnergyBalance::new(emitted, absorbed, unshot, escaped + past.max(DVec3::ZERO))
-    }
-}
-
-/// The flux that a light sends out: its intensity times the solid angle that it fills. Of one that is infinitely far only what falls
-/// on the scene counts, and that is known from its row.
-fn flux(light: &Light) -> DVec3 {
-    match light.kind {
-        LightKind::Point { .. } => light.intensity * 4.0 * std::f64::consts::PI,
-        LightKind::Spot(spot) => light.intensity * spot.solid_angle(),
-        LightKind::Directional { .. } => DVec3::ZERO,
     }
 }

@@ -1,4 +1,4 @@
-//! Solving for the light of each source by itself.
+//! Solving for the light of each source separately.
 
 use std::collections::HashMap;
 
@@ -6,35 +6,35 @@ use glam::DVec3;
 
 use super::digest_of;
 use super::kept::{KeptLight, KeptPart, ShootingMesh};
+use crate::channels::Channels;
+use crate::context::Context;
+use crate::error::BakeError;
 use crate::mesh::PatchId;
-use crate::solver::cache::{ColumnCache, SetId};
-use crate::stages::channels::{Channels, Gathering};
+use crate::observer::Phase;
+use crate::refinement::SamplePoints;
+use crate::rows::{Problem, Rows, ShareValues, Solution};
+use crate::settings::RowStrategy;
+use crate::solver::cache::ColumnCache;
+use crate::stages::irradiance::{Lights, Place, irradiance_at};
 use crate::stages::layers::{TOLERANCE, names_of};
-use crate::stages::light::{self, LightSource, Origin};
-use crate::stages::settle::Means;
-use crate::stages::{Bake, BakeError, Phase};
+use crate::stages::light::{LightSource, Origin};
+use crate::stages::measure::Measured;
+use crate::stages::solved::Solved;
+use scene::Scene;
 
 /// Bytes of irradiances that are gathered at the same time.
 const MOST_GATHERED: usize = 1 << 30;
 
-/// Bytes that are kept for each light and each vertex or check point. Vertices: irradiance in all and direct, three channels each; check
+/// Bytes that are kept for each light and each vertex or sample point. Vertices: irradiance in all and direct, three channels each; sample
 /// points: irradiance in all, twice as exactly.
 const BYTES: u64 = 24;
 
-/// The solution for a part, until the vertices and check points are lit by all of them.
-struct Solved {
+/// The solution for a part, until the vertices and sample points are lit by all of them.
+struct SolvedPart {
     sources: Vec<LightSource>,
     radiosity: Vec<DVec3>,
     part: KeptPart,
     unit: Unit,
-}
-
-/// What the solutions of all parts have in common.
-struct Solving {
-    means: Option<Means>,
-    columns: Option<ColumnCache>,
-    /// Root mean square of the radiosity of the whole at the guides.
-    level: f64,
 }
 
 /// What light is kept as.
@@ -55,68 +55,72 @@ impl Unit {
     }
 }
 
-impl Bake<'_, '_> {
-    /// Solves for the light of each source by itself. `None` where that is not wanted, or would take more room than it may.
+impl Measured {
+    /// Solves for the light of each source separately. `None` where that is not wanted, or would take more room than it may.
     ///
     /// # Errors
     /// When rows cannot be had.
     #[tracing::instrument(skip_all)]
-    pub(in crate::stages) fn keep_light(&mut self) -> Result<Option<KeptLight>, BakeError> {
-        let Some(most_bytes) = self.settings.keep_light else { return Ok(None) };
-        let groups = self.sources_by_names();
-        let places = self.mesh.vertices.len() + self.checks.count();
+    pub(in crate::stages) fn keep_light(&mut self, cx: &mut Context) -> Result<Option<KeptLight>, BakeError> {
+        let Some(most_bytes) = cx.settings.keep_light else { return Ok(None) };
+        let Self { solved, validation, error, .. } = self;
+        let groups = solved.sources_by_names(cx.scene);
+        let places = solved.mesh.mesh.vertices.len() + validation.count();
         if (groups.len() as u64).saturating_mul(places as u64 * BYTES) > most_bytes {
             return Ok(None);
         }
-        self.office.enter(Phase::Groups, self.mesh.vertices.len());
+        cx.client.monitor.enter(Phase::Groups, solved.mesh.mesh.vertices.len());
+        // The report counts the sweeps of the whole.
+        let sweeps = cx.work.sweeps;
         let is_alone = groups.len() == 1;
-        let level = self.guides.level();
-        let reflectance = self.mean_reflectance();
-        let mut parts = self.apart(|bake| {
-            let mut solving = Solving { means: None, columns: None, level };
-            groups
-                .into_iter()
-                .map(|group| bake.part(group, is_alone, &mut solving))
-                .collect::<Result<Vec<_>, _>>()
-        })?;
-        if parts.iter().any(|solved| solved.part.irradiance.is_empty()) {
-            self.gather_at_vertices(&mut parts)?;
+        let means = solved.means();
+        let mut columns = None;
+        let mut parts = vec![];
+        for group in groups {
+            parts.push(solved.part(cx, group, is_alone, &means, &mut columns)?);
         }
-        self.gather_at_checks(&mut parts)?;
+        cx.work.sweeps = sweeps;
+        if parts.iter().any(|solved| solved.part.irradiance.is_empty()) {
+            solved.gather_at_vertices(cx, &mut parts)?;
+        }
+        solved.gather_at_samples(cx, validation, &mut parts)?;
+        let mesh = &solved.mesh.mesh;
         let mut divided: Vec<(PatchId, PatchId)> = vec![];
-        for (index, patch) in self.mesh.patches.iter().enumerate() {
+        for (index, patch) in mesh.patches.iter().enumerate() {
             divided.extend(patch.first_child.map(|first| (first, PatchId(index as u32))));
         }
         divided.sort_unstable();
-        self.end_step("keep light");
-        let settings = self.settings;
+        cx.end_step("keep light");
+        let settings = cx.settings;
         Ok(Some(KeptLight {
-            scene: digest_of(self.scene),
-            sky: self.scene.sky,
+            scene: digest_of(cx.scene),
+            sky: cx.scene.sky,
             shooting: ShootingMesh {
                 edge: settings.shooter_edge,
                 max_level: settings.max_level,
                 max_vertices: settings.max_vertices,
                 has_error: settings.error.is_some(),
-                is_gathered: self.is_gathered,
+                is_gathered: solved.rows.source.strategy() == RowStrategy::Gather,
             },
             divided: divided.into_iter().map(|(_, patch)| patch).collect(),
-            vertices: self.mesh.vertices.len(),
+            vertices: mesh.vertices.len(),
             parts: parts.into_iter().map(|solved| solved.part).collect(),
-            checks: self.checks.clone(),
-            reflectance,
-            error: self.error,
+            checks: validation.clone(),
+            reflectance: solved.mean_reflectance(),
+            error: *error,
         }))
     }
+}
 
+impl Solved {
     /// The light sources, those of the same names together.
-    fn sources_by_names(&self) -> Vec<(Vec<String>, Vec<LightSource>)> {
+    fn sources_by_names(&self, scene: &Scene) -> Vec<(Vec<String>, Vec<LightSource>)> {
         let mut groups: Vec<(Vec<String>, Vec<LightSource>)> = vec![];
         let mut places = HashMap::new();
-        for source in self.sources.iter().filter(|source| source.strength != DVec3::ZERO) {
+        for source in self.sources.all.iter().filter(|source| source.strength != DVec3::ZERO) {
             // A light that happens to be called as the sky is is not the sky.
             let is_sky = source.origin == Origin::Sky;
-            let names: Vec<String> = names_of(self.scene, source.origin).map(str::to_owned).collect();
+            let names: Vec<String> = names_of(scene, source.origin).map(str::to_owned).collect();
             let place = *places.entry((is_sky, names.clone())).or_insert_with(|| {
                 groups.push((names, vec![]));
                 groups.len() - 1
@@ -129,79 +133,56 @@ impl Bake<'_, '_> {
     /// The solution for some sources; `alone` where there are no others, so that it is known already.
     fn part(
         &mut self,
+        cx: &mut Context,
         (names, mut sources): (Vec<String>, Vec<LightSource>),
         alone: bool,
-        solving: &mut Solving,
-    ) -> Result<Solved, BakeError> {
+        means: &ShareValues,
+        columns: &mut Option<ColumnCache>,
+    ) -> Result<SolvedPart, BakeError> {
         let is_sky = sources.iter().any(|source| source.origin == Origin::Sky);
-        let sky = self.scene.sky;
+        let sky = cx.scene.sky;
         // With three channels the sky is solved for as a white one: then any colour can be made of it.
-        let is_white = is_sky && self.channels == Channels::Three;
+        let is_white = is_sky && cx.channels == Channels::Three;
         if is_white {
             sources.iter_mut().for_each(|source| source.strength = DVec3::splat(std::f64::consts::PI));
         }
         let unit = if is_sky && !is_white { Unit::White(sky.element_sum()) } else { Unit::AsItIs };
         let kept = |light: &[DVec3]| light.iter().map(|light| unit.of(*light).as_vec3()).collect();
-        let is_known = alone && !is_white;
-        let mut irradiance = vec![];
-        if !is_known && !self.is_gathered {
-            let direct = self.direct_of(&sources)?;
-            self.solve_for(&direct, solving)?;
-            self.direct = direct;
+        let (direct, solution) = if alone && !is_white {
+            (self.direct.clone(), self.solution.clone())
         } else {
-            if !is_known {
-                self.light_vertices(&sources, true)?;
-            }
-            irradiance = kept(&self.irradiance);
-        }
-        let noise = self.noise_of(&sources, solving.level);
+            let direct = self.direct_of(cx, &sources)?;
+            let tolerance = cx.settings.threshold * TOLERANCE;
+            let problem = Problem { mesh: &self.mesh, values: means, direct: &direct, tolerance };
+            let dark = self.dark();
+            let Rows { source, table } = &mut self.rows;
+            let solution = source.solve(cx, table, &problem, columns, dark)?;
+            (direct, solution)
+        };
+        let noise = self.noise_of_part(&sources, &solution);
         let part = KeptPart {
             names,
             is_sky,
             as_baked: if is_sky { sky } else { DVec3::ONE },
-            direct: kept(&self.direct),
-            irradiance,
+            direct: kept(&direct),
+            irradiance: kept(&solution.irradiance),
             gathered: vec![],
             noise: if is_sky && !is_white { noise / sky.max_element() } else { noise },
-            residual: self.residual,
+            residual: solution.residual,
         };
-        Ok(Solved { sources, radiosity: self.radiosity.clone(), part, unit })
-    }
-
-    /// Solves for the radiosity of the shares under this light, with means and columns that are the same for all parts.
-    fn solve_for(&mut self, direct: &[DVec3], solving: &mut Solving) -> Result<(), BakeError> {
-        let means = solving.means.get_or_insert_with(|| Means::new(&self.mesh, &self.shares, &self.exposed));
-        let (energies, dark) = (self.settled_energies(), vec![DVec3::ZERO; self.shares.len()]);
-        let tolerance = self.settings.threshold * TOLERANCE;
-        let columns = solving.columns.take();
-        let columns = self.solve_shares(energies, Some(means), columns, means.of(direct), dark, tolerance)?;
-        solving.columns = Some(columns);
-        Ok(())
+        Ok(SolvedPart { sources, radiosity: solution.radiosity, part, unit })
     }
 
     /// Gathers the light of each part at the vertices: rows that are not kept are made once for as many parts as fit into memory.
-    fn gather_at_vertices(&mut self, parts: &mut [Solved]) -> Result<(), BakeError> {
-        let together = (MOST_GATHERED / (self.mesh.vertices.len() * size_of::<DVec3>()).max(1)).max(1);
-        let sets = self.vertex_sets.clone();
+    fn gather_at_vertices(&mut self, cx: &mut Context, parts: &mut [SolvedPart]) -> Result<(), BakeError> {
+        let vertices = self.mesh.mesh.vertices.len();
+        let together = (MOST_GATHERED / (vertices * size_of::<DVec3>()).max(1)).max(1);
+        let sets = self.rows.table.vertices.clone();
         for parts in parts.chunks_mut(together) {
-            let nothing = |set: &SetId| self.channels.gathering(self.rows.set(*set).count());
-            let mut gathered: Vec<Vec<Gathering>> =
-                parts.iter().map(|_| sets.iter().map(nothing).collect()).collect();
-            self.rows.each(
-                self.office,
-                &sets,
-                |_| true,
-                |share, rows| {
-                    for (gathered, solved) in gathered.iter_mut().zip(&*parts) {
-                        let light = solved.radiosity[share.index()];
-                        for (gathered, row) in gathered.iter_mut().zip(rows.into_iter().flatten()) {
-                            gathered.add(row, light);
-                        }
-                    }
-                },
-            )?;
+            let radiosities: Vec<&[DVec3]> = parts.iter().map(|solved| &*solved.radiosity).collect();
+            let gathered = self.rows.table.gather_each(cx, &sets, &radiosities)?;
             for (solved, gathered) in parts.iter_mut().zip(gathered) {
-                let reflected = gathered.into_iter().flat_map(Gathering::into_irradiance);
+                let reflected = gathered.into_iter().flatten();
                 let direct = &solved.part.direct;
                 let all = direct
                     .iter()
@@ -213,39 +194,38 @@ impl Bake<'_, '_> {
         Ok(())
     }
 
-    /// Gathers the light of each part at the check points, all in one go over the rows.
-    fn gather_at_checks(&mut self, parts: &mut [Solved]) -> Result<(), BakeError> {
-        let count = self.checks.count();
-        if count == 0 {
+    /// Gathers the light of each part at sample points, all in one pass over the rows.
+    fn gather_at_samples(
+        &mut self,
+        cx: &mut Context,
+        samples: &SamplePoints,
+        parts: &mut [SolvedPart],
+    ) -> Result<(), BakeError> {
+        if samples.count() == 0 {
             return Ok(());
         }
-        let receivers = self.checks.receivers(count);
-        let set = self.office.publish_receivers(&receivers);
-        let mut gathered: Vec<Gathering> =
-            parts.iter().map(|_| self.channels.gathering(set.count())).collect();
-        self.rows.each_over(self.office, set, &receivers, |share, row| {
-            for (gathered, solved) in gathered.iter_mut().zip(&*parts) {
-                gathered.add(row, solved.radiosity[share]);
-            }
-        })?;
-        for (solved, gathered) in parts.iter_mut().zip(gathered) {
-            let direct = light::irradiance(&solved.sources, set, self.office, |_, _, _| ())?;
-            let all = direct.iter().zip(gathered.into_irradiance()).map(|(direct, light)| *direct + light);
-            solved.part.gathered = all.map(|light| solved.unit.of(light)).collect();
+        let receivers = samples.receivers(samples.count());
+        let lights: Vec<Lights> = parts
+            .iter()
+            .map(|solved| Lights { sources: &solved.sources, radiosity: &solved.radiosity })
+            .collect();
+        let light = irradiance_at(cx, &mut self.rows, Place::Once(&receivers), &lights, |_, _| ())?;
+        for (solved, light) in parts.iter_mut().zip(light) {
+            solved.part.gathered = light.all.into_iter().map(|light| solved.unit.of(light)).collect();
         }
-        self.office.release_receivers(set);
         Ok(())
     }
 
-    /// Standard error of the light of some sources, which is that of the vertices now, from rays; relative to a whole of this level.
-    fn noise_of(&self, sources: &[LightSource], whole: f64) -> f64 {
-        let Some(guides) = self.guide_set.filter(|_| whole > 0.0) else { return 0.0 };
+    /// Standard error of a part of the light from rays, relative to the whole.
+    fn noise_of_part(&self, sources: &[LightSource], solution: &Solution) -> f64 {
+        let whole = self.solution.samples.level();
+        if whole <= 0.0 {
+            return 0.0;
+        }
         let strengths: HashMap<u64, DVec3> =
             sources.iter().map(|source| (source.shooter.key, source.strength)).collect();
         let strength = |source: &LightSource| strengths.get(&source.shooter.key).copied().unwrap_or_default();
-        let direct = self.sources.iter().map(strength).zip(self.guide_variances.iter().copied());
-        let shares = self.radiosity.iter().copied().zip(self.rows.variances(guides));
-        let noise = self.guides.noise(shares.chain(direct), self.guides.count());
-        noise.hypot(self.ray_noise) * self.guides.level() / whole
+        let noise = self.noise_of(solution, self.sources.all.iter().map(strength));
+        noise * solution.samples.level() / whole
     }
 }

@@ -6,10 +6,11 @@ use glam::{DVec3, Vec3};
 use kernel::replica::Digest;
 
 use super::RelightError;
+use crate::error_budget::ErrorBudget;
 use crate::mesh::{Mesh, PatchId};
-use crate::stages::checks::Checks;
-use crate::stages::settings::RowStrategy;
-use crate::stages::{BakeSettings, ErrorBudget, shooting_mesh};
+use crate::refinement::SamplePoints;
+use crate::settings::{BakeSettings, RowStrategy};
+use crate::stages::setup::shooting_mesh;
 use scene::Scene;
 
 /// What a finished bake leaves behind, so that its scene can be lit otherwise.
@@ -28,7 +29,7 @@ pub struct KeptLight {
     /// Light by light.
     pub(super) parts: Vec<KeptPart>,
     /// Where the answer was measured.
-    pub(super) checks: Checks,
+    pub(super) checks: SamplePoints,
     /// Reflected flux over incident flux.
     pub(super) reflectance: f64,
     /// Of the finished bake.
@@ -63,7 +64,7 @@ pub(super) struct KeptPart {
     pub(super) direct: Vec<Vec3>,
     /// Irradiance of the vertices, in all.
     pub(super) irradiance: Vec<Vec3>,
-    /// Irradiance of the check points, in all.
+    /// Irradiance of the validation samples, in all.
     pub(super) gathered: Vec<DVec3>,
     /// Standard error from rays for a factor of 1, relative to the whole light of the bake.
     pub(super) noise: f64,
@@ -128,8 +129,8 @@ impl KeptLight {
         sums
     }
 
-    /// The check points with the light of all parts, each multiplied by its factor.
-    pub(super) fn checks_lit_by(&self, factors: &[DVec3]) -> Checks {
+    /// The validation samples with the light of all parts, each multiplied by its factor.
+    pub(super) fn checks_lit_by(&self, factors: &[DVec3]) -> SamplePoints {
         let mut sums = vec![DVec3::ZERO; self.checks.count()];
         for (part, factor) in self.parts.iter().zip(factors) {
             sums.iter_mut().zip(&part.gathered).for_each(|(sum, value)| *sum += *value * *factor);

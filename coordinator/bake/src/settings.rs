@@ -1,7 +1,7 @@
 use kernel::row::Precision;
 use serde::Serialize;
 
-use super::layers::{LightGroup, LightPart};
+use crate::light_parts::{LightGroup, LightPart};
 
 /// How the rows of form factors are computed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]

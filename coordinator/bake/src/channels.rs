@@ -1,3 +1,5 @@
+//! Channels of light: one where the scene has one colour, else three.
+
 use glam::DVec3;
 use kernel::row::Row;
 

@@ -1,4 +1,5 @@
-//! Light that falls on the backs of one-sided surfaces: the sign of triangles that are wound the wrong way.
+//! The back-face check: warns of light that falls on the backs of one-sided surfaces, the sign of triangles that are wound the
+//! wrong way.
 //!
 //! A one-sided surface neither reflects nor shows what falls on its back: that light is lost. Where a modeller meant it so, there is
 //! none to speak of: the backs of a closed box lie in its dark inside. A flipped wall or a box turned inside out has its back in the
@@ -10,11 +11,14 @@ use glam::DVec3;
 use kernel::geometry::PlaneId;
 use kernel::replica::{Receiver, Receivers};
 
+use super::irradiance::{Lights, Place, irradiance_at};
 use super::light::LightSource;
-use super::{Bake, BakeError, light};
+use super::solved::Solved;
+use crate::context::Context;
+use crate::error::BakeError;
 use scene::{Facet, Scene, Side, SourceTriangle};
 
-/// Key of the first point as a receiver: above all vertices and check points, so that its rays are its own.
+/// Key of the first point as a receiver: above all vertices and sample points, so that its rays are its own.
 const FIRST_KEY: u64 = 1 << 33;
 
 /// Points on the back of a surface.
@@ -40,34 +44,45 @@ struct BackPoint {
     receiver: Receiver,
 }
 
-impl Bake<'_, '_> {
-    /// Warnings of surfaces that lose light on their backs. Needs the solution.
+impl Solved {
+    /// Warnings of surfaces that lose light on their backs.
+    ///
+    /// # Errors
+    /// When rows cannot be had.
     #[tracing::instrument(skip_all)]
-    pub(super) fn look_behind(&mut self) -> Result<Vec<String>, BakeError> {
-        let balance = self.balance();
+    pub(super) fn back_face_check(&mut self, cx: &mut Context) -> Result<Vec<String>, BakeError> {
+        let balance = self.balance(cx);
         let emitted: f64 = balance.emitted.iter().sum();
         if balance.escaped.iter().sum::<f64>() <= LEAST_ESCAPED * emitted {
             return Ok(vec![]);
         }
-        let points = back_points(self.scene, self.mesh.vertices.len() / VERTICES_PER_POINT);
+        let scene = cx.scene;
+        let points = back_points(scene, self.mesh.mesh.vertices.len() / VERTICES_PER_POINT);
         if points.is_empty() {
             return Ok(vec![]);
         }
-        let irradiance = self.irradiance_at(&points)?;
-        let fronts = self.mean_irradiance();
-        let mut backs: Vec<(f64, DVec3)> = vec![(0.0, DVec3::ZERO); self.scene.surfaces.len()];
+        let receivers = points.iter().map(|point| point.receiver).collect();
+        let receivers = Receivers { first_key: FIRST_KEY, receivers };
+        // The sun on a roof, and the sky under a floor, are no light that the scene has and loses.
+        let inside: Vec<LightSource> =
+            self.sources.all.iter().filter(|source| !source.is_outside()).cloned().collect();
+        let lights = Lights { sources: &inside, radiosity: &self.solution.radiosity };
+        let light = irradiance_at(cx, &mut self.rows, Place::Once(&receivers), &[lights], |_, _| ())?;
+        let irradiance = light.into_iter().flat_map(|light| light.all);
+        let fronts = self.mean_irradiance(scene);
+        let mut backs: Vec<(f64, DVec3)> = vec![(0.0, DVec3::ZERO); scene.surfaces.len()];
         for (point, irradiance) in points.iter().zip(irradiance) {
             backs[point.surface].0 += 1.0;
             backs[point.surface].1 += irradiance;
         }
-        let square_unit = self.scene.frame.scale * self.scene.frame.scale;
+        let square_unit = scene.frame.scale * scene.frame.scale;
         let mut warnings = vec![];
         for (index, (count, sum)) in backs.into_iter().enumerate().filter(|(_, (count, _))| *count > 0.0) {
             let back = (sum / count).element_sum();
             let (area, front) = fronts[index];
-            let lost = back * area * square_unit * self.scene.surfaces[index].opacity / emitted;
+            let lost = back * area * square_unit * scene.surfaces[index].opacity / emitted;
             let flipped = back > 0.0 && front.element_sum() < DARK_FRONT * back;
-            if flipped || lost >= MUCH && !is_closed(&self.scene.surfaces[index].facets) {
+            if flipped || lost >= MUCH && !is_closed(&scene.surfaces[index].facets) {
                 let cure = if flipped {
                     "flip its triangles"
                 } else {
@@ -75,7 +90,7 @@ impl Bake<'_, '_> {
                 };
                 warnings.push(format!(
                     "{}: {:.1} % of all light falls on its back and is lost, its front gets {}: {cure}",
-                    self.scene.surfaces[index].name,
+                    scene.surfaces[index].name,
                     100.0 * lost,
                     if flipped { "next to none" } else { "some too" },
                 ));
@@ -84,28 +99,11 @@ impl Bake<'_, '_> {
         Ok(warnings)
     }
 
-    fn irradiance_at(&mut self, points: &[BackPoint]) -> Result<Vec<DVec3>, BakeError> {
-        let receivers = points.iter().map(|point| point.receiver).collect();
-        let receivers = Receivers { first_key: FIRST_KEY, receivers };
-        let set = self.office.publish_receivers(&receivers);
-        // The sun on a roof, and the sky under a floor, are no light that the scene has and loses.
-        let inside: Vec<LightSource> =
-            self.sources.iter().filter(|source| !source.is_outside()).cloned().collect();
-        let direct = light::irradiance(&inside, set, self.office, |_, _, _| ())?;
-        let mut gathered = self.channels.gathering(set.count());
-        let radiosity = &self.radiosity;
-        self.rows
-            .each_over(self.office, set, &receivers, |share, row| gathered.add(row, radiosity[share]))?;
-        self.office.release_receivers(set);
-        Ok(direct.iter().zip(gathered.into_irradiance()).map(|(direct, light)| *direct + light).collect())
-    }
-
     /// Area, in the frame, and mean irradiance of each surface.
-    fn mean_irradiance(&self) -> Vec<(f64, DVec3)> {
-        let mut sums = vec![(0.0, DVec3::ZERO); self.scene.surfaces.len()];
-        for (_, patch) in self.mesh.leaves() {
-            let corners = patch.corners.iter().map(|corner| self.irradiance[corner.index()]);
-            let mean = corners.sum::<DVec3>() / patch.corners.len() as f64;
+    fn mean_irradiance(&self, scene: &Scene) -> Vec<(f64, DVec3)> {
+        let mut sums = vec![(0.0, DVec3::ZERO); scene.surfaces.len()];
+        for (_, patch) in self.mesh.mesh.leaves() {
+            let mean = patch.mean(&self.solution.irradiance);
             let (area, flux) = &mut sums[patch.surface as usize];
             *area += patch.area;
             *flux += mean * patch.area;

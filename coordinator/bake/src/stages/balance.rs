@@ -1,0 +1,64 @@
+//! The energy balance of a solution.
+
+use glam::DVec3;
+
+use super::solved::Solved;
+use crate::context::Context;
+use crate::solver::balance::EnergyBalance;
+use scene::{Light, LightKind};
+
+/// A vertex whose row sums to more than this is counted as enclosed: what its row lacks is error, not sky.
+const ENCLOSED: f64 = 0.999;
+
+/// A scene whose vertices see less than this of their hemisphere covered, in the mean, is open.
+const OPEN: f64 = 0.99;
+
+impl Solved {
+    /// Where the energy of the solution goes.
+    pub(super) fn balance(&self, cx: &Context) -> EnergyBalance {
+        let square_unit = cx.scene.frame.scale * cx.scene.frame.scale;
+        let surfaces = &cx.scene.surfaces;
+        let Self { mesh, solution, .. } = self;
+        let (mut emitted, mut absorbed, mut escaped) = (DVec3::ZERO, DVec3::ZERO, DVec3::ZERO);
+        for (id, patch) in mesh.mesh.leaves() {
+            let surface = &surfaces[patch.surface as usize];
+            let mean = patch.mean(&solution.irradiance);
+            emitted += surface.exitance * patch.area;
+            // The rest passes through.
+            let material = mesh.patch_materials.of(cx.scene, &mesh.mesh, id);
+            absorbed += (material.opacity - material.reflectance) * mean * patch.area;
+        }
+        for (index, share) in mesh.shares.iter().enumerate() {
+            if self.row_sums[index] < ENCLOSED {
+                let leaving = mesh.materials[index].exitance + solution.radiosity[index];
+                escaped += leaving * share.area * (1.0 - self.row_sums[index]);
+            }
+        }
+        let [emitted, absorbed, unshot, escaped] =
+            [emitted, absorbed, solution.unshot, escaped].map(|f| f * square_unit);
+        let from_lights: DVec3 = cx.scene.lights.iter().map(flux).sum();
+        let past =
+            if self.is_open() { from_lights - self.sources.from_lights * square_unit } else { DVec3::ZERO };
+        let emitted = emitted + from_lights + self.sources.from_outside * square_unit;
+        EnergyBalance::new(emitted, absorbed, unshot, escaped + past.max(DVec3::ZERO))
+    }
+
+    /// True when light can leave the scene: then what a point light sends to no surface has escaped, where in a closed scene
+    /// it is an error of the mesh. Shares that see next to nothing lie between surfaces and do not count.
+    fn is_open(&self) -> bool {
+        let seeing = self.row_sums.iter().zip(&self.mesh.energies).filter(|(sum, _)| **sum > 1.0 - ENCLOSED);
+        let (covered, area) =
+            seeing.fold((0.0, 0.0), |(c, a), (sum, share)| (c + sum.min(1.0) * share.area, a + share.area));
+        covered < OPEN * area
+    }
+}
+
+/// The flux that a light sends out: its intensity times the solid angle that it fills. Of one that is infinitely far only what falls
+/// on the scene counts, and that is known from its row.
+fn flux(light: &Light) -> DVec3 {
+    match light.kind {
+        LightKind::Point { .. } => light.intensity * 4.0 * std::f64::consts::PI,
+        LightKind::Spot(spot) => light.intensity * spot.solid_angle(),
+        LightKind::Directional { .. } => DVec3::ZERO,
+    }
+}
