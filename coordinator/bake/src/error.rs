@@ -1,3 +1,8 @@
+use std::error::Error;
+
+/// A result of the bake.
+pub type Result<T, E = BakeError> = std::result::Result<T, E>;
+
 /// Why a bake failed.
 #[derive(Debug, thiserror::Error)]
 pub enum BakeError {
@@ -22,5 +27,5 @@ pub enum BakeError {
     Cancelled,
     /// No more rows.
     #[error("rows cannot be computed: {0}")]
-    Rows(#[source] Box<dyn std::error::Error + Send + Sync>),
+    Rows(#[source] Box<dyn Error + Send + Sync>),
 }

@@ -10,7 +10,7 @@ use kernel::row::{FinishedJob, JobId, Precision, Row, RowRequest, Shooter};
 
 use super::monitor::Monitor;
 use super::sizes::Pace;
-use crate::error::BakeError;
+use crate::error::{BakeError, Result};
 use crate::observer::Observer;
 
 /// Most jobs under way where rows are requested in bulk: enough for a hundred threads, few enough that rows which wait for
@@ -172,7 +172,7 @@ impl<'a> RowClient<'a> {
         shooters: &[Shooter],
         set: ReceiverSet,
         mut take: impl FnMut(usize, &Row, f64),
-    ) -> Result<(), BakeError> {
+    ) -> Result<()> {
         self.monitor.expect_rows(shooters.len() as u64);
         let (mut asked, mut next) = (0, 0);
         let batches = |client: &Self| {
@@ -211,7 +211,7 @@ impl<'a> RowClient<'a> {
         &mut self,
         mut batches: impl FnMut(&Self) -> Option<(T, RowBatch)>,
         mut take: impl FnMut(T, FinishedJob),
-    ) -> Result<(), BakeError> {
+    ) -> Result<()> {
         let mut under_way = VecDeque::new();
         let mut arrived: BTreeMap<u64, FinishedJob> = BTreeMap::new();
         let (mut submitted, mut taken) = (0, 0);
@@ -255,7 +255,7 @@ impl<'a> RowClient<'a> {
     }
 
     /// Waits for the next job, in any order: its tag and its rows.
-    pub fn next(&mut self) -> Result<(u64, FinishedJob), BakeError> {
+    pub fn next(&mut self) -> Result<(u64, FinishedJob)> {
         loop {
             self.monitor.check()?;
             let Some(finished) = self.service.next(PATIENCE)? else { continue };

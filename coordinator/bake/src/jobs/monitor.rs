@@ -3,7 +3,7 @@
 use kernel::messages::RowStatistics;
 use kernel::row::FinishedJob;
 
-use crate::error::BakeError;
+use crate::error::{BakeError, Result};
 use crate::lit::LitMesh;
 use crate::observer::{Observer, Phase, Progress};
 
@@ -109,7 +109,7 @@ impl<'a> Monitor<'a> {
     }
 
     /// Returns an error once the bake is cancelled.
-    pub fn check(&mut self) -> Result<(), BakeError> {
+    pub fn check(&mut self) -> Result<()> {
         if self.observer.is_cancelled() { Err(BakeError::Cancelled) } else { Ok(()) }
     }
 

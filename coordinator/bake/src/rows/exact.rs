@@ -13,7 +13,7 @@ use super::source::{LeafLight, Problem, RowSource};
 use super::table::{COARSE, RowTable};
 use crate::channels::Channels;
 use crate::context::Context;
-use crate::error::BakeError;
+use crate::error::{BakeError, Result};
 use crate::jobs::{ReceiverSet, RowClient};
 use crate::mesh::{Mesh, Share, Surroundings};
 use crate::settings::RowStrategy;
@@ -62,7 +62,7 @@ impl RowSource for ExactRows {
         table: &mut RowTable,
         receivers: &Receivers,
         _: Option<&[Surroundings]>,
-    ) -> Result<SetId, BakeError> {
+    ) -> Result<SetId> {
         Ok(table.add_set(cx.client.publish_receivers(receivers)))
     }
 
@@ -72,7 +72,7 @@ impl RowSource for ExactRows {
         table: &RowTable,
         (set, _): (ReceiverSet, &Receivers),
         take: &mut dyn FnMut(ShareId, &Row),
-    ) -> Result<(), BakeError> {
+    ) -> Result<()> {
         cx.client.each_row(table.shooters(), set, |share, row, _| take(ShareId(share as u32), row))
     }
 
@@ -94,7 +94,7 @@ impl RowSource for ExactRows {
         mesh: &ShareMesh,
         table: &mut RowTable,
         direct: &[DVec3],
-    ) -> Result<Vec<DVec3>, BakeError> {
+    ) -> Result<Vec<DVec3>> {
         match cx.channels {
             Channels::One(colour) => shoot::shoot::<f64>(cx, mesh, table, direct, colour),
             Channels::Three => shoot::shoot::<DVec3>(cx, mesh, table, direct, DVec3::ONE),
@@ -108,7 +108,7 @@ impl RowSource for ExactRows {
         problem: &Problem,
         columns: &mut Option<ColumnCache>,
         solution: Solution,
-    ) -> Result<Solution, BakeError> {
+    ) -> Result<Solution> {
         let (means, energies, direct) = match problem.values {
             ShareValues::AtVertices => (None, problem.mesh.energies.clone(), problem.direct.to_vec()),
             ShareValues::Means(means) => {
@@ -160,7 +160,7 @@ impl RowSource for ExactRows {
         mesh: &ShareMesh,
         receivers: &Receivers,
         irradiance: &[DVec3],
-    ) -> Result<LeafLight, BakeError> {
+    ) -> Result<LeafLight> {
         let (mut shooters, mut radiosities) = (vec![], vec![]);
         for (id, patch) in mesh.mesh.leaves() {
             let reflected = mesh.leaf_radiosity(cx.scene, id, irradiance);
@@ -199,7 +199,7 @@ struct Factors<'a, 'b> {
 impl Transfer for Factors<'_, '_> {
     type Error = BakeError;
 
-    fn pass(&mut self, take: &mut dyn FnMut(usize, &Row)) -> Result<(), BakeError> {
+    fn pass(&mut self, take: &mut dyn FnMut(usize, &Row)) -> Result<()> {
         let Some(means) = self.means else {
             return self.table.each(
                 self.client,
@@ -240,7 +240,7 @@ fn solved<L: Light>(
     direct: &[DVec3],
     guess: &[DVec3],
     tolerance: f64,
-) -> Result<sweeps::Solution<DVec3>, BakeError> {
+) -> Result<sweeps::Solution<DVec3>> {
     let seen =
         |lights: &[DVec3]| -> Vec<L> { lights.iter().map(|light| L::from_rgb(*light, colour)).collect() };
     let energies: Vec<ShareEnergy<L>> = energies.iter().map(ShareEnergy::seen_as).collect();

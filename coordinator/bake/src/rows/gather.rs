@@ -19,7 +19,7 @@ use super::solution::Solution;
 use super::source::{LeafLight, Problem, RowSource};
 use super::table::RowTable;
 use crate::context::Context;
-use crate::error::BakeError;
+use crate::error::Result;
 use crate::jobs::{ReceiverSet, RowClient};
 use crate::mesh::{Mesh, Share, Surroundings};
 use crate::settings::RowStrategy;
@@ -52,12 +52,7 @@ pub struct GatherRows {
 
 impl GatherRows {
     /// The row of each share over some receivers.
-    fn rows(
-        &self,
-        cx: &mut Context,
-        receivers: &Receivers,
-        rays: impl Fn(usize) -> u32,
-    ) -> Result<Vec<Row>, BakeError> {
+    fn rows(&self, cx: &mut Context, receivers: &Receivers, rays: impl Fn(usize) -> u32) -> Result<Vec<Row>> {
         let Some(shares) = self.shares else { return Ok(vec![]) };
         hemisphere_rows(cx.client, shares, receivers, rays)
     }
@@ -97,7 +92,7 @@ impl RowSource for GatherRows {
         table: &mut RowTable,
         receivers: &Receivers,
         around: Option<&[Surroundings]>,
-    ) -> Result<SetId, BakeError> {
+    ) -> Result<SetId> {
         let id = table.add_set(cx.client.publish_receivers(receivers));
         let all = cx.settings.rays_per_hemisphere;
         let wide = WIDE * cx.settings.shooter_edge * cx.extent();
@@ -115,7 +110,7 @@ impl RowSource for GatherRows {
         _: &RowTable,
         (_, receivers): (ReceiverSet, &Receivers),
         take: &mut dyn FnMut(ShareId, &Row),
-    ) -> Result<(), BakeError> {
+    ) -> Result<()> {
         let rays = cx.settings.rays_per_hemisphere;
         let rows = self.rows(cx, receivers, |_| rays)?;
         rows.iter().enumerate().for_each(|(share, row)| take(ShareId(share as u32), row));
@@ -138,13 +133,7 @@ impl RowSource for GatherRows {
         ShareValues::means(mesh, exposed)
     }
 
-    fn shoot(
-        &self,
-        _: &mut Context,
-        mesh: &ShareMesh,
-        _: &mut RowTable,
-        _: &[DVec3],
-    ) -> Result<Vec<DVec3>, BakeError> {
+    fn shoot(&self, _: &mut Context, mesh: &ShareMesh, _: &mut RowTable, _: &[DVec3]) -> Result<Vec<DVec3>> {
         Ok(vec![DVec3::ZERO; mesh.shares.len()])
     }
 
@@ -157,7 +146,7 @@ impl RowSource for GatherRows {
         problem: &Problem,
         _: &mut Option<ColumnCache>,
         mut solution: Solution,
-    ) -> Result<Solution, BakeError> {
+    ) -> Result<Solution> {
         let energies = &problem.mesh.energies;
         let flux = |radiosity: &[DVec3], areas: &[f64]| -> DVec3 {
             radiosity.iter().zip(areas).map(|(value, area)| *value * *area).sum()
@@ -197,7 +186,7 @@ impl RowSource for GatherRows {
         mesh: &ShareMesh,
         receivers: &Receivers,
         irradiance: &[DVec3],
-    ) -> Result<LeafLight, BakeError> {
+    ) -> Result<LeafLight> {
         let leaves = leaf_polygons(cx.scene, &mesh.mesh);
         let set = cx.client.publish_polygons(&leaves.polygons, &leaves.opacities);
         let mut gathered = cx.channels.gathering(receivers.receivers.len());
@@ -242,7 +231,7 @@ fn hemisphere_rows(
     polygons: ReceiverSet,
     receivers: &Receivers,
     rays: impl Fn(usize) -> u32,
-) -> Result<Vec<Row>, BakeError> {
+) -> Result<Vec<Row>> {
     let hemisphere = |(index, receiver): (usize, &Receiver)| {
         let rays = rays(index).clamp(1, Hemisphere::MOST_RAYS);
         let shape = Shape::Hemisphere(Hemisphere { receiver: *receiver, rays });

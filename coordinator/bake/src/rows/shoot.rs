@@ -8,7 +8,7 @@ use kernel::row::Row;
 use super::share_mesh::ShareMesh;
 use super::table::{COARSE, RowTable};
 use crate::context::Context;
-use crate::error::BakeError;
+use crate::error::Result;
 use crate::jobs::RowClient;
 use crate::solver::shooting::Shooting;
 use crate::solver::{Light, ShareEnergy, ShareId};
@@ -36,7 +36,7 @@ pub fn shoot<L: Light>(
     table: &mut RowTable,
     direct: &[DVec3],
     colour: DVec3,
-) -> Result<Vec<DVec3>, BakeError> {
+) -> Result<Vec<DVec3>> {
     cx.client.monitor.expect_rows(mesh.shares.len() as u64);
     let energies = mesh.energies.iter().map(ShareEnergy::seen_as).collect();
     let light = direct.iter().map(|light| L::from_rgb(*light, colour)).collect();

@@ -7,7 +7,7 @@ use super::share_mesh::ShareMesh;
 use super::solution::Solution;
 use super::table::RowTable;
 use crate::context::Context;
-use crate::error::BakeError;
+use crate::error::Result;
 use crate::jobs::{ReceiverSet, RowClient};
 use crate::mesh::{Mesh, Share, Surroundings};
 use crate::settings::RowStrategy;
@@ -36,28 +36,22 @@ pub trait RowSource {
     fn close(self: Box<Self>, table: RowTable, client: &mut RowClient);
 
     /// Adds receivers to the table. Vertices come with their surroundings.
-    ///
-    /// # Errors
-    /// When rows cannot be had.
     fn add_receivers(
         &self,
         cx: &mut Context,
         table: &mut RowTable,
         receivers: &Receivers,
         around: Option<&[Surroundings]>,
-    ) -> Result<SetId, BakeError>;
+    ) -> Result<SetId>;
 
     /// Hands over the row of each share over published receivers that are needed only once.
-    ///
-    /// # Errors
-    /// When rows cannot be had.
     fn each_over(
         &self,
         cx: &mut Context,
         table: &RowTable,
         receivers: (ReceiverSet, &Receivers),
         take: &mut dyn FnMut(ShareId, &Row),
-    ) -> Result<(), BakeError>;
+    ) -> Result<()>;
 
     /// The same receivers with other rays, where the noise of rows must be measured by a second set.
     fn twins(&self, receivers: &Receivers) -> Option<Receivers>;
@@ -69,22 +63,16 @@ pub trait RowSource {
     fn first_values(&self, mesh: &ShareMesh, exposed: &[bool]) -> ShareValues;
 
     /// Radiosity to start the first solution from.
-    ///
-    /// # Errors
-    /// When rows cannot be had.
     fn shoot(
         &self,
         cx: &mut Context,
         mesh: &ShareMesh,
         table: &mut RowTable,
         direct: &[DVec3],
-    ) -> Result<Vec<DVec3>, BakeError>;
+    ) -> Result<Vec<DVec3>>;
 
     /// Solves for the radiosity of the shares, starting from that of `solution`. Clears the irradiance of the solution unless
     /// it is found on the way. `columns` are kept for the next problem with the same values.
-    ///
-    /// # Errors
-    /// When rows cannot be had.
     fn solve(
         &self,
         cx: &mut Context,
@@ -92,19 +80,16 @@ pub trait RowSource {
         problem: &Problem,
         columns: &mut Option<ColumnCache>,
         solution: Solution,
-    ) -> Result<Solution, BakeError>;
+    ) -> Result<Solution>;
 
     /// Light that receivers get from the leaves of the refined mesh, each with its own mean radiosity.
-    ///
-    /// # Errors
-    /// When rows cannot be had.
     fn light_of_leaves(
         &self,
         cx: &mut Context,
         mesh: &ShareMesh,
         receivers: &Receivers,
         irradiance: &[DVec3],
-    ) -> Result<LeafLight, BakeError>;
+    ) -> Result<LeafLight>;
 }
 
 /// What a solution is to solve.
@@ -121,16 +106,13 @@ pub struct Problem<'a> {
 
 impl Problem<'_> {
     /// Solves for radiosity and irradiance.
-    ///
-    /// # Errors
-    /// When rows cannot be had, or the irradiance is not finite.
     pub fn solve(
         &self,
         cx: &mut Context,
         source: &dyn RowSource,
         table: &mut RowTable,
         solution: Solution,
-    ) -> Result<Solution, BakeError> {
+    ) -> Result<Solution> {
         let mut solution = source.solve(cx, table, self, &mut None, solution)?;
         if solution.irradiance.is_empty() {
             table.complete(cx, self.direct, &mut solution)?;

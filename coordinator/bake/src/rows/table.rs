@@ -9,7 +9,7 @@ use smallvec::SmallVec;
 use super::solution::Solution;
 use crate::channels::Gathering;
 use crate::context::Context;
-use crate::error::BakeError;
+use crate::error::{BakeError, Result};
 use crate::jobs::{ReceiverSet, RowBatch, RowClient};
 use crate::solver::ShareId;
 use crate::solver::cache::{RowCache, SetId};
@@ -107,7 +107,7 @@ impl RowTable {
         cx: &mut Context,
         sets: &[SetId],
         radiosity: &[DVec3],
-    ) -> Result<Vec<Vec<DVec3>>, BakeError> {
+    ) -> Result<Vec<Vec<DVec3>>> {
         Ok(self.gather_each(cx, sets, &[radiosity])?.pop().unwrap_or_default())
     }
 
@@ -117,7 +117,7 @@ impl RowTable {
         cx: &mut Context,
         sets: &[SetId],
         radiosities: &[&[DVec3]],
-    ) -> Result<Vec<Vec<Vec<DVec3>>>, BakeError> {
+    ) -> Result<Vec<Vec<Vec<DVec3>>>> {
         let nothing = |set: &SetId| cx.channels.gathering(self.set(*set).count());
         let mut gathered: Vec<Vec<Gathering>> =
             radiosities.iter().map(|_| sets.iter().map(nothing).collect()).collect();
@@ -139,15 +139,7 @@ impl RowTable {
     }
 
     /// Gathers the irradiance of a solution at all vertices and refinement samples.
-    ///
-    /// # Errors
-    /// When rows cannot be had, or the irradiance is not finite.
-    pub fn complete(
-        &mut self,
-        cx: &mut Context,
-        direct: &[DVec3],
-        solution: &mut Solution,
-    ) -> Result<(), BakeError> {
+    pub fn complete(&mut self, cx: &mut Context, direct: &[DVec3], solution: &mut Solution) -> Result<()> {
         let sets: Vec<SetId> = self.vertices.iter().copied().chain(self.twins).chain(self.samples).collect();
         let mut gathered = self.gather(cx, &sets, &solution.radiosity)?;
         if self.samples.is_some()
@@ -181,7 +173,7 @@ impl RowTable {
         sets: &[SetId],
         wanted: impl Fn(ShareId) -> bool,
         mut take: impl FnMut(ShareId, Option<&[&Row]>),
-    ) -> Result<(), BakeError> {
+    ) -> Result<()> {
         // Where all rows are kept, nothing else asks between two sweeps.
         client.monitor.check()?;
         let missing = self.missing(sets, &wanted);

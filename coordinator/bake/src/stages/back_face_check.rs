@@ -15,7 +15,7 @@ use super::irradiance::{Lights, Place, irradiance_at};
 use super::light::LightSource;
 use super::solved::Solved;
 use crate::context::Context;
-use crate::error::BakeError;
+use crate::error::Result;
 use scene::{Facet, Scene, Side, SourceTriangle};
 
 /// Key of the first point as a receiver: above all vertices and sample points, so that its rays are its own.
@@ -46,11 +46,8 @@ struct BackPoint {
 
 impl Solved {
     /// Warnings of surfaces that lose light on their backs.
-    ///
-    /// # Errors
-    /// When rows cannot be had.
     #[tracing::instrument(skip_all)]
-    pub(super) fn back_face_check(&mut self, cx: &mut Context) -> Result<Vec<String>, BakeError> {
+    pub fn back_face_check(&mut self, cx: &mut Context) -> Result<Vec<String>> {
         let balance = self.balance(cx);
         let emitted: f64 = balance.emitted.iter().sum();
         if balance.escaped.iter().sum::<f64>() <= LEAST_ESCAPED * emitted {

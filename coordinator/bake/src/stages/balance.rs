@@ -15,7 +15,7 @@ const OPEN: f64 = 0.99;
 
 impl Solved {
     /// Where the energy of the solution goes.
-    pub(super) fn balance(&self, cx: &Context) -> EnergyBalance {
+    pub fn balance(&self, cx: &Context) -> EnergyBalance {
         let square_unit = cx.scene.frame.scale * cx.scene.frame.scale;
         let surfaces = &cx.scene.surfaces;
         let Self { mesh, solution, .. } = self;

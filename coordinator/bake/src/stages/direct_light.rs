@@ -6,40 +6,37 @@ use kernel::row::Row;
 use super::light::{self, LightSource, Origin};
 use super::setup::Setup;
 use crate::context::Context;
-use crate::error::BakeError;
+use crate::error::Result;
 use crate::observer::Phase;
 use crate::refinement::SamplePoints;
 use crate::rows::{COARSE, Rows, ShareMesh};
 
 /// A bake with direct light.
 pub struct Lit {
-    pub(super) mesh: ShareMesh,
-    pub(super) rows: Rows,
-    pub(super) sources: Sources,
+    pub mesh: ShareMesh,
+    pub rows: Rows,
+    pub sources: Sources,
     /// Refinement samples, with their direct light.
-    pub(super) samples: SamplePoints,
+    pub samples: SamplePoints,
     /// Irradiance of the vertices of the shooting mesh.
-    pub(super) direct: Vec<DVec3>,
+    pub direct: Vec<DVec3>,
 }
 
 /// The light sources, and what their rows tell beside irradiance.
 pub struct Sources {
-    pub(super) all: Vec<LightSource>,
+    pub all: Vec<LightSource>,
     /// Variance of the row of each over the refinement samples, summed over it.
-    pub(super) variances: Vec<f64>,
+    pub variances: Vec<f64>,
     /// Flux that the shares get from point and spot lights, in frame units.
-    pub(super) from_lights: DVec3,
+    pub from_lights: DVec3,
     /// Flux that the shares get from outside of the scene, from directional lights and the sky, in frame units.
-    pub(super) from_outside: DVec3,
+    pub from_outside: DVec3,
 }
 
 impl Setup {
     /// Computes the direct light at the vertices of the shooting mesh and at the refinement samples.
-    ///
-    /// # Errors
-    /// When rows cannot be had.
     #[tracing::instrument(skip_all)]
-    pub fn light(self, cx: &mut Context) -> Result<Lit, BakeError> {
+    pub fn light(self, cx: &mut Context) -> Result<Lit> {
         let Self { mesh, mut rows, sources, mut samples } = self;
         cx.client.monitor.enter(Phase::Light, mesh.mesh.vertices.len());
         let (mut from_lights, mut from_outside) = (DVec3::ZERO, DVec3::ZERO);

@@ -7,7 +7,7 @@ use kernel::row::Row;
 use super::light::{self, LightSource};
 use crate::channels::Gathering;
 use crate::context::Context;
-use crate::error::BakeError;
+use crate::error::Result;
 use crate::rows::Rows;
 use crate::solver::ShareId;
 use crate::solver::cache::SetId;
@@ -38,16 +38,13 @@ pub struct Irradiance {
 }
 
 /// Irradiance at a place from each of these lights, in one pass over the rows of the shares. `look` sees each of these rows.
-///
-/// # Errors
-/// When rows cannot be had.
 pub fn irradiance_at(
     cx: &mut Context,
     rows: &mut Rows,
     place: Place,
     lights: &[Lights],
     mut look: impl FnMut(ShareId, &Row),
-) -> Result<Vec<Irradiance>, BakeError> {
+) -> Result<Vec<Irradiance>> {
     let set = match place {
         Place::Kept(id) => rows.table.set(id),
         Place::Once(receivers) => cx.client.publish_receivers(receivers),

@@ -11,7 +11,7 @@ use glam::DVec3;
 use super::light::{LightSource, Origin};
 use super::solved::Solved;
 use crate::context::Context;
-use crate::error::BakeError;
+use crate::error::{BakeError, Result};
 use crate::light_parts::{LightGroup, LightPart};
 use crate::lit::LitLayer;
 use crate::observer::Phase;
@@ -23,16 +23,16 @@ use scene::Scene;
 const LISTED_BYTES: usize = 1000;
 
 /// What the sky is called among the lights.
-pub(super) const SKY: &str = "sky";
+pub const SKY: &str = "sky";
 
 /// The parts are solved so much more exactly than the whole, that their sum is off by what the whole is.
-pub(super) const TOLERANCE: f64 = 0.1;
+pub const PART_TOLERANCE: f64 = 0.1;
 
 /// Finds out whether each group's lights are lights of the scene: to be asked before a long bake.
 ///
 /// # Errors
 /// When a name is not that of a light. The error lists those that are.
-pub fn check_groups(scene: &Scene, groups: &[LightGroup]) -> Result<(), BakeError> {
+pub fn check_groups(scene: &Scene, groups: &[LightGroup]) -> Result<()> {
     let known = light_names(scene);
     for group in groups {
         for light in &group.lights {
@@ -73,7 +73,7 @@ pub fn listed<S: AsRef<str>>(names: &[S]) -> String {
 }
 
 /// The names of a light source.
-pub(super) fn names_of(scene: &Scene, origin: Origin) -> impl Iterator<Item = &str> {
+pub fn names_of(scene: &Scene, origin: Origin) -> impl Iterator<Item = &str> {
     let root = &scene.source.root;
     let (node, material, sky) = match origin {
         Origin::Surface(index) => {
@@ -97,7 +97,7 @@ impl Solved {
     /// # Errors
     /// When rows cannot be had.
     #[tracing::instrument(skip_all)]
-    pub(super) fn layers(&mut self, cx: &mut Context) -> Result<Vec<LitLayer>, BakeError> {
+    pub fn layers(&mut self, cx: &mut Context) -> Result<Vec<LitLayer>> {
         if cx.settings.groups.is_empty() {
             return Ok(vec![]);
         }
@@ -115,7 +115,7 @@ impl Solved {
             let part = if cx.settings.only == LightPart::Direct {
                 direct
             } else {
-                let tolerance = cx.settings.threshold * TOLERANCE;
+                let tolerance = cx.settings.threshold * PART_TOLERANCE;
                 let problem = Problem { mesh: &self.mesh, values: &means, direct: &direct, tolerance };
                 let dark = self.dark();
                 let Rows { source, table } = &mut self.rows;

@@ -6,28 +6,25 @@ use super::irradiance::{Irradiance, Lights, Place, irradiance_at};
 use super::refine::Refined;
 use super::solved::Solved;
 use crate::context::Context;
-use crate::error::BakeError;
+use crate::error::Result;
 use crate::error_budget::{ErrorBudget, INTERPOLATED_NOISE, RETURNING, rounding_error, without_noise};
 use crate::observer::Phase;
 use crate::refinement::{FIRST, Obstacle, SamplePoints, best_fit};
 
 /// A bake whose error is known.
 pub struct Measured {
-    pub(super) solved: Solved,
+    pub solved: Solved,
     /// Why refinement ended before its limit was met.
-    pub(super) obstacle: Option<Obstacle>,
-    pub(super) error: ErrorBudget,
+    pub obstacle: Option<Obstacle>,
+    pub error: ErrorBudget,
     /// Where it was measured, with the light there.
-    pub(super) validation: SamplePoints,
+    pub validation: SamplePoints,
 }
 
 impl Refined {
     /// Estimates the error of the solution.
-    ///
-    /// # Errors
-    /// When rows cannot be had.
     #[tracing::instrument(skip_all)]
-    pub fn measure(self, cx: &mut Context) -> Result<Measured, BakeError> {
+    pub fn measure(self, cx: &mut Context) -> Result<Measured> {
         let Self { mut solved, obstacle } = self;
         cx.client.monitor.enter(Phase::Measure, solved.mesh.mesh.vertices.len());
         solved.mesh.patch_materials.update(cx.scene, &solved.mesh.mesh);
@@ -63,7 +60,7 @@ impl Refined {
 
 impl Solved {
     /// Gathers the light of all sources and shares at sample points.
-    fn light_samples(&mut self, cx: &mut Context, samples: &mut SamplePoints) -> Result<(), BakeError> {
+    fn light_samples(&mut self, cx: &mut Context, samples: &mut SamplePoints) -> Result<()> {
         if samples.count() == 0 {
             return Ok(());
         }
@@ -85,7 +82,7 @@ impl Solved {
         samples: &SamplePoints,
         irradiance: &[DVec3],
         noise: f64,
-    ) -> Result<(f64, f64), BakeError> {
+    ) -> Result<(f64, f64)> {
         let count = samples.count().min(FIRST);
         if count == 0 {
             return Ok((0.0, noise));

@@ -4,7 +4,7 @@ use super::measure::Measured;
 use super::setup::shooting_mesh;
 use super::solved::Solved;
 use crate::context::Context;
-use crate::error::BakeError;
+use crate::error::Result;
 use crate::error_budget::without;
 use crate::refinement::Obstacle;
 use crate::settings::BakeSettings;
@@ -36,10 +36,7 @@ const MAX_RESTARTS: u32 = 3;
 
 impl Solved {
     /// Refines and measures, until the asked error is met or limited by something else than interpolation.
-    ///
-    /// # Errors
-    /// When rows cannot be had.
-    pub fn meet_error(self, cx: &mut Context) -> Result<Measured, BakeError> {
+    pub fn meet_error(self, cx: &mut Context) -> Result<Measured> {
         let mut solved = self;
         let mut limit = MARGIN * cx.settings.mesh_error;
         let mut round = 1;
@@ -73,7 +70,7 @@ impl Measured {
     }
 
     /// Settings that should meet the asked error where these did not; `None` when it is met, or cannot be.
-    pub(super) fn better_settings(&self, cx: &Context) -> Option<BakeSettings> {
+    pub fn better_settings(&self, cx: &Context) -> Option<BakeSettings> {
         let asked = cx.settings.error?;
         if self.error.total <= asked || cx.work.restarts >= MAX_RESTARTS {
             return None;
@@ -102,7 +99,7 @@ impl Measured {
     }
 
     /// Why the asked error is not met, in words for the user.
-    pub(super) fn describe_obstacle(&self, settings: &BakeSettings) -> Option<String> {
+    pub fn describe_obstacle(&self, settings: &BakeSettings) -> Option<String> {
         if settings.error.is_some() && self.is_predicted() {
             return Some(
                 "the error asked for was predicted, not measured: give --validation-samples".to_owned(),

@@ -4,25 +4,22 @@ use std::f64::consts::SQRT_2;
 
 use super::solved::Solved;
 use crate::context::Context;
-use crate::error::BakeError;
+use crate::error::Result;
 use crate::mesh::{PatchId, VertexId};
 use crate::refinement::{Obstacle, Plan, Step, long_patches};
 
 /// A bake on a refined mesh, solved for with the means over it.
 pub struct Refined {
-    pub(super) solved: Solved,
+    pub solved: Solved,
     /// Why refinement ended before its limit was met.
-    pub(super) obstacle: Option<Obstacle>,
+    pub obstacle: Option<Obstacle>,
 }
 
 impl Solved {
     /// Divides patches where interpolation is wrong, round by round, until its error is expected to be under `limit`. Then
     /// solves again.
-    ///
-    /// # Errors
-    /// When rows cannot be had.
     #[tracing::instrument(skip_all)]
-    pub fn refine(mut self, cx: &mut Context, limit: f64) -> Result<Refined, BakeError> {
+    pub fn refine(mut self, cx: &mut Context, limit: f64) -> Result<Refined> {
         let plan = Plan {
             limit,
             found_per_predicted: self.found_per_predicted,
@@ -46,7 +43,7 @@ impl Solved {
     }
 
     /// Divides patches until none is longer than was asked for, or there are as many vertices as may be.
-    fn divide_long(&mut self, cx: &mut Context) -> Result<(), BakeError> {
+    fn divide_long(&mut self, cx: &mut Context) -> Result<()> {
         // A patch's diagonals, too, may become edges of triangles.
         let longest = |edge: f64| edge / cx.scene.frame.scale / SQRT_2;
         let Some(longest) = cx.settings.max_edge.map(longest) else { return Ok(()) };
@@ -59,7 +56,7 @@ impl Solved {
         }
     }
 
-    fn divide(&mut self, cx: &mut Context, mut patches: Vec<PatchId>) -> Result<(), BakeError> {
+    fn divide(&mut self, cx: &mut Context, mut patches: Vec<PatchId>) -> Result<()> {
         let mesh = &mut self.mesh.mesh;
         let first = VertexId(mesh.vertices.len() as u32);
         // Vertices follow each other in the order of their patches.

@@ -94,7 +94,7 @@ pub struct Model {
 
 impl Measured {
     /// The figures so far.
-    pub(super) fn report(&self, cx: &Context, occluders: usize) -> BakeReport {
+    pub fn report(&self, cx: &Context, occluders: usize) -> BakeReport {
         let monitor = &cx.client.monitor;
         let statistics = &monitor.statistics;
         let Solved { mesh, rows, solution, .. } = &self.solved;

@@ -4,7 +4,7 @@ use kernel::row::{Shape, Shooter};
 
 use super::light::{self, LightSource};
 use crate::context::{Context, extent};
-use crate::error::BakeError;
+use crate::error::{BakeError, Result};
 use crate::mesh::{Mesh, Share, VertexId, receivers};
 use crate::refinement::SamplePoints;
 use crate::rows::{Rows, ShareMesh, row_source};
@@ -13,19 +13,16 @@ use scene::Scene;
 
 /// A bake before any light.
 pub struct Setup {
-    pub(super) mesh: ShareMesh,
-    pub(super) rows: Rows,
-    pub(super) sources: Vec<LightSource>,
+    pub mesh: ShareMesh,
+    pub rows: Rows,
+    pub sources: Vec<LightSource>,
     /// Points that guide refinement.
-    pub(super) samples: SamplePoints,
+    pub samples: SamplePoints,
 }
 
 impl Setup {
     /// Makes the shooting mesh, and publishes its vertices as receivers.
-    ///
-    /// # Errors
-    /// When the scene gives no mesh, or rows cannot be had.
-    pub fn new(cx: &mut Context) -> Result<Self, BakeError> {
+    pub fn new(cx: &mut Context) -> Result<Self> {
         cx.client.monitor.check()?;
         cx.client.monitor.set_error(None);
         let (scene, settings) = (cx.scene, cx.settings);

@@ -6,7 +6,7 @@ use super::direct_light::{Lit, Sources};
 use super::irradiance::{Irradiance, Lights, Place, irradiance_at};
 use super::light::{self, LightSource};
 use crate::context::Context;
-use crate::error::BakeError;
+use crate::error::Result;
 use crate::mesh::{VertexId, receivers};
 use crate::observer::Phase;
 use crate::refinement::{MeshError, SamplePoints, best_fit};
@@ -17,32 +17,29 @@ const FOUND_PER_PREDICTED: f64 = 0.68;
 
 /// A bake with a solution.
 pub struct Solved {
-    pub(super) mesh: ShareMesh,
-    pub(super) rows: Rows,
-    pub(super) sources: Sources,
+    pub mesh: ShareMesh,
+    pub rows: Rows,
+    pub sources: Sources,
     /// Irradiance of the vertices from the light sources.
-    pub(super) direct: Vec<DVec3>,
-    pub(super) solution: Solution,
+    pub direct: Vec<DVec3>,
+    pub solution: Solution,
     /// Whether each vertex sees any surface.
-    pub(super) exposed: Vec<bool>,
+    pub exposed: Vec<bool>,
     /// How much of its hemisphere each share sees covered.
-    pub(super) row_sums: Vec<f64>,
+    pub row_sums: Vec<f64>,
     /// Whether shares take means over the refined mesh.
     takes_means: bool,
     /// Measured interpolation error over the predicted one: the prediction knows nothing of the best fit and of
     /// how triangles follow the light.
-    pub(super) found_per_predicted: f64,
+    pub found_per_predicted: f64,
     /// Times that the error was measured.
-    pub(super) rounds_measured: u32,
+    pub rounds_measured: u32,
 }
 
 impl Lit {
     /// Solves for the light on the shooting mesh, well enough to see where it must be refined.
-    ///
-    /// # Errors
-    /// When rows cannot be had.
     #[tracing::instrument(skip_all)]
-    pub fn solve(self, cx: &mut Context) -> Result<Solved, BakeError> {
+    pub fn solve(self, cx: &mut Context) -> Result<Solved> {
         let Self { mesh, mut rows, sources, samples, direct } = self;
         cx.client.monitor.enter(Phase::Shoot, mesh.mesh.vertices.len());
         let Rows { source, table } = &mut rows;
@@ -91,16 +88,13 @@ impl Lit {
 
 impl Solved {
     /// Means of the shares over the mesh.
-    pub(super) fn means(&self) -> ShareValues {
+    pub fn means(&self) -> ShareValues {
         ShareValues::means(&self.mesh, &self.exposed)
     }
 
     /// Solves again with the means of the refined mesh. No rows are needed but those that there are, or were.
-    ///
-    /// # Errors
-    /// When rows cannot be had.
     #[tracing::instrument(skip_all)]
-    pub(super) fn final_solve(&mut self, cx: &mut Context) -> Result<(), BakeError> {
+    pub fn final_solve(&mut self, cx: &mut Context) -> Result<()> {
         cx.client.monitor.enter(Phase::Settle, self.mesh.mesh.vertices.len());
         self.takes_means = true;
         let means = self.means();
@@ -114,7 +108,7 @@ impl Solved {
     }
 
     /// Hands a preview to the observer, if it wants one.
-    pub(super) fn preview(&self, cx: &mut Context) {
+    pub fn preview(&self, cx: &mut Context) {
         self.mesh.preview(cx, &self.direct, || {
             let values = if self.takes_means {
                 self.means()
@@ -128,7 +122,7 @@ impl Solved {
     }
 
     /// Adds the vertices from `first` on, and computes their irradiance.
-    pub(super) fn receive(&mut self, cx: &mut Context, first: VertexId) -> Result<(), BakeError> {
+    pub fn receive(&mut self, cx: &mut Context, first: VertexId) -> Result<()> {
         cx.client.monitor.enter(Phase::Refine, self.mesh.mesh.vertices.len());
         let (vertices, around) = receivers(&self.mesh.mesh, first);
         let Rows { source, table } = &mut self.rows;
@@ -148,7 +142,7 @@ impl Solved {
     }
 
     /// The error of interpolation as vertices and refinement samples tell it.
-    pub(super) fn predict(&self, cx: &Context) -> MeshError {
+    pub fn predict(&self, cx: &Context) -> MeshError {
         let (mesh, irradiance) = (&self.mesh.mesh, &self.solution.irradiance);
         let found = self.solution.samples.compare(mesh, &best_fit(mesh, irradiance));
         let reflectance: Vec<DVec3> = cx.scene.surfaces.iter().map(|surface| surface.reflectance).collect();
@@ -156,13 +150,13 @@ impl Solved {
     }
 
     /// Relative standard error of irradiance at a point, from the rays that sampled visibility.
-    pub(super) fn noise(&self) -> f64 {
+    pub fn noise(&self) -> f64 {
         let sources = self.sources.all.iter().map(|source| source.strength);
         self.noise_of(&self.solution, sources)
     }
 
     /// The same of another solution, for light sources of these strengths.
-    pub(super) fn noise_of(&self, solution: &Solution, strengths: impl Iterator<Item = DVec3>) -> f64 {
+    pub fn noise_of(&self, solution: &Solution, strengths: impl Iterator<Item = DVec3>) -> f64 {
         let Some(set) = self.rows.table.samples else { return 0.0 };
         let sources = strengths.zip(self.sources.variances.iter().copied());
         let shares = solution.radiosity.iter().copied().zip(self.rows.table.variances(set));
@@ -171,11 +165,7 @@ impl Solved {
     }
 
     /// Irradiance of all vertices straight from these sources.
-    pub(super) fn direct_of(
-        &self,
-        cx: &mut Context,
-        sources: &[LightSource],
-    ) -> Result<Vec<DVec3>, BakeError> {
+    pub fn direct_of(&self, cx: &mut Context, sources: &[LightSource]) -> Result<Vec<DVec3>> {
         let mut direct = Vec::with_capacity(self.direct.len());
         for set in &self.rows.table.vertices {
             direct.extend(light::irradiance(sources, self.rows.table.set(*set), cx.client, |_, _, _| ())?);
@@ -184,7 +174,7 @@ impl Solved {
     }
 
     /// A solution to start from for other light than the whole.
-    pub(super) fn dark(&self) -> Solution {
+    pub fn dark(&self) -> Solution {
         Solution {
             radiosity: vec![DVec3::ZERO; self.mesh.shares.len()],
             irradiance: vec![],
@@ -193,7 +183,7 @@ impl Solved {
     }
 
     /// Reflected flux over incident flux.
-    pub(super) fn mean_reflectance(&self) -> f64 {
+    pub fn mean_reflectance(&self) -> f64 {
         self.mesh.mean_reflectance(&self.solution.radiosity)
     }
 }

@@ -33,6 +33,7 @@ use kernel::replica::Digest;
 use serde::Serialize;
 
 pub use change::{LightChange, NewLight};
+pub use keep::keep_light;
 pub use kept::KeptLight;
 
 use crate::error_budget::{ErrorBudget, INTERPOLATED_NOISE, RETURNING};

@@ -1,18 +1,14 @@
 use kernel::replica::encode_translucent_scene;
 
-use super::layers::check_groups;
-use super::measure::Measured;
-use super::occluders::occluders;
-use super::relight::KeptLight;
-use super::report::BakeReport;
-use super::setup::Setup;
 use crate::context::{Context, Work};
-use crate::error::BakeError;
+use crate::error::Result;
 use crate::jobs::{RowClient, RowService};
 use crate::lit::LitMesh;
 use crate::observer::Observer;
 use crate::preview::lit_mesh;
+use crate::relight::{KeptLight, keep_light};
 use crate::settings::BakeSettings;
+use crate::stages::{BakeReport, Measured, Setup, check_groups, occluders};
 use scene::Scene;
 
 /// The result of a bake.
@@ -37,9 +33,9 @@ pub fn bake(
     settings: &BakeSettings,
     service: &mut dyn RowService,
     observer: &mut dyn Observer,
-) -> Result<Baked, BakeError> {
+) -> Result<Baked> {
     check_groups(scene, &settings.groups)?;
-    let blockers = occluders(scene);
+    let blockers = occluders::occluders(scene);
     let replica = encode_translucent_scene(&blockers.polygons, &blockers.opacities);
     let mut client = RowClient::new(service, observer, replica);
     let mut settings = settings.clone();
@@ -48,7 +44,7 @@ pub fn bake(
         let mut cx = Context::new(scene, &settings, &mut client, work);
         let measured = Setup::new(&mut cx)?.light(&mut cx)?.solve(&mut cx)?.meet_error(&mut cx)?;
         let Some(better) = measured.better_settings(&cx) else {
-            return measured.finish(cx, blockers.polygons.len());
+            return finish(measured, cx, blockers.polygons.len());
         };
         work = Work { restarts: cx.work.restarts + 1, ..cx.work };
         measured.solved.rows.release(&mut client);
@@ -56,19 +52,18 @@ pub fn bake(
     }
 }
 
-impl Measured {
-    /// What is only asked of the final solution.
-    fn finish(mut self, mut cx: Context, occluders: usize) -> Result<Baked, BakeError> {
-        let cx = &mut cx;
-        let warnings = self.solved.back_face_check(cx)?;
-        let layers = self.solved.layers(cx)?;
-        let kept = self.keep_light(cx)?;
-        let (mesh, irradiance) = (&self.solved.mesh.mesh, &self.solved.solution.irradiance);
-        let (lit, fitted) = lit_mesh(cx.scene, mesh, cx.settings.only, irradiance, &self.solved.direct);
-        self.solved.solution.irradiance = fitted;
-        cx.end_step("export mesh");
-        let mut report = self.report(cx, occluders);
-        report.warnings.extend(warnings);
-        Ok(Baked { lit: LitMesh { layers, ..lit }, report, kept })
-    }
+/// Computes what is only asked of the final solution.
+fn finish(mut measured: Measured, mut cx: Context, occluders: usize) -> Result<Baked> {
+    let cx = &mut cx;
+    let warnings = measured.solved.back_face_check(cx)?;
+    let layers = measured.solved.layers(cx)?;
+    let kept = keep_light(cx, &mut measured)?;
+    let solved = &mut measured.solved;
+    let (mesh, irradiance) = (&solved.mesh.mesh, &solved.solution.irradiance);
+    let (lit, fitted) = lit_mesh(cx.scene, mesh, cx.settings.only, irradiance, &solved.direct);
+    solved.solution.irradiance = fitted;
+    cx.end_step("export mesh");
+    let mut report = measured.report(cx, occluders);
+    report.warnings.extend(warnings);
+    Ok(Baked { lit: LitMesh { layers, ..lit }, report, kept })
 }

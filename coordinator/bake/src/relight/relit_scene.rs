@@ -5,7 +5,7 @@ use gltf::json::Root;
 use gltf::json::extensions::material::{EmissiveStrength, EmissiveStrengthFactor};
 
 use super::NewLight;
-use crate::stages::light::Origin;
+use crate::stages::Origin;
 use scene::Scene;
 
 /// Factors of all that use one thing of the document, by its index.

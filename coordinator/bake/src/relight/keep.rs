@@ -8,18 +8,16 @@ use super::digest_of;
 use super::kept::{KeptLight, KeptPart, ShootingMesh};
 use crate::channels::Channels;
 use crate::context::Context;
-use crate::error::BakeError;
+use crate::error::Result;
 use crate::mesh::PatchId;
 use crate::observer::Phase;
 use crate::refinement::SamplePoints;
 use crate::rows::{Problem, Rows, ShareValues, Solution};
 use crate::settings::RowStrategy;
 use crate::solver::cache::ColumnCache;
-use crate::stages::irradiance::{Lights, Place, irradiance_at};
-use crate::stages::layers::{TOLERANCE, names_of};
-use crate::stages::light::{LightSource, Origin};
-use crate::stages::measure::Measured;
-use crate::stages::solved::Solved;
+use crate::stages::{
+    LightSource, Lights, Measured, Origin, PART_TOLERANCE, Place, Solved, irradiance_at, names_of,
+};
 use scene::Scene;
 
 /// Bytes of irradiances that are gathered at the same time.
@@ -55,61 +53,56 @@ impl Unit {
     }
 }
 
-impl Measured {
-    /// Solves for the light of each source separately. `None` where that is not wanted, or would take more room than it may.
-    ///
-    /// # Errors
-    /// When rows cannot be had.
-    #[tracing::instrument(skip_all)]
-    pub(in crate::stages) fn keep_light(&mut self, cx: &mut Context) -> Result<Option<KeptLight>, BakeError> {
-        let Some(most_bytes) = cx.settings.keep_light else { return Ok(None) };
-        let Self { solved, validation, error, .. } = self;
-        let groups = solved.sources_by_names(cx.scene);
-        let places = solved.mesh.mesh.vertices.len() + validation.count();
-        if (groups.len() as u64).saturating_mul(places as u64 * BYTES) > most_bytes {
-            return Ok(None);
-        }
-        cx.client.monitor.enter(Phase::Groups, solved.mesh.mesh.vertices.len());
-        // The report counts the sweeps of the whole.
-        let sweeps = cx.work.sweeps;
-        let is_alone = groups.len() == 1;
-        let means = solved.means();
-        let mut columns = None;
-        let mut parts = vec![];
-        for group in groups {
-            parts.push(solved.part(cx, group, is_alone, &means, &mut columns)?);
-        }
-        cx.work.sweeps = sweeps;
-        if parts.iter().any(|solved| solved.part.irradiance.is_empty()) {
-            solved.gather_at_vertices(cx, &mut parts)?;
-        }
-        solved.gather_at_samples(cx, validation, &mut parts)?;
-        let mesh = &solved.mesh.mesh;
-        let mut divided: Vec<(PatchId, PatchId)> = vec![];
-        for (index, patch) in mesh.patches.iter().enumerate() {
-            divided.extend(patch.first_child.map(|first| (first, PatchId(index as u32))));
-        }
-        divided.sort_unstable();
-        cx.end_step("keep light");
-        let settings = cx.settings;
-        Ok(Some(KeptLight {
-            scene: digest_of(cx.scene),
-            sky: cx.scene.sky,
-            shooting: ShootingMesh {
-                edge: settings.shooter_edge,
-                max_level: settings.max_level,
-                max_vertices: settings.max_vertices,
-                has_error: settings.error.is_some(),
-                is_gathered: solved.rows.source.strategy() == RowStrategy::Gather,
-            },
-            divided: divided.into_iter().map(|(_, patch)| patch).collect(),
-            vertices: mesh.vertices.len(),
-            parts: parts.into_iter().map(|solved| solved.part).collect(),
-            checks: validation.clone(),
-            reflectance: solved.mean_reflectance(),
-            error: *error,
-        }))
+/// Solves for the light of each source separately. `None` where that is not wanted, or would take more room than it may.
+#[tracing::instrument(skip_all)]
+pub fn keep_light(cx: &mut Context, measured: &mut Measured) -> Result<Option<KeptLight>> {
+    let Some(most_bytes) = cx.settings.keep_light else { return Ok(None) };
+    let Measured { solved, validation, error, .. } = measured;
+    let groups = solved.sources_by_names(cx.scene);
+    let places = solved.mesh.mesh.vertices.len() + validation.count();
+    if (groups.len() as u64).saturating_mul(places as u64 * BYTES) > most_bytes {
+        return Ok(None);
     }
+    cx.client.monitor.enter(Phase::Groups, solved.mesh.mesh.vertices.len());
+    // The report counts the sweeps of the whole.
+    let sweeps = cx.work.sweeps;
+    let is_alone = groups.len() == 1;
+    let means = solved.means();
+    let mut columns = None;
+    let mut parts = vec![];
+    for group in groups {
+        parts.push(solved.part(cx, group, is_alone, &means, &mut columns)?);
+    }
+    cx.work.sweeps = sweeps;
+    if parts.iter().any(|solved| solved.part.irradiance.is_empty()) {
+        solved.gather_at_vertices(cx, &mut parts)?;
+    }
+    solved.gather_at_samples(cx, validation, &mut parts)?;
+    let mesh = &solved.mesh.mesh;
+    let mut divided: Vec<(PatchId, PatchId)> = vec![];
+    for (index, patch) in mesh.patches.iter().enumerate() {
+        divided.extend(patch.first_child.map(|first| (first, PatchId(index as u32))));
+    }
+    divided.sort_unstable();
+    cx.end_step("keep light");
+    let settings = cx.settings;
+    Ok(Some(KeptLight {
+        scene: digest_of(cx.scene),
+        sky: cx.scene.sky,
+        shooting: ShootingMesh {
+            edge: settings.shooter_edge,
+            max_level: settings.max_level,
+            max_vertices: settings.max_vertices,
+            has_error: settings.error.is_some(),
+            is_gathered: solved.rows.source.strategy() == RowStrategy::Gather,
+        },
+        divided: divided.into_iter().map(|(_, patch)| patch).collect(),
+        vertices: mesh.vertices.len(),
+        parts: parts.into_iter().map(|solved| solved.part).collect(),
+        checks: validation.clone(),
+        reflectance: solved.mean_reflectance(),
+        error: *error,
+    }))
 }
 
 impl Solved {
@@ -138,7 +131,7 @@ impl Solved {
         alone: bool,
         means: &ShareValues,
         columns: &mut Option<ColumnCache>,
-    ) -> Result<SolvedPart, BakeError> {
+    ) -> Result<SolvedPart> {
         let is_sky = sources.iter().any(|source| source.origin == Origin::Sky);
         let sky = cx.scene.sky;
         // With three channels the sky is solved for as a white one: then any colour can be made of it.
@@ -152,7 +145,7 @@ impl Solved {
             (self.direct.clone(), self.solution.clone())
         } else {
             let direct = self.direct_of(cx, &sources)?;
-            let tolerance = cx.settings.threshold * TOLERANCE;
+            let tolerance = cx.settings.threshold * PART_TOLERANCE;
             let problem = Problem { mesh: &self.mesh, values: means, direct: &direct, tolerance };
             let dark = self.dark();
             let Rows { source, table } = &mut self.rows;
@@ -174,7 +167,7 @@ impl Solved {
     }
 
     /// Gathers the light of each part at the vertices: rows that are not kept are made once for as many parts as fit into memory.
-    fn gather_at_vertices(&mut self, cx: &mut Context, parts: &mut [SolvedPart]) -> Result<(), BakeError> {
+    fn gather_at_vertices(&mut self, cx: &mut Context, parts: &mut [SolvedPart]) -> Result<()> {
         let vertices = self.mesh.mesh.vertices.len();
         let together = (MOST_GATHERED / (vertices * size_of::<DVec3>()).max(1)).max(1);
         let sets = self.rows.table.vertices.clone();
@@ -200,7 +193,7 @@ impl Solved {
         cx: &mut Context,
         samples: &SamplePoints,
         parts: &mut [SolvedPart],
-    ) -> Result<(), BakeError> {
+    ) -> Result<()> {
         if samples.count() == 0 {
             return Ok(());
         }

@@ -10,7 +10,7 @@ use crate::error_budget::ErrorBudget;
 use crate::mesh::{Mesh, PatchId};
 use crate::refinement::SamplePoints;
 use crate::settings::{BakeSettings, RowStrategy};
-use crate::stages::setup::shooting_mesh;
+use crate::stages::shooting_mesh;
 use scene::Scene;
 
 /// What a finished bake leaves behind, so that its scene can be lit otherwise.

@@ -5,8 +5,7 @@ use glam::DVec3;
 use super::RelightError;
 use super::kept::KeptLight;
 use crate::light_parts::{LightGroup, LightPart};
-use crate::stages::layers::{SKY, listed, names_of};
-use crate::stages::light::Origin;
+use crate::stages::{Origin, SKY, listed, names_of};
 use scene::Scene;
 
 /// Another brightness or colour of a light.
