@@ -1,4 +1,4 @@
-//! Which facets can block light at all.
+//! The facets that can block light.
 
 use glam::DVec3;
 use kernel::geometry::ConvexPolygon;
