@@ -20,14 +20,14 @@ use crate::stages::{
 };
 use scene::Scene;
 
-/// Bytes of irradiances that are gathered at the same time.
+/// Most bytes of irradiances gathered at the same time.
 const MOST_GATHERED: usize = 1 << 30;
 
-/// Bytes that are kept for each light and each vertex or sample point. Vertices: irradiance in all and direct, three channels each; sample
-/// points: irradiance in all, twice as exactly.
+/// Bytes kept for each light and each vertex or sample point. Vertices: total and direct irradiance as f32; samples: total
+/// irradiance as f64.
 const BYTES: u64 = 24;
 
-/// The solution for a part, until the vertices and sample points are lit by all of them.
+/// The solution for a part, until its light is gathered at vertices and sample points.
 struct SolvedPart {
     sources: Vec<LightSource>,
     radiosity: Vec<DVec3>,
@@ -35,12 +35,12 @@ struct SolvedPart {
     unit: Unit,
 }
 
-/// What light is kept as.
+/// The unit in which light is kept.
 #[derive(Debug, Clone, Copy)]
 enum Unit {
     /// As it is.
     AsItIs,
-    /// A light of one colour as a white one of this many times less: with one channel that is as much of each.
+    /// Divided by this, and white: of a light with one channel.
     White(f64),
 }
 
@@ -53,7 +53,7 @@ impl Unit {
     }
 }
 
-/// Solves for the light of each source separately. `None` where that is not wanted, or would take more room than it may.
+/// Solves for the light of each source separately. `None` where that is not wanted, or would take too many bytes.
 #[tracing::instrument(skip_all)]
 pub fn keep_light(cx: &mut Context, measured: &mut Measured) -> Result<Option<KeptLight>> {
     let Some(most_bytes) = cx.settings.keep_light else { return Ok(None) };
@@ -111,7 +111,7 @@ impl Solved {
         let mut groups: Vec<(Vec<String>, Vec<LightSource>)> = vec![];
         let mut places = HashMap::new();
         for source in self.sources.all.iter().filter(|source| source.strength != DVec3::ZERO) {
-            // A light that happens to be called as the sky is is not the sky.
+            // A light may have the name of the sky.
             let is_sky = source.origin == Origin::Sky;
             let names: Vec<String> = names_of(scene, source.origin).map(str::to_owned).collect();
             let place = *places.entry((is_sky, names.clone())).or_insert_with(|| {
@@ -123,7 +123,7 @@ impl Solved {
         groups
     }
 
-    /// The solution for some sources; `alone` where there are no others, so that it is known already.
+    /// The solution for some sources. It is known already where they are `alone`.
     fn part(
         &mut self,
         cx: &mut Context,

@@ -1,9 +1,8 @@
-//! The back-face check: warns of light that falls on the backs of one-sided surfaces, the sign of triangles that are wound the
-//! wrong way.
+//! The back-face check: warns of light that falls on the backs of one-sided surfaces, the sign of flipped triangles.
 //!
-//! A one-sided surface neither reflects nor shows what falls on its back: that light is lost. Where a modeller meant it so, there is
-//! none to speak of: the backs of a closed box lie in its dark inside. A flipped wall or a box turned inside out has its back in the
-//! light. Some points on the back of each surface are therefore taken as receivers, and rows tell what they get.
+//! A one-sided surface neither reflects nor shows light on its back: it is lost. The backs of a closed box lie in its dark inside,
+//! but a flipped wall or a box turned inside out has its back in the light. The irradiance at some points on the back of each
+//! surface tells.
 
 use std::collections::{HashMap, HashSet};
 
@@ -24,18 +23,17 @@ const FIRST_KEY: u64 = 1 << 33;
 /// Points on the back of a surface.
 const POINTS: usize = 16;
 
-/// Points are one for this many vertices of the mesh at most, but at least one for each surface: what is asked for in addition to the
-/// solution costs little beside it.
+/// At most one point for this many vertices of the mesh, but at least one per surface: the check costs little beside the solution.
 const VERTICES_PER_POINT: usize = 16;
 
-/// Part of the emitted flux that must escape before backs are looked at: without it no back gets light.
+/// Part of the emitted flux that must escape before backs are checked: without it no back gets light.
 const LEAST_ESCAPED: f64 = 1e-6;
 
-/// Part of the emitted flux on the back of a surface that is worth a warning, unless the surface is closed: what glows inside of a
-/// solid, such as the part of a bright floor that a box stands on, is no fault of the solid.
+/// Part of the emitted flux on the back of a surface that is worth a warning, unless the surface is closed: light inside a
+/// solid, such as from the part of a bright floor that a box stands on, is no fault of the solid.
 const MUCH: f64 = 0.01;
 
-/// A surface whose front gets less than this part of what its back gets is turned the wrong way, however small it is.
+/// A surface whose front gets less than this part of the light on its back is flipped, however small it is.
 const DARK_FRONT: f64 = 0.01;
 
 /// A point on the back of a surface.
@@ -60,7 +58,7 @@ impl Solved {
         }
         let receivers = points.iter().map(|point| point.receiver).collect();
         let receivers = Receivers { first_key: FIRST_KEY, receivers };
-        // The sun on a roof, and the sky under a floor, are no light that the scene has and loses.
+        // The sun on a roof and the sky under a floor are not lost light of the scene.
         let inside: Vec<LightSource> =
             self.sources.all.iter().filter(|source| !source.is_outside()).cloned().collect();
         let lights = Lights { sources: &inside, radiosity: &self.solution.radiosity };
@@ -109,8 +107,8 @@ impl Solved {
     }
 }
 
-/// Points on the backs of all one-sided surfaces, at even distances by area, but for those that another surface in the same plane
-/// covers: two sheets back to back have no back.
+/// Points on the backs of all one-sided surfaces, evenly by area, except where another surface in the same plane covers them:
+/// two sheets back to back have no back.
 fn back_points(scene: &Scene, most: usize) -> Vec<BackPoint> {
     let two_sided: HashSet<(usize, usize)> =
         scene.surfaces.iter().filter(|s| s.side == Side::Back).map(|s| (s.node, s.primitive)).collect();
@@ -138,7 +136,7 @@ fn back_points(scene: &Scene, most: usize) -> Vec<BackPoint> {
         .collect()
 }
 
-/// So many points on some facets, at even distances by area: centres of gravity of their triangles.
+/// Points on some facets, evenly by area: centroids of their triangles.
 fn spread(facets: &[Facet], count: usize) -> Vec<(&Facet, DVec3)> {
     let area = |triangle: &SourceTriangle| {
         let [a, b, c] = triangle.positions;

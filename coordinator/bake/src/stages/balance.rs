@@ -7,14 +7,14 @@ use crate::context::Context;
 use crate::solver::balance::EnergyBalance;
 use scene::{Light, LightKind};
 
-/// A vertex whose row sums to more than this is counted as enclosed: what its row lacks is error, not sky.
+/// A share whose row sums to more than this is enclosed: the rest to 1 is error, not sky.
 const ENCLOSED: f64 = 0.999;
 
-/// A scene whose vertices see less than this of their hemisphere covered, in the mean, is open.
+/// A scene whose shares see less than this of their hemisphere covered, in the mean, is open.
 const OPEN: f64 = 0.99;
 
 impl Solved {
-    /// Where the energy of the solution goes.
+    /// The energy balance.
     pub fn balance(&self, cx: &Context) -> EnergyBalance {
         let square_unit = cx.scene.frame.scale * cx.scene.frame.scale;
         let surfaces = &cx.scene.surfaces;
@@ -43,8 +43,8 @@ impl Solved {
         EnergyBalance::new(emitted, absorbed, unshot, escaped + past.max(DVec3::ZERO))
     }
 
-    /// True when light can leave the scene: then what a point light sends to no surface has escaped, where in a closed scene
-    /// it is an error of the mesh. Shares that see next to nothing lie between surfaces and do not count.
+    /// Returns true when light can leave the scene. Light of a point light that hits no surface has then escaped; in a closed
+    /// scene it is an error of the mesh. Shares that see next to nothing lie between surfaces and do not count.
     fn is_open(&self) -> bool {
         let seeing = self.row_sums.iter().zip(&self.mesh.energies).filter(|(sum, _)| **sum > 1.0 - ENCLOSED);
         let (covered, area) =
@@ -53,8 +53,7 @@ impl Solved {
     }
 }
 
-/// The flux that a light sends out: its intensity times the solid angle that it fills. Of one that is infinitely far only what falls
-/// on the scene counts, and that is known from its row.
+/// Flux of a light: intensity times solid angle. Of infinitely far lights only what falls on the scene counts; their rows tell.
 fn flux(light: &Light) -> DVec3 {
     match light.kind {
         LightKind::Point { .. } => light.intensity * 4.0 * std::f64::consts::PI,

@@ -1,8 +1,7 @@
-//! Parts of the light by themselves: that of some sources, that which comes straight from them, that which was reflected.
+//! Layers: the light of groups of sources, separately.
 //!
-//! Light is linear, and so is all that is done with it once the mesh is there: what the rows give, the means of the shares,
-//! the solution, and the best fit with what the whole light chose. So the parts are solved for on the mesh of the whole, with
-//! its rows, and sum to it.
+//! Light is linear, and so are all operations on it once the mesh is there: rows, means of shares, solution, and the best fit
+//! with the choices of the whole light. So the layers are solved for on the mesh of the whole, with its rows, and sum to it.
 
 use std::collections::HashSet;
 
@@ -22,16 +21,16 @@ use scene::Scene;
 /// Most bytes of names that a message lists.
 const LISTED_BYTES: usize = 1000;
 
-/// What the sky is called among the lights.
+/// Name of the sky among the lights.
 pub const SKY: &str = "sky";
 
-/// The parts are solved so much more exactly than the whole, that their sum is off by what the whole is.
+/// Tolerance of parts of the light, relative to that of the whole: their sum is then as exact as the whole.
 pub const PART_TOLERANCE: f64 = 0.1;
 
-/// Finds out whether each group's lights are lights of the scene: to be asked before a long bake.
+/// Checks that each group's lights are lights of the scene, before a long bake.
 ///
 /// # Errors
-/// When a name is not that of a light. The error lists those that are.
+/// When a name is not that of a light. The error lists the names of all lights.
 pub fn check_groups(scene: &Scene, groups: &[LightGroup]) -> Result<()> {
     let known = light_names(scene);
     for group in groups {
@@ -59,7 +58,7 @@ fn light_names(scene: &Scene) -> Vec<String> {
     names.filter(|name| seen.insert(*name)).map(str::to_owned).collect()
 }
 
-/// Names of lights in words, as far as a message has room for them.
+/// A list of names, cut where it is too long for a message.
 pub fn listed<S: AsRef<str>>(names: &[S]) -> String {
     let mut words = String::new();
     for (index, name) in names.iter().map(AsRef::as_ref).enumerate() {

@@ -1,4 +1,4 @@
-//! The figures of a bake.
+//! The metrics of a bake.
 
 use serde::Serialize;
 
@@ -14,7 +14,7 @@ use scene::LightKind;
 /// Row sums over this are worth a warning.
 const LARGEST_ROW_SUM: f64 = 1.01;
 
-/// The figures of a bake.
+/// The metrics of a bake.
 #[derive(Debug, Clone, Serialize)]
 pub struct BakeReport {
     /// Vertices of the refined mesh.
@@ -29,15 +29,15 @@ pub struct BakeReport {
     pub row_strategy: RowStrategy,
     /// Rows made, each over all receivers of a set.
     pub rows: u64,
-    /// Times that a row was made again, because it was not kept.
+    /// Rows made again because they were not kept.
     pub rows_again: u64,
     /// Most bytes of rows that were ever kept.
     pub row_bytes: usize,
-    /// What of the model the scene needed.
+    /// Parts of the model that the scene needed.
     pub model: Model,
     /// Form factors computed that are not 0 before occlusion.
     pub factors: u64,
-    /// Form factors that are not 0 after occlusion, of all rows that came from workers, those made again included.
+    /// Form factors that are not 0 after occlusion, in all rows, those made again included.
     pub visible_factors: u64,
     /// Rays cast.
     pub rays: u64,
@@ -47,30 +47,30 @@ pub struct BakeReport {
     pub sweeps: u32,
     /// Rounds of refinement.
     pub refinement_rounds: u32,
-    /// Unshot flux at the end, relative to the reflected flux, times rho / (1 - rho): bound of what is missing.
+    /// Bound of the missing flux: unshot over reflected flux, times rho / (1 - rho).
     pub unshot_bound: f64,
-    /// Estimated relative L2 error of the radiosity, by where it comes from.
+    /// Estimated relative L2 error of the radiosity, by origin.
     pub error: ErrorBudget,
-    /// Times that the bake began again with finer shooters or more rays, because the error asked for needed them.
+    /// Restarts with finer shooters or more rays, to meet the error.
     pub restarts: u32,
-    /// Where the energy went.
+    /// Energy balance.
     pub balance: EnergyBalance,
     /// How much of their hemisphere the shooting vertices see covered.
     pub row_sums: RowSums,
-    /// Seconds that workers computed, over all threads.
+    /// Seconds of computing, summed over all threads of workers.
     pub busy_seconds: f64,
-    /// What the user should know about the result.
+    /// Warnings for the user.
     pub warnings: Vec<String>,
     /// Seconds of each step.
     pub seconds: Vec<(&'static str, f64)>,
 }
 
-/// What of the model a scene needed. A pair is a receiver and one polygon that sends light, or a light without an area.
+/// Parts of the model that a scene needed. A pair is a receiver and a polygon that sends light, or a light without area.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Model {
     /// Channels of light: 1 where all light has one colour and all surfaces are grey, else 3.
     pub channels: usize,
-    /// Emitting facets, each with a row of its own.
+    /// Emitting facets, each with a row.
     pub area_lights: usize,
     /// Point lights, each with a row of solid angles.
     pub point_lights: usize,
@@ -78,22 +78,22 @@ pub struct Model {
     pub spot_lights: usize,
     /// Directional lights, each with a row of cosines.
     pub directional_lights: usize,
-    /// Polygons that the sky is made of, each with a row; 0 without a sky.
+    /// Polygons of the sky, each with a row; 0 without a sky.
     pub sky: usize,
     /// All pairs.
     pub pairs: u64,
     /// Pairs in one plane or turned away from each other: no form factor.
     pub pairs_turned_away: u64,
-    /// Pairs with nothing between: form factor without visibility.
+    /// Pairs without occluders: form factor without visibility.
     pub pairs_unoccluded: u64,
-    /// Pairs with something between, whose visibility was computed.
+    /// Pairs with occluders, whose visibility was computed exactly.
     pub pairs_computed: u64,
-    /// Pairs with so much between that their visibility was sampled with rays.
+    /// Pairs with so many occluders that their visibility was sampled with rays.
     pub pairs_sampled: u64,
 }
 
 impl Measured {
-    /// The figures so far.
+    /// The metrics so far.
     pub fn report(&self, cx: &Context, occluders: usize) -> BakeReport {
         let monitor = &cx.client.monitor;
         let statistics = &monitor.statistics;
