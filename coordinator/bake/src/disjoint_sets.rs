@@ -1,4 +1,4 @@
-//! Which items hang together.
+//! Disjoint sets.
 
 /// Union-find with path halving; the representative of a set is its least item.
 pub(crate) struct DisjointSets {
@@ -7,7 +7,7 @@ pub(crate) struct DisjointSets {
 }
 
 impl DisjointSets {
-    /// So many sets of one item each.
+    /// Sets of one item each.
     pub(crate) fn new(count: usize) -> Self {
         Self { parents: (0..count).collect(), count }
     }
@@ -26,7 +26,7 @@ impl DisjointSets {
         item
     }
 
-    /// Makes the sets of two items one.
+    /// Joins the sets of two items.
     pub(crate) fn join(&mut self, a: usize, b: usize) {
         let (a, b) = (self.representative(a), self.representative(b));
         self.parents[a.max(b)] = a.min(b);

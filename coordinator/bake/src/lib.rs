@@ -1,24 +1,49 @@
 //! The bake: from a scene to a lit mesh.
 //!
-//! In: a [`scene::Scene`], [`BakeSettings`], and a [`RowService`] that computes rows of form factors. Out: a [`lit::LitMesh`] with the
-//! figures of its error and energy. It must not know connections, files of the output, or jobs of a service. Begin reading at
-//! [`bake()`], then [`stages`].
+//! In: a [`scene::Scene`], [`BakeSettings`], and a [`RowService`] that computes rows of form factors. Out: a [`lit::LitMesh`] with
+//! its error and energy balance. It must not know connections, files of the output, or jobs of a service. Begin reading at
+//! [`bake()`], then `stages`.
+//!
+//! Each module may use those below it:
 //!
 //! | module | what lives there |
 //! |---|---|
-//! | [`stages`] | the steps of a bake, in their order |
+//! | `run` | [`bake()`] |
+//! | `relight` | a finished bake with other light |
+//! | `stages` | the stages of a bake, in their order |
+//! | `rows` | row strategies, exact or gather, and the solution with them |
+//! | `refinement` | where the mesh needs more vertices |
+//! | `jobs` | rows requested and received, progress |
+//! | [`solver`] | shooting, sweeps, energy balance: pure |
 //! | [`mesh`] | patches, vertices, shares |
-//! | [`solver`] | shooting, sweeps, refinement, fit, energy balance: pure |
 //! | [`lit`] | the lit mesh |
 
+mod channels;
+mod context;
 mod disjoint_sets;
+mod error;
+mod error_budget;
+mod jobs;
+mod light_parts;
 pub mod lit;
+mod materials;
 pub mod mesh;
+mod observer;
+mod preview;
+mod refinement;
+mod relight;
+mod rows;
+mod run;
+mod settings;
 pub mod solver;
-pub mod stages;
+mod stages;
 
-pub use stages::{
-    BakeError, BakeReport, BakeSettings, Baked, ErrorBudget, KeptLight, LightChange, LightGroup, LightPart,
-    Model, NewLight, Observer, Phase, Progress, RelightError, RelightReport, Relit, RowService, RowStrategy,
-    Unobserved, bake, check_groups, listed, occluders, relight,
-};
+pub use error::BakeError;
+pub use error_budget::ErrorBudget;
+pub use jobs::RowService;
+pub use light_parts::{LightGroup, LightPart};
+pub use observer::{Observer, Phase, Progress, Unobserved};
+pub use relight::{KeptLight, LightChange, NewLight, RelightError, RelightReport, Relit, relight};
+pub use run::{Baked, bake};
+pub use settings::{BakeSettings, RowStrategy};
+pub use stages::{BakeReport, Model, check_groups, listed, occluders};

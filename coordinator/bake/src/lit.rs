@@ -1,8 +1,8 @@
-//! The answer between solver and export: a triangulated, refined mesh with an irradiance at every vertex.
+//! The result of a bake: a triangulated, refined mesh with irradiance at every vertex.
 
 use glam::DVec3;
 
-/// The refined mesh of a whole scene. Without cracks: where patches of different size meet, the triangles of the larger one
+/// The refined mesh of a scene, without cracks: where patches of different size meet, the triangles of the larger one
 /// use the vertices of the smaller ones.
 #[derive(Debug, Clone, Default)]
 pub struct LitMesh {
@@ -10,19 +10,19 @@ pub struct LitMesh {
     pub vertices: Vec<LitVertex>,
     /// Triangles of each surface, in the order of [`scene::Scene::surfaces`].
     pub surfaces: Vec<Vec<LitTriangle>>,
-    /// Parts of the light, each by itself, on the same vertices.
+    /// The light of groups of sources, on the same vertices.
     pub layers: Vec<LitLayer>,
-    /// Radiosity that is still to be shot, of each vertex, interpolated between the shares, in the unit of [`LitVertex::irradiance`]:
-    /// of the present state of a bake under way. Below 0 where too much was shot. Empty once the bake is done.
+    /// In previews, unshot radiosity of each vertex, interpolated between the shares, in the unit of [`LitVertex::irradiance`].
+    /// Negative where too much was shot. Empty once the bake is done.
     pub unshot: Vec<DVec3>,
 }
 
 /// The light of some sources alone.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct LitLayer {
-    /// What its group of lights is called.
+    /// Name of the group.
     pub name: String,
-    /// The sources, in words.
+    /// Names of the sources.
     pub lights: Vec<String>,
     /// Irradiance of each vertex, in the unit of [`LitVertex::irradiance`].
     pub irradiance: Vec<DVec3>,

@@ -44,11 +44,11 @@ impl Observer for Curious {
         self.errors.push(progress.error);
     }
 
-    fn wants_present(&mut self) -> bool {
+    fn wants_preview(&mut self) -> bool {
         true
     }
 
-    fn present(&mut self, lit: LitMesh) {
+    fn preview(&mut self, lit: LitMesh) {
         self.seen.push((self.phase.unwrap(), lit));
     }
 }

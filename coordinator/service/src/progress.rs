@@ -173,11 +173,11 @@ impl Observer for Watched<'_> {
         self.live.is_stopped()
     }
 
-    fn wants_present(&mut self) -> bool {
+    fn wants_preview(&mut self) -> bool {
         self.live.preview.is_wanted(self.live.is_watched())
     }
 
-    fn present(&mut self, lit: LitMesh) {
+    fn preview(&mut self, lit: LitMesh) {
         let number = self.live.preview.set(Arc::new(lit));
         let mut seen = lock(&self.live.state);
         seen.progress.present = number;

@@ -1,8 +1,8 @@
-//! Where one facet stands on another, or passes through it.
+//! Contacts: lines where one facet stands on another, or passes through it.
 //!
-//! Along such a line the irradiance jumps: lit floor on one side, floor hidden under the wall on the other. A patch across it
-//! would spread light under the wall and darkness before it, and a share across it would send light from one room to the
-//! next. The line is therefore made an edge of the mesh, with vertices of its own on either side.
+//! Irradiance jumps there: lit floor on one side, floor hidden under the wall on the other. A patch across the line would leak
+//! light under the wall, a share across it from one room to the next. The line therefore becomes an edge of the mesh, with
+//! separate vertices on either side.
 
 use glam::DVec3;
 use obvhs::Boundable;
@@ -13,10 +13,10 @@ use obvhs::bvh2::builder::build_bvh2;
 use super::WELD;
 use scene::{Corner, Facet, Scene, Side};
 
-/// Shorter contacts than this part of the scene's extent are not worth an edge.
+/// Shortest contact that becomes an edge, relative to the scene's extent.
 const SHORTEST: f64 = 2e-3;
 
-/// A facet takes no more lines than this: the longest contacts, then the longest outlines of what hovers.
+/// Most lines per facet: the longest contacts, then the longest outlines of hovering facets.
 const MOST: usize = 256;
 
 /// A line on a facet along which another facet rises from it.
@@ -33,8 +33,8 @@ impl Boundable for FacetBox<'_> {
     }
 }
 
-/// The contacts of every facet, in the order of surfaces and facets, longest first; then the outlines of what hovers over it, no
-/// higher than `gap`.
+/// The contacts of every facet, in the order of surfaces and facets, longest first; then the outlines of facets that hover over
+/// it, no higher than `gap`.
 pub fn contacts(scene: &Scene, extent: f64, gap: f64) -> Vec<Vec<Vec<Contact>>> {
     let boxed = |facet| FacetBox { facet, aabb: facet_box(facet) };
     let risers: Vec<FacetBox> =
@@ -63,7 +63,7 @@ pub fn contacts(scene: &Scene, extent: f64, gap: f64) -> Vec<Vec<Vec<Contact>>> 
     scene.surfaces.iter().map(|surface| surface.facets.iter().map(of_facet).collect()).collect()
 }
 
-/// By length, then by place: the order of the BVH must not show.
+/// Sorts by length, then by place: independent of the order of the BVH.
 fn sort_by_length(lines: &mut [Contact]) {
     let key = |c: &Contact| (c[1].distance(c[0]), c[0].to_array(), c[1].to_array());
     lines.sort_by(|a, b| key(b).partial_cmp(&key(a)).unwrap_or(std::cmp::Ordering::Equal));
@@ -80,7 +80,7 @@ fn grown(aabb: Aabb, by: f64) -> Aabb {
     Aabb::new(aabb.min - margin, aabb.max + margin)
 }
 
-/// The edges of `riser` that hover over the front of `facet`, no higher than `gap`, as they stand over it.
+/// The edges of `riser` that hover over the front of `facet`, no higher than `gap`.
 fn hovering_edges(facet: &Facet, riser: &Facet, gap: f64) -> Vec<Contact> {
     let origin = facet.corners[0].position;
     let height = |corner: &Corner| facet.normal.dot(corner.position - origin);

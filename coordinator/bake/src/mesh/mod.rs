@@ -1,25 +1,30 @@
-//! The radiosity mesh: vertices, and patches that divide about their centre of gravity.
+//! The radiosity mesh: vertices, and patches that divide about their centroid.
 //!
 //! | file | what it does |
 //! |---|---|
 //! | `base` | facets of the scene to first patches |
-//! | `contact` | where facets stand on others: lines where light jumps |
+//! | `contact` | lines where facets stand on others |
 //! | `pieces` | cuts facets along contacts, and long ones across |
 //! | `welding` | corners to vertices; T-vertices made corners |
 //! | `subdivision` | divides patches, keeping neighbours within one level of each other |
-//! | `order` | vertices in an order in which neighbours in space follow each other |
+//! | `order` | vertices in spatial order |
 //! | `shares` | deals the patches out among their vertices |
 //! | `triangulation` | the leaves as triangles without cracks |
 //! | `locate` | the leaf and the triangle under a point |
+//! | `receivers` | vertices as receivers |
 //!
-//! Vertices are points with one normal: facets that meet at a crease have vertices of their own there. They are only ever
-//! added, so an index stays valid and the vertices of a coarse mesh are the first of the refined one.
+//! Vertices are points with one normal: facets that meet at a crease have separate vertices there. They are only ever
+//! added, so indices stay valid and the vertices of a coarse mesh are the first of the refined one.
+//!
+//! To exchange the mesh, keep [`Mesh`]: patches over vertices, [`Mesh::divide`], shares and [`triangulate`] are all that the
+//! rest of the bake uses.
 
 mod base;
 mod contact;
 mod locate;
 mod order;
 mod pieces;
+mod receivers;
 mod shares;
 mod subdivision;
 mod triangulation;
@@ -28,13 +33,14 @@ mod welding;
 use std::collections::HashMap;
 
 use glam::DVec3;
-use kernel::geometry::PlaneId;
+use kernel::geometry::{ConvexPolygon, PlaneId};
 use smallvec::SmallVec;
 
 use order::FacetPlaces;
 pub use order::along_curve;
 
 pub use locate::{Interpolation, interpolation};
+pub use receivers::{INWARD, receivers};
 pub use shares::{Share, Surroundings, surroundings};
 pub use triangulation::triangulate;
 
@@ -97,6 +103,15 @@ pub struct Patch {
     pub area: f64,
 }
 
+impl Patch {
+    /// Mean of its corners' values, from one value per vertex.
+    #[must_use]
+    pub fn mean(&self, values: &[DVec3]) -> DVec3 {
+        let corners = self.corners.iter().map(|corner| values[corner.index()]);
+        corners.sum::<DVec3>() / self.corners.len() as f64
+    }
+}
+
 /// An edge, whichever way it is walked.
 type Edge = (VertexId, VertexId);
 
@@ -133,6 +148,18 @@ impl Mesh {
         &self.patches[id.index()]
     }
 
+    /// A patch as a polygon in this plane.
+    #[must_use]
+    pub fn polygon(&self, id: PatchId, plane: PlaneId) -> ConvexPolygon {
+        ConvexPolygon { plane, corners: self.corners(id) }
+    }
+
+    /// Positions of a patch's corners.
+    #[must_use]
+    pub fn corners(&self, id: PatchId) -> Vec<DVec3> {
+        self.patch(id).corners.iter().map(|corner| self.position(*corner)).collect()
+    }
+
     /// Position of a vertex.
     #[must_use]
     pub fn position(&self, id: VertexId) -> DVec3 {
@@ -153,15 +180,15 @@ impl Mesh {
         corners.iter().copied().zip(corners.iter().copied().cycle().skip(1))
     }
 
-    /// Mean of a patch's corners: where it is divided.
+    /// Mean of a patch's corners, where it is divided.
     #[must_use]
     pub fn centre(&self, id: PatchId) -> DVec3 {
         let corners = &self.patch(id).corners;
         corners.iter().map(|corner| self.position(*corner)).sum::<DVec3>() / corners.len() as f64
     }
 
-    /// Longest edge of a patch, or of the square with its diagonal where that is longer: a patch may be large though
-    /// T-vertices leave it only short edges.
+    /// Longest edge of a patch, or of the square with its diagonal where that is longer: T-vertices may leave a large patch
+    /// only short edges.
     #[must_use]
     pub fn size(&self, id: PatchId) -> f64 {
         let edge =

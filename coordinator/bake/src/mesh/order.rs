@@ -1,7 +1,7 @@
 //! An order of the vertices in which neighbours in space follow each other.
 //!
-//! Rows are computed and kept for groups of receivers that follow each other: the closer together these lie, the more often all of
-//! a group are hidden, or turned away, at once, and then they cost next to nothing.
+//! Rows are computed and kept for groups of consecutive receivers: the closer together these lie, the more often a whole group is
+//! hidden or turned away, and costs next to nothing.
 
 use std::collections::HashMap;
 
@@ -16,8 +16,8 @@ const BITS: u32 = 21;
 /// The frame reaches half as far.
 const REACH: f64 = 2048.0;
 
-/// By facet, since what lies in one plane faces one way, then by place in it; both along Morton's curve. The last two tell apart
-/// what is in one place.
+/// Sorts by facet, since what lies in one plane faces one way, then by place in it; both along the Morton curve. The last two
+/// break ties.
 type Key = (u64, u32, u32, u64, u32);
 
 /// Place of each facet along the curve, by surface.
@@ -46,7 +46,7 @@ impl Mesh {
         (self.facet_places.0[surface as usize][facet as usize], surface, facet, along_curve(position), last)
     }
 
-    /// Numbers the vertices anew, so that neighbours in space follow each other.
+    /// Renumbers the vertices so that neighbours in space follow each other.
     pub(super) fn order_vertices(&mut self) {
         let mut patch_of: Vec<Option<PatchId>> = vec![None; self.vertices.len()];
         for (id, patch) in self.leaves() {
@@ -83,7 +83,7 @@ fn renamed_edges<T>(
     edges.drain().map(|(edge, value)| (rename(edge), rename_value(value))).collect()
 }
 
-/// Place of a point along Morton's curve through the frame: the bits of its coordinates in turn.
+/// Morton code of a point: the interleaved bits of its coordinates.
 pub fn along_curve(point: DVec3) -> u64 {
     let cells = f64::from(1 << BITS);
     let cell = ((point / (2.0 * REACH) + 0.5) * cells).clamp(DVec3::ZERO, DVec3::splat(cells - 1.0));

@@ -3,7 +3,7 @@ use kernel::geometry::{ConvexPolygon, area_vector};
 
 use super::{Mesh, Patch, PatchId, VertexId};
 
-/// The surface that a vertex answers for: its corner quadrilaterals of the leaves around it.
+/// The surface represented by a vertex: its corner quadrilaterals of the leaves around it.
 #[derive(Debug, Clone)]
 pub struct Share {
     /// The vertex.
@@ -12,14 +12,14 @@ pub struct Share {
     pub surface: u32,
     /// The quadrilaterals, joined where that gives a convex polygon.
     pub polygons: Vec<ConvexPolygon>,
-    /// The leaves that it is a part of, with the vertex's corner in each.
+    /// Its leaves, with the vertex's corner in each.
     pub corners: Vec<(PatchId, usize)>,
     /// Total area.
     pub area: f64,
 }
 
 impl Mesh {
-    /// Deals the leaves out among their vertices, in the order of vertices and surfaces. The shares tile the mesh.
+    /// Divides the leaves among their vertices, in the order of vertices and surfaces. The shares tile the mesh.
     #[must_use]
     pub fn shares(&self, plane_of: impl Fn(u32, u32) -> kernel::geometry::PlaneId) -> Vec<Share> {
         let mut corners: Vec<(VertexId, u32, PatchId, usize)> = vec![];
@@ -49,7 +49,7 @@ impl Mesh {
             .collect()
     }
 
-    /// Each leaf as a share of its own, in the order of their ids, known by its first corner.
+    /// Each leaf as a share, in the order of ids, with its first corner as the vertex.
     #[must_use]
     pub fn leaf_shares(&self, plane_of: impl Fn(u32, u32) -> kernel::geometry::PlaneId) -> Vec<Share> {
         let share = |(id, patch): (PatchId, &Patch)| Share {
@@ -65,8 +65,8 @@ impl Mesh {
         self.leaves().map(share).collect()
     }
 
-    /// The part of a patch that one of its corners answers for: corner, middle of the next edge, centre of gravity, middle
-    /// of the edge before.
+    /// The part of a patch that belongs to one of its corners: corner, middle of the next edge, centroid, middle of the edge
+    /// before.
     #[must_use]
     pub fn corner_quad(&self, id: PatchId, corner: usize) -> [DVec3; 4] {
         let corners = &self.patch(id).corners;
@@ -76,12 +76,11 @@ impl Mesh {
     }
 }
 
-/// The surface around a vertex: the leaves' parts that it answers for.
+/// The surface around a vertex: the parts of leaves that belong to it.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Surroundings {
-    /// From the vertex into the surface, where that does not lie all around it: the mean of all directions into it, about as long as the
-    /// parts are wide. Unlike their centre of gravity it lies in the surface around a concave corner too, and it vanishes
-    /// inside every mesh, however irregular.
+    /// Mean of all directions from the vertex into the surface, about as long as the parts are wide. Unlike the direction to their
+    /// centroid it points into the surface at concave corners too, and vanishes inside every mesh, however irregular.
     pub inward: DVec3,
     /// Area of the parts.
     pub area: f64,

@@ -4,8 +4,8 @@ use smallvec::SmallVec;
 use super::{Mesh, PatchId, Vertex, VertexId, edge};
 
 impl Mesh {
-    /// Divides a leaf about its centre of gravity into one quadrilateral per corner. Coarser neighbours are divided first, so
-    /// that no edge ever has more than one vertex between its ends. Divided patches are left alone.
+    /// Divides a leaf about its centroid into one quadrilateral per corner. Coarser neighbours are divided first, so
+    /// that no edge ever has more than one vertex between its ends. Does nothing to a divided patch.
     pub fn divide(&mut self, id: PatchId) {
         let mut todo = vec![id];
         while let Some(&id) = todo.last() {

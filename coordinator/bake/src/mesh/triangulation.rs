@@ -63,7 +63,7 @@ fn triangulate_outline(
             let to = from + span;
             best[from][to] = (from + 1..to)
                 .map(|apex| {
-                    // A flat triangle is so dear that it is taken only where the outline leaves no other choice.
+                    // A flat triangle costs so much that it is taken only where nothing else is possible.
                     let shape = if flat(from, apex, to) { 1e30 } else { 0.0 };
                     let inner = diagonal_cost(from, apex) + diagonal_cost(apex, to);
                     (shape + inner + best[from][apex].0 + best[apex][to].0, apex)

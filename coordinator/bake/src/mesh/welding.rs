@@ -1,4 +1,4 @@
-//! Corners of pieces become vertices of the mesh.
+//! Welds the corners of pieces into vertices of the mesh.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -10,7 +10,7 @@ use super::{Vertex, VertexId, WELD};
 use crate::disjoint_sets::DisjointSets;
 use scene::{Corner, Facet};
 
-/// Tells the two directions of a plane apart. Perpendicular to no normal that is likely, so that rounding does not decide.
+/// Distinguishes the two directions of a plane. Perpendicular to no likely normal, so that rounding does not decide.
 const NO_COMMON_NORMAL: DVec3 = DVec3::new(0.537_7, 0.651_3, 0.535_4);
 
 /// Which corners at one position have the same normal: those of one plane and direction, or of one smooth normal.
@@ -37,7 +37,7 @@ pub struct Welder {
     contact_edges: std::collections::HashSet<(PointId, PointId)>,
 }
 
-/// The vertices, and the corners of each polygon; empty where welding left nothing of it.
+/// The vertices, and the corners of each polygon; empty where welding removed it.
 pub struct Welded {
     /// All vertices.
     pub vertices: Vec<Vertex>,
@@ -133,7 +133,7 @@ impl Welder {
         self.vertices()
     }
 
-    /// A needle thinner than the welding distance folds onto itself: nothing of it is left that could hold light.
+    /// A needle thinner than the welding distance folds onto itself, and is removed.
     fn drop_flat_polygons(&mut self) {
         for polygon in &mut self.polygons {
             let positions: Vec<DVec3> = polygon.iter().map(|id| self.points[*id].position).collect();

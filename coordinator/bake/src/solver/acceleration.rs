@@ -1,39 +1,39 @@
-//! A fixed point of light in fewer passes.
+//! Anderson acceleration: a fixed point of light in fewer passes.
 //!
 //! Passing light on, x' = T x + e, shrinks what is missing by the reflectance at each pass. The differences of earlier passes
-//! tell how T acts along them, and what is left along these is taken away at once: D. G. Anderson, "Iterative procedures for nonlinear
-//! integral equations", Journal of the ACM 12 (1965); for linear equations as here the generalised minimal residual method in other words
-//! (H. F. Walker and P. Ni, "Anderson acceleration for fixed-point iterations", SIAM Journal on Numerical Analysis 49, 2011).
+//! tell how T acts along them, and the residual along these is removed at once: D. G. Anderson, "Iterative procedures for
+//! nonlinear integral equations", Journal of the ACM 12 (1965); for linear equations equivalent to GMRES (H. F. Walker and P. Ni,
+//! "Anderson acceleration for fixed-point iterations", SIAM Journal on Numerical Analysis 49, 2011).
 
 use glam::DVec3;
 
-/// Differences that are remembered.
+/// Remembered differences.
 const MEMORY: usize = 6;
 
-/// The way to a fixed point. Each of the three channels is solved for by itself.
+/// An accelerated fixed-point iteration, independent for each of the three channels.
 pub struct Acceleration {
     /// Weight of each value in norms.
     weights: Vec<f64>,
-    /// The last value, and what its pass changed of it.
+    /// The last value and its residual.
     last: Option<(Vec<DVec3>, Vec<DVec3>)>,
     /// Oldest first.
     directions: Vec<Direction>,
 }
 
-/// A change of the values, and what it changes of the residual; the latter are of unit length and at right angles to each other.
+/// A change of the values, and the change of the residual that it causes; the latter are orthonormal.
 struct Direction {
     value: Vec<DVec3>,
     residual: Vec<DVec3>,
 }
 
 impl Acceleration {
-    /// With the areas that the values belong to.
+    /// Starts with the area of each value, its weight in norms.
     #[must_use]
     pub fn new(areas: Vec<f64>) -> Self {
         Self { weights: areas, last: None, directions: vec![] }
     }
 
-    /// Where to go on after `values`, of which a pass made `passed`.
+    /// Returns the next values after `values`, of which a pass made `passed`.
     #[must_use]
     pub fn next(&mut self, values: Vec<DVec3>, passed: &[DVec3]) -> Vec<DVec3> {
         let residual: Vec<DVec3> = passed.iter().zip(&values).map(|(new, old)| *new - *old).collect();
@@ -69,7 +69,7 @@ impl Acceleration {
         self.directions.push(new);
     }
 
-    /// Of each channel, in the norm of the areas.
+    /// Inner product per channel, weighted by area.
     fn product(&self, one: &[DVec3], other: &[DVec3]) -> DVec3 {
         one.iter().zip(other).zip(&self.weights).map(|((a, b), weight)| *a * *b * *weight).sum()
     }

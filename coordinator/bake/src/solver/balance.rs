@@ -1,4 +1,4 @@
-//! Where the energy went.
+//! The energy balance.
 
 use glam::DVec3;
 use serde::Serialize;
@@ -6,20 +6,20 @@ use serde::Serialize;
 /// Fluxes in W (or lumen), RGB. Emitted = absorbed + unshot + escaped + imbalance.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct EnergyBalance {
-    /// What the light sources emit; of directional lights and the sky, what of it falls on lit sides.
+    /// Emitted by the light sources; of directional lights and the sky, the part that falls on lit sides.
     pub emitted: [f64; 3],
-    /// What the surfaces absorb.
+    /// Absorbed by surfaces.
     pub absorbed: [f64; 3],
-    /// What was reflected and not yet shot.
+    /// Reflected and not yet shot.
     pub unshot: [f64; 3],
-    /// What leaves an open scene, or falls on the back of one-sided surfaces.
+    /// Lost from an open scene, or to the backs of one-sided surfaces.
     pub escaped: [f64; 3],
-    /// What is left over: the discretisation error of the mesh.
+    /// The remainder: discretisation error of the mesh.
     pub imbalance: [f64; 3],
 }
 
 impl EnergyBalance {
-    /// The balance of these fluxes; the imbalance is what they leave over.
+    /// The balance of these fluxes.
     #[must_use]
     pub fn new(emitted: DVec3, absorbed: DVec3, unshot: DVec3, escaped: DVec3) -> Self {
         let imbalance = emitted - absorbed - unshot - escaped;
@@ -40,7 +40,7 @@ impl EnergyBalance {
     }
 }
 
-/// How many vertices see how much of their hemisphere covered by the scene: never normalised away.
+/// How much of their hemisphere vertices see covered by the scene: sums of form factors, never normalised.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct RowSums {
     /// Smallest sum.

@@ -1,9 +1,7 @@
 //! Rows kept in a given amount of memory.
 //!
-//! A solution goes over all rows again and again, always in the same order. Of rows that are needed in turn, each as often as the
-//! others, the best to keep are those that came first: to give up one for the next would only mean to make that one again, a
-//! turn later. Shooting is no exception: what shoots first has most to shoot, and shoots again soonest. So rows are kept while
-//! they fit and stay.
+//! A solution passes over all rows again and again, in the same order: replacing a kept row by the next would only mean to make
+//! it again a pass later. In shooting, too, the first to shoot shoot again soonest. So rows are kept while they fit, and stay.
 
 use kernel::row::Row;
 
@@ -24,14 +22,14 @@ impl SetId {
 /// Rows of shares over sets of receivers.
 #[derive(Debug, Default)]
 pub struct RowCache {
-    /// Bytes that all may take.
+    /// Most bytes.
     limit: usize,
-    /// Bytes of these that are left to others.
+    /// Bytes of these reserved for others.
     reserved: usize,
     used: usize,
     /// By set, then by share.
     rows: Vec<Vec<Option<Row>>>,
-    /// What is kept, oldest first.
+    /// Kept rows, oldest first.
     order: Vec<(SetId, ShareId)>,
     most: usize,
 }
@@ -67,8 +65,7 @@ impl RowCache {
         }
     }
 
-    /// Leaves so many bytes to others from now on, or all that there are: gives up rows, the youngest first, where that takes it.
-    /// Returns how many bytes are left to them.
+    /// Reserves bytes for others, at most all, and drops the youngest rows where needed. Returns the bytes reserved.
     pub fn reserve(&mut self, bytes: usize) -> usize {
         self.reserved = bytes.min(self.limit);
         while self.used > self.limit - self.reserved {
@@ -79,19 +76,19 @@ impl RowCache {
         self.reserved
     }
 
-    /// Bytes that the rows take.
+    /// Bytes of the rows.
     #[must_use]
     pub fn bytes(&self) -> usize {
         self.used
     }
 
-    /// Bytes that more rows may take.
+    /// Bytes left for more rows.
     #[must_use]
     pub fn room(&self) -> usize {
         (self.limit - self.reserved).saturating_sub(self.used)
     }
 
-    /// Most bytes that they ever took.
+    /// Most bytes so far.
     #[must_use]
     pub fn most_bytes(&self) -> usize {
         self.most
@@ -127,7 +124,7 @@ impl ColumnCache {
         }
     }
 
-    /// Bytes that the columns take.
+    /// Bytes of the columns.
     #[must_use]
     pub fn bytes(&self) -> usize {
         self.used

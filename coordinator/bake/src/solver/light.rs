@@ -4,8 +4,8 @@ use std::ops::{Add, AddAssign, Mul, Sub};
 
 use glam::DVec3;
 
-/// Light as the solver counts it: three channels, or the one that is left where all light of a scene has one colour and no surface
-/// changes it. Every step then costs a third.
+/// Light in three channels, or in one where all light of a scene has one colour and no surface changes it: each step then costs
+/// a third.
 pub trait Light:
     Copy
     + Debug
@@ -20,13 +20,13 @@ pub trait Light:
 {
     /// Number of channels.
     const CHANNELS: usize;
-    /// Light of the scene's one colour, or of any, from linear RGB.
+    /// Converts from linear RGB; `colour` is the one colour of the scene.
     fn from_rgb(rgb: DVec3, colour: DVec3) -> Self;
-    /// Back to linear RGB.
+    /// Converts to linear RGB.
     fn to_rgb(self, colour: DVec3) -> DVec3;
     /// Reflectance from linear RGB.
     fn reflectance(rgb: DVec3) -> Self;
-    /// Part of a whole, per channel; 0 of a channel that has nothing.
+    /// Part over whole, per channel; 0 where the whole is 0.
     fn ratio(part: Self, whole: Self) -> Self;
     /// rho / (1 - rho) per channel.
     fn interreflected(self) -> Self;

@@ -1,24 +1,20 @@
-//! The radiosity solver: pure, no I/O, no clock, no threads; rows go in, shots and irradiances come out.
+//! The radiosity solver: rows in, radiosity and irradiance out. Pure: no I/O, clock or threads.
 //!
 //! | file | what it does |
 //! |---|---|
 //! | `light` | three channels, or one |
 //! | `cache` | rows kept in a given amount of memory |
 //! | `shooting` | progressive refinement: which share shoots next, and what its shot gives |
-//! | `sweeps` | finishes the solution with all rows |
-//! | `acceleration` | fewer passes to a fixed point of light |
-//! | `refinement` | where the mesh needs more vertices |
-//! | `fit` | vertex values with the least error between the vertices |
-//! | `balance` | where the energy went |
+//! | `sweeps` | Gauss-Seidel sweeps over all rows |
+//! | `acceleration` | Anderson acceleration of fixed-point passes |
+//! | `balance` | energy balance |
 //!
 //! Colours are linear RGB in W/m^2 (or the scene's light unit), lengths in the frame.
 
 pub mod acceleration;
 pub mod balance;
 pub mod cache;
-pub mod fit;
 mod light;
-pub mod refinement;
 pub mod shooting;
 pub mod sweeps;
 #[cfg(test)]
@@ -41,10 +37,10 @@ impl ShareId {
     }
 }
 
-/// What the solver knows of a share: the geometry stays with the mesh.
+/// A share as the solver sees it.
 #[derive(Debug, Clone, Copy)]
 pub struct ShareEnergy<L = DVec3> {
-    /// Index of the receiver that is the share's own vertex.
+    /// Index of the share's own receiver.
     pub receiver: usize,
     /// Area in the frame.
     pub area: f64,
@@ -64,14 +60,13 @@ impl ShareEnergy {
     }
 }
 
-/// Largest factor by which unshot flux can still grow through interreflection: rho / (1 - rho) of the brightest surface, per
-/// channel. What is missing from the reflected flux is at most this times the unshot flux.
+/// Bound of the missing reflected flux over the unshot flux: rho / (1 - rho) of the brightest surface, per channel.
 #[must_use]
 pub fn interreflection_bound<L: Light>(shares: &[ShareEnergy<L>]) -> L {
     shares.iter().fold(L::default(), |largest, share| largest.larger(share.reflectance)).interreflected()
 }
 
-/// Adds what `radiosity` of a row's shooter gives to the receivers of the row.
+/// Adds the irradiance that a shooter of this radiosity gives the receivers of its row.
 pub fn add_row<L: Light>(irradiance: &mut [L], row: &Row, radiosity: L) {
     for (first, mask, factors) in row.groups() {
         let end = (first + GROUP).min(irradiance.len());
@@ -92,7 +87,7 @@ pub fn add_row<L: Light>(irradiance: &mut [L], row: &Row, radiosity: L) {
 
 /// The shares at each receiver: a vertex between two surfaces has a share on each.
 struct SharesAt {
-    /// Where the shares of each receiver begin, and where the last ones end.
+    /// Offsets into `shares`, one per receiver and the end.
     starts: Vec<u32>,
     /// By receiver.
     shares: Vec<ShareId>,

@@ -1,10 +1,10 @@
 //! Progressive refinement by shooting, driven by rows as they arrive.
 //!
 //! Shots are numbered. Shot n is chosen from the state after shot n - W, where W is the window, and applied after shot n - 1,
-//! in whatever order the rows arrive: the answer depends on W but not on workers or timing, while up to W rows are under way.
+//! in any order of arrival: the result depends on W but not on workers or timing, while up to W rows are under way.
 //!
-//! A shot changes the shares that its row reaches, and no others. Shares are therefore counted in blocks, each with its sums
-//! and its brightest share, and a shot costs what its row reaches and a look at every block, rather than one at every share.
+//! A shot changes only the shares that its row reaches. Shares are therefore counted in blocks, each with its sums
+//! and its brightest share: a shot visits what its row reaches and every block, not every share.
 
 use std::collections::{HashMap, VecDeque};
 
@@ -13,28 +13,28 @@ use kernel::row::{GROUP, Row};
 use super::cache::{RowCache, SetId};
 use super::{Light, ShareEnergy, ShareId, add_row, interreflection_bound};
 
-/// Shares of a block. A row reaches a room of some thousand shares, which follow each other: some blocks of this size.
+/// Shares per block. A row reaches a room of some thousand consecutive shares.
 const BLOCK: usize = 128;
 
 /// The state of a shooting solution.
 pub struct Shooting<L> {
     shares: Vec<ShareEnergy<L>>,
-    /// Irradiance of every receiver: total energy.
+    /// Irradiance of every receiver.
     irradiance: Vec<L>,
     /// Radiosity that each share has shot.
     shot: Vec<L>,
     /// The set of receivers that rows are over.
     set: SetId,
-    /// Rows that have come and wait for their shots.
+    /// Rows that wait for their shots.
     arrived: HashMap<ShareId, Row>,
-    /// Shots that are chosen and not yet applied, in their order.
+    /// Shots chosen and not yet applied, in order.
     chosen: VecDeque<ShareId>,
     is_chosen: Vec<bool>,
-    /// Shares that have shot: to sweep over these later costs no more than to let them shoot again now.
+    /// Shares that have shot: to sweep over these later costs no more than another shot now.
     has_shot: Vec<bool>,
     blocks: Vec<Block<L>>,
     blocks_at: BlocksAt,
-    /// Blocks in which shares have changed since they were counted.
+    /// Blocks to be counted again.
     uncounted: Vec<usize>,
     /// See [`interreflection_bound`].
     bound: L,
@@ -43,33 +43,33 @@ pub struct Shooting<L> {
     shots: u64,
 }
 
-/// The shares of a block.
-#[derive(Clone)]
+/// Sums over the shares of a block.
+#[derive(Clone, Default)]
 struct Block<L> {
-    /// False where it stands among the uncounted.
+    /// False while listed in `uncounted`.
     is_counted: bool,
     /// Flux not yet shot.
     unshot: L,
-    /// Part of it that shares have which never shot and are not about to.
+    /// Part of it in shares that have not shot and are not chosen.
     held: L,
     /// Flux reflected.
     reflected: L,
-    /// The share with most to shoot, of those that are not about to, and how much that is.
+    /// The unchosen share with the largest unshot flux, and that flux.
     brightest: Option<(usize, f64)>,
 }
 
-/// How far the solution has come.
+/// Progress of shooting.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ShootingProgress {
     /// Shots applied.
     pub shots: u64,
-    /// Flux not yet shot, as a part of the flux first reflected plus that shot since.
+    /// Unshot flux over reflected flux.
     pub unshot: f64,
 }
 
 impl<L: Light> Shooting<L> {
-    /// Starts from the irradiance that the light sources give every receiver of a set. Shooting ends when the bound of what is
-    /// missing is under `threshold`, relative to the reflected flux.
+    /// Starts from the direct irradiance of every receiver of a set. Shooting ends when the bound of the missing flux is under
+    /// `threshold`, relative to the reflected flux.
     #[must_use]
     pub fn new(
         shares: Vec<ShareEnergy<L>>,
@@ -78,13 +78,6 @@ impl<L: Light> Shooting<L> {
         window: usize,
         threshold: f64,
     ) -> Self {
-        let uncounted = Block {
-            is_counted: false,
-            unshot: L::default(),
-            held: L::default(),
-            reflected: L::default(),
-            brightest: None,
-        };
         let mut shooting = Self {
             blocks_at: BlocksAt::new(&shares, direct.len()),
             irradiance: direct,
@@ -94,7 +87,7 @@ impl<L: Light> Shooting<L> {
             chosen: VecDeque::new(),
             is_chosen: vec![false; shares.len()],
             has_shot: vec![false; shares.len()],
-            blocks: vec![uncounted; shares.len().div_ceil(BLOCK)],
+            blocks: vec![Block::default(); shares.len().div_ceil(BLOCK)],
             uncounted: (0..shares.len().div_ceil(BLOCK)).collect(),
             bound: interreflection_bound(&shares),
             shares,
@@ -114,8 +107,7 @@ impl<L: Light> Shooting<L> {
     }
 
     /// Takes the row of a share, applies every shot that can now be applied, and chooses one more for each. Returns the
-    /// shares whose rows are wanted next. A row that came before is ignored. Rows of applied shots go to the cache, in the
-    /// order of the shots.
+    /// shares whose rows are wanted next. A second copy of a row is ignored. Rows of applied shots go to the cache, in order.
     pub fn row_arrived(&mut self, share: ShareId, row: Row, cache: &mut RowCache) -> Vec<ShareId> {
         let mut wanted = vec![];
         if self.is_chosen[share.index()] {
@@ -141,7 +133,7 @@ impl<L: Light> Shooting<L> {
         self.is_chosen[share.index()]
     }
 
-    /// All shares, those with the largest unshot flux first: about the order in which they will shoot.
+    /// All shares by falling unshot flux: about the order in which they will shoot.
     #[must_use]
     pub fn by_unshot(&self) -> VecDeque<ShareId> {
         let flux = |share: usize| (self.unshot(share) * self.shares[share].area).sum_of_channels();
@@ -157,7 +149,7 @@ impl<L: Light> Shooting<L> {
         self.chosen.is_empty()
     }
 
-    /// How far the solution has come.
+    /// Returns the progress.
     #[must_use]
     pub fn progress(&self) -> ShootingProgress {
         let [unshot, _, reflected] = self.fluxes();
@@ -187,14 +179,14 @@ impl<L: Light> Shooting<L> {
         reflectance * self.irradiance[receiver] - self.shot[share]
     }
 
-    /// Unshot flux, the part of it that is held, and reflected flux in all. Needs counted blocks.
+    /// Total unshot, held and reflected flux. Needs counted blocks.
     fn fluxes(&self) -> [L; 3] {
         self.blocks.iter().fold([L::default(); 3], |[unshot, held, reflected], block| {
             [unshot + block.unshot, held + block.held, reflected + block.reflected]
         })
     }
 
-    /// Counts the blocks in which shares have changed.
+    /// Counts the uncounted blocks.
     fn count(&mut self) {
         while let Some(block) = self.uncounted.pop() {
             self.blocks[block] = self.counted(block);
@@ -202,13 +194,7 @@ impl<L: Light> Shooting<L> {
     }
 
     fn counted(&self, block: usize) -> Block<L> {
-        let mut counted = Block {
-            is_counted: true,
-            unshot: L::default(),
-            held: L::default(),
-            reflected: L::default(),
-            brightest: None,
-        };
+        let mut counted = Block { is_counted: true, ..Block::default() };
         let range = block * BLOCK..((block + 1) * BLOCK).min(self.shares.len());
         let states = self.is_chosen[range.clone()].iter().zip(&self.has_shot[range.clone()]);
         let energies = self.shares[range.clone()].iter().zip(&self.shot[range.clone()]);
@@ -231,7 +217,7 @@ impl<L: Light> Shooting<L> {
     }
 
     /// Chooses the share with the largest unshot flux, unless too little is left, or only shares that have shot have much left:
-    /// the sweeps, which solve for all of them at once, finish faster than more shots would.
+    /// sweeps finish those faster than more shots would.
     fn choose(&mut self, cache: &RowCache, wanted: &mut Vec<ShareId>) -> bool {
         self.count();
         let [unshot, held, reflected] = self.fluxes();
@@ -298,7 +284,7 @@ impl BlocksAt {
     }
 }
 
-/// Notes that the block of a share must be counted again.
+/// Marks the block of a share to be counted again.
 fn has_changed<L>(blocks: &mut [Block<L>], uncounted: &mut Vec<usize>, share: ShareId) {
     mark(blocks, uncounted, share.index() / BLOCK);
 }

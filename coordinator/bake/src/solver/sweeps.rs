@@ -1,12 +1,9 @@
-//! Finishes a solution with all rows, kept or made again: Gauss-Seidel sweeps over the shares, with a correction of the whole after
-//! each.
+//! Gauss-Seidel sweeps over all rows, with a correction of the general level of light after each.
 //!
-//! In bright rooms (rho .99) plain sweeps take hundreds of rounds because they spread a general level of light slowly. Adding
-//! the one multiple of a fixed vector that makes the residual's flux vanish finds that level at once; the sweeps are left
-//! with the differences.
+//! In bright rooms (rho .99) plain sweeps take hundreds of rounds to spread a general level of light. Adding
+//! the multiple of a fixed vector that makes the residual's flux vanish finds that level at once.
 //!
-//! Closed rooms that share a file each have a level of their own, and each is solved to the wanted accuracy: light that is a
-//! millionth of the next room's is not an error of that.
+//! Closed rooms of one file each have their own level, and each is solved to the tolerance, however much brighter another is.
 
 use std::convert::Infallible;
 
@@ -15,8 +12,8 @@ use kernel::row::{GROUP, Row};
 use super::{Light, ShareEnergy, SharesAt, add_row, interreflection_bound};
 use crate::disjoint_sets::DisjointSets;
 
-/// Rows of all shares, one after the other. A solution goes over them once to begin with and once for each sweep, so that rows
-/// which are not kept are made once for each.
+/// Rows of all shares in order. A solution passes over them once to begin with and once per sweep; rows that are not kept are
+/// made in each pass.
 pub trait Transfer {
     /// Why a row cannot be had.
     type Error;
@@ -29,7 +26,7 @@ pub trait Transfer {
     fn pass(&mut self, take: &mut dyn FnMut(usize, &Row)) -> Result<(), Self::Error>;
 }
 
-/// Rows that are all there.
+/// Rows in memory.
 impl Transfer for Vec<Row> {
     type Error = Infallible;
 
@@ -47,14 +44,14 @@ pub struct Solution<L> {
     pub unshot: L,
     /// Flux by which shares differ from what they should have shot, relative to the reflected flux of their room.
     pub residual: f64,
-    /// Bound of what is missing, relative to the reflected flux of its room.
+    /// Bound of the missing flux, relative to the reflected flux of its room.
     pub missing: f64,
     /// Sweeps made.
     pub sweeps: u32,
 }
 
 impl<L> Solution<L> {
-    /// The same with other light.
+    /// Converts the light.
     #[must_use]
     pub fn map<M>(self, see: impl Fn(L) -> M) -> Solution<M> {
         let Self { radiosity, unshot, residual, missing, sweeps } = self;
@@ -120,12 +117,12 @@ pub fn solve<L: Light, T: Transfer>(
     Ok(Solution { unshot, radiosity, residual, missing, sweeps })
 }
 
-/// Finds out between which shares light can pass.
+/// Finds the rooms: shares between which light can pass.
 struct Reach {
     sets: DisjointSets,
     /// Least share of the set that `joined` is about.
     first: usize,
-    /// A bit for each receiver whose shares were joined to that set: most rows reach what others have reached before.
+    /// A bit per receiver whose shares were joined to that set: most rows reach what others have reached before.
     joined: Vec<u32>,
 }
 
@@ -134,7 +131,7 @@ impl Reach {
         Self { sets: DisjointSets::new(shares), first: 0, joined: vec![0; receivers.div_ceil(GROUP)] }
     }
 
-    /// Takes in the row of a share.
+    /// Adds the row of a share.
     fn add(&mut self, share: usize, row: &Row, shares_at: &SharesAt) {
         if self.sets.count() <= 1 {
             return;
@@ -164,7 +161,7 @@ impl Reach {
     }
 }
 
-/// Shares between which light can pass, by way of others too.
+/// Shares between which light can pass, directly or by way of others.
 struct Rooms {
     /// Room of each share.
     of: Vec<usize>,
@@ -183,7 +180,7 @@ impl Rooms {
         Self { of, count }
     }
 
-    /// Sum of a figure of each share, by room.
+    /// Sums a value of each share by room.
     fn sums<L: Light>(&self, figure: impl Fn(usize) -> L) -> Vec<L> {
         let mut sums = vec![L::default(); self.count];
         for (share, room) in self.of.iter().enumerate() {
@@ -213,7 +210,7 @@ fn relative_residual<L: Light>(
 struct Level<L> {
     /// Irradiance that it gives each receiver.
     irradiance: Vec<L>,
-    /// Flux of the level that each room does not sustain itself.
+    /// Flux by which each room does not sustain its level.
     deficits: Vec<L>,
 }
 

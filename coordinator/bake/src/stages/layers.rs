@@ -1,78 +1,37 @@
-//! Parts of the light by themselves: that of some sources, that which comes straight from them, that which was reflected.
+//! Layers: the light of groups of sources, separately.
 //!
-//! Light is linear, and so is all that is done with it once the mesh is there: what the rows give, the means of the shares,
-//! the solution, and the best fit with what the whole light chose. So the parts are solved for on the mesh of the whole, with
-//! its rows, and sum to it.
+//! Light is linear, and so are all operations on it once the mesh is there: rows, means of shares, solution, and the best fit
+//! with the choices of the whole light. So the layers are solved for on the mesh of the whole, with its rows, and sum to it.
 
 use std::collections::HashSet;
 
 use glam::DVec3;
-use serde::Serialize;
 
-use super::light::{self, LightSource, Origin};
-use super::{Bake, BakeError, Phase};
+use super::light::{LightSource, Origin};
+use super::solved::Solved;
+use crate::context::Context;
+use crate::error::{BakeError, Result};
+use crate::light_parts::{LightGroup, LightPart};
 use crate::lit::LitLayer;
-use crate::solver::fit::best_fit_of_part;
+use crate::observer::Phase;
+use crate::refinement::best_fit_of_part;
+use crate::rows::{Problem, Rows};
 use scene::Scene;
 
 /// Most bytes of names that a message lists.
 const LISTED_BYTES: usize = 1000;
 
-/// What the sky is called among the lights.
-pub(super) const SKY: &str = "sky";
+/// Name of the sky among the lights.
+pub const SKY: &str = "sky";
 
-/// The parts are solved so much more exactly than the whole, that their sum is off by what the whole is.
-pub(super) const TOLERANCE: f64 = 0.1;
+/// Tolerance of parts of the light, relative to that of the whole: their sum is then as exact as the whole.
+pub const PART_TOLERANCE: f64 = 0.1;
 
-/// Which of the light is wanted.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum LightPart {
-    /// All of it.
-    #[default]
-    All,
-    /// What comes straight from its sources.
-    Direct,
-    /// What surfaces have reflected.
-    Indirect,
-}
-
-impl LightPart {
-    /// Whether this is all light.
-    #[must_use]
-    pub fn is_all(&self) -> bool {
-        *self == Self::All
-    }
-
-    /// This part of an irradiance, of which so much is direct.
-    fn of(self, all: DVec3, direct: DVec3) -> DVec3 {
-        match self {
-            Self::All => all,
-            Self::Direct => direct,
-            Self::Indirect => all - direct,
-        }
-    }
-
-    /// This part of the irradiance of each vertex, of which so much is direct.
-    pub(super) fn of_all(self, all: &[DVec3], direct: &[DVec3]) -> Vec<DVec3> {
-        all.iter().zip(direct).map(|(all, direct)| self.of(*all, *direct)).collect()
-    }
-}
-
-/// Light sources whose light is wanted by itself.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-pub struct LightGroup {
-    /// What the group is called.
-    pub name: String,
-    /// Names of its lights: of the node of a light; of the node or the material of an emissive surface; `sky`.
-    pub lights: Vec<String>,
-}
-
-/// Finds out whether each group's lights are lights of the scene: to be asked before a long bake.
+/// Checks that each group's lights are lights of the scene, before a long bake.
 ///
 /// # Errors
-/// When a name is not that of a light. The error lists those that are.
-pub fn check_groups(scene: &Scene, groups: &[LightGroup]) -> Result<(), BakeError> {
+/// When a name is not that of a light. The error lists the names of all lights.
+pub fn check_groups(scene: &Scene, groups: &[LightGroup]) -> Result<()> {
     let known = light_names(scene);
     for group in groups {
         for light in &group.lights {
@@ -99,7 +58,7 @@ fn light_names(scene: &Scene) -> Vec<String> {
     names.filter(|name| seen.insert(*name)).map(str::to_owned).collect()
 }
 
-/// Names of lights in words, as far as a message has room for them.
+/// A list of names, cut where it is too long for a message.
 pub fn listed<S: AsRef<str>>(names: &[S]) -> String {
     let mut words = String::new();
     for (index, name) in names.iter().map(AsRef::as_ref).enumerate() {
@@ -113,7 +72,7 @@ pub fn listed<S: AsRef<str>>(names: &[S]) -> String {
 }
 
 /// The names of a light source.
-pub(super) fn names_of(scene: &Scene, origin: Origin) -> impl Iterator<Item = &str> {
+pub fn names_of(scene: &Scene, origin: Origin) -> impl Iterator<Item = &str> {
     let root = &scene.source.root;
     let (node, material, sky) = match origin {
         Origin::Surface(index) => {
@@ -131,75 +90,45 @@ pub(super) fn names_of(scene: &Scene, origin: Origin) -> impl Iterator<Item = &s
     [node, material, sky].into_iter().flatten().filter(|name| !name.is_empty())
 }
 
-impl Bake<'_, '_> {
+impl Solved {
     /// The light of each group.
     ///
     /// # Errors
     /// When rows cannot be had.
     #[tracing::instrument(skip_all)]
-    pub(super) fn layers(&mut self) -> Result<Vec<LitLayer>, BakeError> {
-        if self.settings.groups.is_empty() {
+    pub fn layers(&mut self, cx: &mut Context) -> Result<Vec<LitLayer>> {
+        if cx.settings.groups.is_empty() {
             return Ok(vec![]);
         }
-        self.office.enter(Phase::Groups, self.mesh.vertices.len());
-        let whole = self.irradiance.clone();
-        let layers = self.apart(|bake| bake.layers_beside(&whole))?;
-        self.end_step("groups");
-        Ok(layers)
-    }
-
-    /// Does something with other light than the whole, which is there again afterwards.
-    pub(super) fn apart<T>(
-        &mut self,
-        work: impl FnOnce(&mut Self) -> Result<T, BakeError>,
-    ) -> Result<T, BakeError> {
-        let state = (self.direct.clone(), self.radiosity.clone(), self.irradiance.clone(), self.spent.sweeps);
-        let figures = (self.unshot, self.unshot_bound, self.residual);
-        let done = work(self);
-        (self.direct, self.radiosity, self.irradiance, self.spent.sweeps) = state;
-        (self.unshot, self.unshot_bound, self.residual) = figures;
-        done
-    }
-
-    /// The light of each group, fitted as this whole is.
-    fn layers_beside(&mut self, whole: &[DVec3]) -> Result<Vec<LitLayer>, BakeError> {
+        cx.client.monitor.enter(Phase::Groups, self.mesh.mesh.vertices.len());
+        // The report counts the sweeps of the whole.
+        let sweeps = cx.work.sweeps;
+        let means = self.means();
         let mut layers = vec![];
-        for group in &self.settings.groups {
+        for group in &cx.settings.groups {
             let is_meant = |source: &&LightSource| {
-                names_of(self.scene, source.origin).any(|name| group.lights.iter().any(|light| light == name))
+                names_of(cx.scene, source.origin).any(|name| group.lights.iter().any(|light| light == name))
             };
-            let sources: Vec<LightSource> = self.sources.iter().filter(is_meant).cloned().collect();
-            self.light_vertices(&sources, self.settings.only != LightPart::Direct)?;
-            let part = self.settings.only.of_all(&self.irradiance, &self.direct);
+            let sources: Vec<LightSource> = self.sources.all.iter().filter(is_meant).cloned().collect();
+            let direct = self.direct_of(cx, &sources)?;
+            let part = if cx.settings.only == LightPart::Direct {
+                direct
+            } else {
+                let tolerance = cx.settings.threshold * PART_TOLERANCE;
+                let problem = Problem { mesh: &self.mesh, values: &means, direct: &direct, tolerance };
+                let dark = self.dark();
+                let Rows { source, table } = &mut self.rows;
+                let solution = problem.solve(cx, source.as_ref(), table, dark)?;
+                cx.settings.only.of_all(&solution.irradiance, &direct)
+            };
             layers.push(LitLayer {
                 name: group.name.clone(),
                 lights: group.lights.clone(),
-                irradiance: best_fit_of_part(&self.mesh, whole, &part),
+                irradiance: best_fit_of_part(&self.mesh.mesh, &self.solution.irradiance, &part),
             });
         }
+        cx.work.sweeps = sweeps;
+        cx.end_step("groups");
         Ok(layers)
-    }
-
-    /// What these sources give all vertices.
-    pub(super) fn direct_of(&mut self, sources: &[LightSource]) -> Result<Vec<DVec3>, BakeError> {
-        let mut direct = Vec::with_capacity(self.direct.len());
-        for set in &self.vertex_sets {
-            direct.extend(light::irradiance(sources, self.rows.set(*set), self.office, |_, _, _| ())?);
-        }
-        Ok(direct)
-    }
-
-    /// Gives all vertices the light of these sources alone, reflected or straight, in place of the light that they had.
-    pub(super) fn light_vertices(
-        &mut self,
-        sources: &[LightSource],
-        reflected: bool,
-    ) -> Result<(), BakeError> {
-        self.direct = self.direct_of(sources)?;
-        if !reflected {
-            return Ok(());
-        }
-        self.radiosity = vec![DVec3::ZERO; self.shares.len()];
-        self.solve_settled(self.settings.threshold * TOLERANCE)
     }
 }

@@ -6,9 +6,11 @@ use kernel::row::{Row, Shape, Shooter};
 use kernel::visibility::MANY_POLYGONS;
 
 use super::emitters::emitters;
-use super::rows::{ReceiverSet, RowOffice};
-use super::{BakeError, BakeSettings, sky};
+use super::sky;
+use crate::error::BakeError;
+use crate::jobs::{ReceiverSet, RowClient};
 use crate::mesh::Mesh;
+use crate::settings::BakeSettings;
 use crate::solver::add_row;
 use scene::{LightKind, Scene};
 
@@ -152,12 +154,12 @@ impl SourceCounts {
 pub fn irradiance(
     sources: &[LightSource],
     set: ReceiverSet,
-    office: &mut RowOffice,
+    client: &mut RowClient,
     mut look: impl FnMut(&LightSource, &Row, f64),
 ) -> Result<Vec<DVec3>, BakeError> {
     let shooters: Vec<Shooter> = sources.iter().map(|source| source.shooter.clone()).collect();
     let mut irradiance = vec![DVec3::ZERO; set.count()];
-    office.each_row(&shooters, set, |index, row, variance| {
+    client.each_row(&shooters, set, |index, row, variance| {
         look(&sources[index], row, variance);
         add_row(&mut irradiance, row, sources[index].strength);
     })?;

@@ -1,4 +1,4 @@
-//! Which facets can block light at all.
+//! The facets that can block light.
 
 use glam::DVec3;
 use kernel::geometry::ConvexPolygon;
@@ -8,18 +8,18 @@ use kernel::replica::ScenePolygons;
 use super::{pieces, sky};
 use scene::{Facet, Scene, Side};
 
-/// Heights up to this, in frame units, count as in the plane: a few units in the last place of f32 coordinates.
+/// Heights up to this, in frame units, count as in the plane: a few ulps of f32 coordinates.
 const IN_PLANE: f64 = 3e-4;
 
 /// Directions whose extreme points are tried first.
 const PROBES: i32 = 2;
 
-/// Full scans over all points are made for at most this many pairs of facet and point; further facets just count as occluders.
+/// Most pairs of facet and point that are tested; further facets count as occluders.
 const MAX_TESTS: usize = 2_000_000_000;
 
-/// The facets that can stand between two points of the scene, or between one and its lights and sky: all but those with all of that
-/// on one side, such as the walls of a convex room; but convex bodies stay whole. The back sides of double-sided surfaces are left
-/// out, since a facet blocks from both sides. What lets light through comes in pieces, with the opacity of each.
+/// The facets that can occlude two points of the scene, or a point and its lights and sky: all but those with all of these
+/// on one side, such as the walls of a convex room; convex bodies stay whole. The back sides of double-sided surfaces are left
+/// out, since a facet blocks from both sides. Transparent occluders come in pieces, with the opacity of each.
 pub fn occluders(scene: &Scene) -> ScenePolygons {
     let facets = || scene.surfaces.iter().filter(|s| s.side == Side::Front).flat_map(|s| &s.facets);
     let points: Vec<DVec3> = facets()

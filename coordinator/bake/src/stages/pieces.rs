@@ -1,7 +1,7 @@
-//! Facets that let light through, cut into pieces of even opacity.
+//! Transparent occluders, cut into pieces of even opacity.
 //!
-//! A ray that looked its texel up would need the textures on every worker, and rows would no longer be exact. So holes become
-//! geometry: a facet is halved until a piece is wholly opaque, wholly open, or small; what is left mixed then takes its mean opacity.
+//! Texture lookups per ray would need the textures on every worker, and rows would no longer be exact. So holes become
+//! geometry: a facet is halved until a piece is opaque, open, or small; mixed pieces then take their mean opacity.
 
 use glam::DVec3;
 use kernel::geometry::{ConvexPolygon, Corners, split};
@@ -9,13 +9,13 @@ use kernel::replica::ScenePolygons;
 
 use scene::Surface;
 
-/// A facet is halved this often at most: 256 pieces, an outline finer than a twentieth of its size.
+/// Most halvings of a facet: 256 pieces, an outline finer than a twentieth of its size.
 const MOST_HALVINGS: u32 = 8;
 
-/// Opacities closer than this are one: a step of eight bits.
+/// Opacities closer than this are equal: a step of eight bits.
 const ONE_OPACITY: f64 = 1.0 / 256.0;
 
-/// Adds the pieces of a facet that stop any light, each with its mean opacity.
+/// Adds the pieces of a facet that are not open, each with its mean opacity.
 pub fn cut_by_opacity(surface: &Surface, facet: u32, pieces: &mut ScenePolygons) {
     let source = &surface.facets[facet as usize];
     let corners: Corners = source.positions().collect();

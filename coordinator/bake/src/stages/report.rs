@@ -1,22 +1,19 @@
-//! The figures of a bake.
+//! The metrics of a bake.
 
-use glam::DVec3;
 use serde::Serialize;
 
 use super::light::SourceCounts;
-use super::{Bake, ErrorBudget, RowStrategy};
+use super::measure::Measured;
+use super::solved::Solved;
+use crate::context::Context;
+use crate::error_budget::ErrorBudget;
+use crate::settings::{BakeSettings, RowStrategy};
 use crate::solver::balance::{EnergyBalance, RowSums};
-
-/// A vertex whose row sums to more than this is counted as enclosed: what its row lacks is error, not sky.
-const ENCLOSED: f64 = 0.999;
-
-/// A scene whose vertices see less than this of their hemisphere covered, in the mean, is open.
-const OPEN: f64 = 0.99;
 
 /// Row sums over this are worth a warning.
 const LARGEST_ROW_SUM: f64 = 1.01;
 
-/// The figures of a bake.
+/// The metrics of a bake.
 #[derive(Debug, Clone, Serialize)]
 pub struct BakeReport {
     /// Vertices of the refined mesh.
@@ -31,15 +28,15 @@ pub struct BakeReport {
     pub row_strategy: RowStrategy,
     /// Rows made, each over all receivers of a set.
     pub rows: u64,
-    /// Times that a row was made again, because it was not kept.
+    /// Rows made again because they were not kept.
     pub rows_again: u64,
     /// Most bytes of rows that were ever kept.
     pub row_bytes: usize,
-    /// What of the model the scene needed.
+    /// Parts of the model that the scene needed.
     pub model: Model,
     /// Form factors computed that are not 0 before occlusion.
     pub factors: u64,
-    /// Form factors that are not 0 after occlusion, of all rows that came from workers, those made again included.
+    /// Form factors that are not 0 after occlusion, in all rows, those made again included.
     pub visible_factors: u64,
     /// Rays cast.
     pub rays: u64,
@@ -49,30 +46,30 @@ pub struct BakeReport {
     pub sweeps: u32,
     /// Rounds of refinement.
     pub refinement_rounds: u32,
-    /// Unshot flux at the end, relative to the reflected flux, times rho / (1 - rho): bound of what is missing.
+    /// Bound of the missing flux: unshot over reflected flux, times rho / (1 - rho).
     pub unshot_bound: f64,
-    /// Estimated relative L2 error of the radiosity, by where it comes from.
+    /// Estimated relative L2 error of the radiosity, by origin.
     pub error: ErrorBudget,
-    /// Times that the bake began again with finer shooters or more rays, because the error asked for needed them.
+    /// Restarts with finer shooters or more rays, to meet the error.
     pub restarts: u32,
-    /// Where the energy went.
+    /// Energy balance.
     pub balance: EnergyBalance,
     /// How much of their hemisphere the shooting vertices see covered.
     pub row_sums: RowSums,
-    /// Seconds that workers computed, over all threads.
+    /// Seconds of computing, summed over all threads of workers.
     pub busy_seconds: f64,
-    /// What the user should know about the result.
+    /// Warnings for the user.
     pub warnings: Vec<String>,
     /// Seconds of each step.
     pub seconds: Vec<(&'static str, f64)>,
 }
 
-/// What of the model a scene needed. A pair is a receiver and one polygon that sends light, or a light without an area.
+/// Parts of the model that a scene needed. A pair is a receiver and a polygon that sends light, or a light without area.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Model {
     /// Channels of light: 1 where all light has one colour and all surfaces are grey, else 3.
     pub channels: usize,
-    /// Emitting facets and area lights, each with a row of its own.
+    /// Emitting facets and area lights, each with a row.
     pub area_lights: usize,
     /// Point lights, each with a row of solid angles.
     pub point_lights: usize,
@@ -80,58 +77,61 @@ pub struct Model {
     pub spot_lights: usize,
     /// Directional lights, each with a row of cosines.
     pub directional_lights: usize,
-    /// Polygons that the sky is made of, each with a row; 0 without a sky.
+    /// Polygons of the sky, each with a row; 0 without a sky.
     pub sky: usize,
     /// All pairs.
     pub pairs: u64,
     /// Pairs in one plane or turned away from each other: no form factor.
     pub pairs_turned_away: u64,
-    /// Pairs with nothing between: form factor without visibility.
+    /// Pairs without occluders: form factor without visibility.
     pub pairs_unoccluded: u64,
-    /// Pairs with something between, whose visibility was computed.
+    /// Pairs with occluders, whose visibility was computed exactly.
     pub pairs_computed: u64,
-    /// Pairs with so much between that their visibility was sampled with rays.
+    /// Pairs with so many occluders that their visibility was sampled with rays.
     pub pairs_sampled: u64,
 }
 
-impl Bake<'_, '_> {
-    pub(super) fn report(&self) -> BakeReport {
-        let statistics = &self.office.statistics;
-        let areas = self.energies.iter().map(|share| share.area);
-        let sums: Vec<(f64, f64)> = self.row_sums.iter().copied().zip(areas).collect();
+impl Measured {
+    /// The metrics so far.
+    pub fn report(&self, cx: &Context, occluders: usize) -> BakeReport {
+        let monitor = &cx.client.monitor;
+        let statistics = &monitor.statistics;
+        let Solved { mesh, rows, solution, .. } = &self.solved;
+        let areas = mesh.energies.iter().map(|share| share.area);
+        let sums: Vec<(f64, f64)> = self.solved.row_sums.iter().copied().zip(areas).collect();
         let row_sums = RowSums::new(&sums);
         BakeReport {
-            warnings: self.warnings(&row_sums),
-            vertices: self.mesh.vertices.len(),
-            shooting_vertices: self.shares.len(),
-            patches: self.mesh.leaves().count(),
-            occluders: self.occluders,
-            row_strategy: if self.is_gathered { RowStrategy::Gather } else { RowStrategy::Exact },
-            rows: self.office.rows_made(),
-            rows_again: self.office.rows_made_again(),
-            row_bytes: self.most_row_bytes,
-            model: self.model(),
+            warnings: self.warnings(cx.settings, &row_sums),
+            vertices: mesh.mesh.vertices.len(),
+            shooting_vertices: mesh.shares.len(),
+            patches: mesh.mesh.leaves().count(),
+            occluders,
+            row_strategy: rows.source.strategy(),
+            rows: monitor.rows_made(),
+            rows_again: monitor.rows_again,
+            row_bytes: rows.table.most_bytes,
+            model: self.model(cx),
             factors: statistics.factors,
-            visible_factors: self.office.visible_factors(),
+            visible_factors: monitor.visible_factors,
             rays: statistics.rays,
-            shots: self.spent.shots,
-            sweeps: self.spent.sweeps,
-            refinement_rounds: self.spent.rounds,
-            unshot_bound: self.unshot_bound,
+            shots: cx.work.shots,
+            sweeps: cx.work.sweeps,
+            refinement_rounds: cx.work.rounds,
+            unshot_bound: solution.unshot_bound,
             error: self.error,
-            restarts: self.spent.restarts,
-            balance: self.balance(),
+            restarts: cx.work.restarts,
+            balance: self.solved.balance(cx),
             row_sums,
             busy_seconds: statistics.busy_nanoseconds as f64 * 1e-9,
-            seconds: self.spent.seconds.clone(),
+            seconds: cx.work.seconds.clone(),
         }
     }
 
-    fn model(&self) -> Model {
-        let statistics = &self.office.statistics;
-        let sources = SourceCounts::new(self.scene, &self.sources);
+    fn model(&self, cx: &Context) -> Model {
+        let statistics = &cx.client.monitor.statistics;
+        let sources = SourceCounts::new(cx.scene, &self.solved.sources.all);
         Model {
-            channels: self.channels.count(),
+            channels: cx.channels.count(),
             area_lights: sources.area,
             point_lights: sources.point,
             spot_lights: sources.spot,
@@ -145,54 +145,19 @@ impl Bake<'_, '_> {
         }
     }
 
-    /// True when light can leave the scene: then what a point light sends to no surface has escaped, where in a closed scene
-    /// it is an error of the mesh. Shares that see next to nothing lie between surfaces and do not count.
-    fn is_open(&self) -> bool {
-        let seeing = self.row_sums.iter().zip(&self.energies).filter(|(sum, _)| **sum > 1.0 - ENCLOSED);
-        let (covered, area) =
-            seeing.fold((0.0, 0.0), |(c, a), (sum, share)| (c + sum.min(1.0) * share.area, a + share.area));
-        covered < OPEN * area
-    }
-
-    fn warnings(&self, row_sums: &RowSums) -> Vec<String> {
+    fn warnings(&self, settings: &BakeSettings, row_sums: &RowSums) -> Vec<String> {
         let mut warnings = vec![];
-        warnings.extend(self.obstacle());
+        warnings.extend(self.describe_obstacle(settings));
         if row_sums.largest > LARGEST_ROW_SUM {
             warnings.push(format!(
                 "form factors of a vertex sum to {:.4}, more than 1: surfaces overlap, or smooth normals bend far",
                 row_sums.largest
             ));
         }
-        if self.unshot_bound > self.settings.threshold {
-            warnings.push(format!("the sweeps left {:.1e} of the reflected flux unshot", self.unshot_bound));
+        let unshot = self.solved.solution.unshot_bound;
+        if unshot > settings.threshold {
+            warnings.push(format!("the sweeps left {unshot:.1e} of the reflected flux unshot"));
         }
         warnings
-    }
-
-    pub(super) fn balance(&self) -> EnergyBalance {
-        let square_unit = self.scene.frame.scale * self.scene.frame.scale;
-        let surfaces = &self.scene.surfaces;
-        let (mut emitted, mut absorbed, mut escaped) = (DVec3::ZERO, DVec3::ZERO, DVec3::ZERO);
-        for (id, patch) in self.mesh.leaves() {
-            let surface = &surfaces[patch.surface as usize];
-            let corners = patch.corners.iter().map(|corner| self.irradiance[corner.index()]);
-            let mean = corners.sum::<DVec3>() / patch.corners.len() as f64;
-            emitted += surface.exitance * patch.area;
-            // The rest passes through.
-            let look = self.patch_looks.of(self.scene, &self.mesh, id);
-            absorbed += (look.opacity - look.reflectance) * mean * patch.area;
-        }
-        for (index, share) in self.shares.iter().enumerate() {
-            if self.row_sums[index] < ENCLOSED {
-                let leaving = self.looks[index].exitance + self.radiosity[index];
-                escaped += leaving * share.area * (1.0 - self.row_sums[index]);
-            }
-        }
-        let [emitted, absorbed, unshot, escaped] =
-            [emitted, absorbed, self.unshot, escaped].map(|f| f * square_unit);
-        let from_lights: DVec3 = self.scene.lights.iter().map(|light| light.flux(&self.scene.frame)).sum();
-        let past = if self.is_open() { from_lights - self.from_lights * square_unit } else { DVec3::ZERO };
-        let emitted = emitted + from_lights + self.from_outside * square_unit;
-        EnergyBalance::new(emitted, absorbed, unshot, escaped + past.max(DVec3::ZERO))
     }
 }

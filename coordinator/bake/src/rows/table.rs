@@ -1,90 +1,66 @@
-//! Rows of the shares: kept while they fit, and made again where they do not.
+//! The rows of the shares: kept while they fit, and made again where they do not.
 
 use std::collections::HashMap;
 
-use kernel::replica::{Receiver, Receivers};
-use kernel::row::{Hemisphere, Row, Shape, Shooter};
+use glam::DVec3;
+use kernel::row::{Row, Shooter};
 use smallvec::SmallVec;
 
-use super::BakeError;
-use super::rows::{ReceiverSet, RowOffice, Wish};
+use super::solution::Solution;
+use crate::channels::Gathering;
+use crate::context::Context;
+use crate::error::{BakeError, Result};
+use crate::jobs::{ReceiverSet, RowBatch, RowClient};
 use crate::solver::ShareId;
 use crate::solver::cache::{RowCache, SetId};
 
 /// Receivers of the shooting mesh.
 pub const COARSE: SetId = SetId(0);
 
-/// Rows are asked for in blocks of shares, over all sets at once: so many pairs in a block. Some jobs for each set, and little
-/// memory for the rows that wait until all of their block are there.
+/// Rows are requested in blocks of shares, over all sets at once, of about this many pairs: some jobs for each set, and little
+/// memory for the rows that wait until their block is complete.
 const PAIRS_PER_BLOCK: usize = 4_000_000;
 
-/// Shares of a block at most.
+/// Most shares of a block.
 const LARGEST_BLOCK: usize = 1024;
 
-/// The rows of all shares over all sets of receivers that the solution is wanted at.
-pub struct ShareRows {
+/// The rows of all shares over all sets of receivers that need them more than once.
+pub struct RowTable {
     shooters: Vec<Shooter>,
     sets: Vec<ReceiverSet>,
     cache: RowCache,
     /// By set and share: the variance of the row, once it was made.
     variances: Vec<Vec<Option<f64>>>,
-    /// The shares as polygons, where rows are those of receivers.
-    seen: Option<ReceiverSet>,
+    /// The vertices: those of the shooting mesh, then those of each round of refinement.
+    pub vertices: Vec<SetId>,
+    /// The refinement samples, if there are any.
+    pub samples: Option<SetId>,
+    /// The refinement samples with other rays, where their noise is measured by the difference.
+    pub twins: Option<SetId>,
+    /// Bytes of the rows over the shooting mesh.
+    pub coarse_bytes: usize,
+    /// Most bytes of rows that were ever kept.
+    pub most_bytes: usize,
 }
 
-impl ShareRows {
-    /// No rows yet. So many bytes may be used to keep them.
+impl RowTable {
+    /// An empty table that may keep so many bytes of rows.
     pub fn new(shooters: Vec<Shooter>, bytes: usize) -> Self {
-        Self { shooters, sets: vec![], cache: RowCache::new(bytes), variances: vec![], seen: None }
-    }
-
-    /// No rows yet of shares that are seen as these polygons, one each: rows are those of receivers, and all are kept.
-    pub fn seen_as(polygons: ReceiverSet, shooters: Vec<Shooter>) -> Self {
-        Self { seen: Some(polygons), ..Self::new(shooters, usize::MAX) }
-    }
-
-    /// One more set of receivers, with its rows at once where they are those of receivers: of so many rays each.
-    ///
-    /// # Errors
-    /// When rows cannot be had.
-    pub fn add_receivers(
-        &mut self,
-        office: &mut RowOffice,
-        receivers: &Receivers,
-        rays: impl Fn(usize) -> u32,
-    ) -> Result<SetId, BakeError> {
-        let set = office.publish_receivers(receivers);
-        let id = self.add_set(set);
-        let Some(polygons) = self.seen else { return Ok(id) };
-        for (share, row) in (0..).map(ShareId).zip(rows_of_hemispheres(office, polygons, receivers, rays)?) {
-            self.cache.keep(id, share, row);
-            self.made(id, share, 0.0);
+        Self {
+            shooters,
+            sets: vec![],
+            cache: RowCache::new(bytes),
+            variances: vec![],
+            vertices: vec![],
+            samples: None,
+            twins: None,
+            coarse_bytes: 0,
+            most_bytes: 0,
         }
-        Ok(id)
     }
 
-    /// Hands over the row of each share over receivers that nothing is kept of.
-    ///
-    /// # Errors
-    /// When rows cannot be had.
-    pub fn each_over(
-        &self,
-        office: &mut RowOffice,
-        set: ReceiverSet,
-        receivers: &Receivers,
-        mut take: impl FnMut(usize, &Row),
-    ) -> Result<(), BakeError> {
-        let Some(polygons) = self.seen else {
-            return office.each_row(&self.shooters, set, |share, row, _| take(share, row));
-        };
-        let rays = office.rays_per_hemisphere();
-        let rows = rows_of_hemispheres(office, polygons, receivers, |_| rays)?;
-        rows.iter().enumerate().for_each(|(share, row)| take(share, row));
-        Ok(())
-    }
-
-    /// One more set of receivers.
-    fn add_set(&mut self, set: ReceiverSet) -> SetId {
+    /// Adds a set of receivers.
+    pub fn add_set(&mut self, set: ReceiverSet) -> SetId {
         self.sets.push(set);
         self.variances.push(vec![None; self.shooters.len()]);
         self.cache.add_set(self.shooters.len())
@@ -100,7 +76,7 @@ impl ShareRows {
         &self.shooters
     }
 
-    /// What is kept.
+    /// The rows that are kept.
     pub fn cache(&mut self) -> &mut RowCache {
         &mut self.cache
     }
@@ -110,19 +86,78 @@ impl ShareRows {
         self.variances[set.index()].iter().map(|variance| variance.unwrap_or(0.0))
     }
 
-    /// Lets the workers forget all sets.
-    pub fn release(self, office: &mut RowOffice) {
-        self.sets.into_iter().chain(self.seen).for_each(|set| office.release_receivers(set));
+    /// Releases all sets.
+    pub fn release(self, client: &mut RowClient) {
+        self.sets.into_iter().for_each(|set| client.release(set));
     }
 
-    /// Asks for the rows of some shares over a set.
-    pub fn wish(&self, set: SetId, shares: &[ShareId]) -> Wish {
+    /// The rows of some shares over a set as a job.
+    pub fn batch(&self, set: SetId, shares: &[ShareId]) -> RowBatch {
         let of = &self.variances[set.index()];
-        Wish {
+        RowBatch {
             shooters: shares.iter().map(|share| self.shooters[share.index()].clone()).collect(),
             set: self.set(set),
             again: shares.iter().map(|share| of[share.index()].is_some()).collect(),
         }
+    }
+
+    /// Gathers the irradiance that shares of this radiosity give the receivers of some sets, set by set.
+    pub fn gather(
+        &mut self,
+        cx: &mut Context,
+        sets: &[SetId],
+        radiosity: &[DVec3],
+    ) -> Result<Vec<Vec<DVec3>>> {
+        Ok(self.gather_each(cx, sets, &[radiosity])?.pop().unwrap_or_default())
+    }
+
+    /// The same for several radiosities, in one pass over the rows.
+    pub fn gather_each(
+        &mut self,
+        cx: &mut Context,
+        sets: &[SetId],
+        radiosities: &[&[DVec3]],
+    ) -> Result<Vec<Vec<Vec<DVec3>>>> {
+        let nothing = |set: &SetId| cx.channels.gathering(self.set(*set).count());
+        let mut gathered: Vec<Vec<Gathering>> =
+            radiosities.iter().map(|_| sets.iter().map(nothing).collect()).collect();
+        self.each(
+            cx.client,
+            sets,
+            |_| true,
+            |share, rows| {
+                for (gathered, radiosity) in gathered.iter_mut().zip(radiosities) {
+                    for (gathered, row) in gathered.iter_mut().zip(rows.into_iter().flatten()) {
+                        gathered.add(row, radiosity[share.index()]);
+                    }
+                }
+            },
+        )?;
+        self.most_bytes = self.most_bytes.max(self.cache.most_bytes());
+        let irradiance = |sets: Vec<Gathering>| sets.into_iter().map(Gathering::into_irradiance).collect();
+        Ok(gathered.into_iter().map(irradiance).collect())
+    }
+
+    /// Gathers the irradiance of a solution at all vertices and refinement samples.
+    pub fn complete(&mut self, cx: &mut Context, direct: &[DVec3], solution: &mut Solution) -> Result<()> {
+        let sets: Vec<SetId> = self.vertices.iter().copied().chain(self.twins).chain(self.samples).collect();
+        let mut gathered = self.gather(cx, &sets, &solution.radiosity)?;
+        if self.samples.is_some()
+            && let Some(gathered) = gathered.pop()
+        {
+            solution.samples.set_gathered(&gathered);
+        }
+        if self.twins.is_some()
+            && let Some(twins) = gathered.pop()
+        {
+            let differences = solution.samples.differences(&twins);
+            solution.ray_noise =
+                solution.samples.relative(differences.into_iter()) / std::f64::consts::SQRT_2;
+        }
+        let gathered = gathered.into_iter().flatten();
+        solution.irradiance = direct.iter().zip(gathered).map(|(direct, light)| *direct + light).collect();
+        let is_finite = solution.irradiance.iter().all(|irradiance| irradiance.is_finite());
+        if is_finite { Ok(()) } else { Err(BakeError::NotFinite) }
     }
 
     /// Notes that a row was made.
@@ -130,20 +165,20 @@ impl ShareRows {
         self.variances[set.index()][share.index()] = Some(variance);
     }
 
-    /// Goes over all shares in their order, with the rows of each over these sets where it is `wanted`: those that are kept, and
-    /// the others made, and kept if they fit.
+    /// Goes over all shares in order, with the rows of each over these sets where it is `wanted`: rows that are not kept are made,
+    /// and kept if they fit.
     pub fn each(
         &mut self,
-        office: &mut RowOffice,
+        client: &mut RowClient,
         sets: &[SetId],
         wanted: impl Fn(ShareId) -> bool,
         mut take: impl FnMut(ShareId, Option<&[&Row]>),
-    ) -> Result<(), BakeError> {
-        // Where all rows are kept, no other question would come between two sweeps.
-        office.check()?;
+    ) -> Result<()> {
+        // Where all rows are kept, nothing else asks between two sweeps.
+        client.monitor.check()?;
         let missing = self.missing(sets, &wanted);
         let mut left: usize = missing.iter().map(|missing| missing.shares.len()).sum();
-        office.expect_rows(left as u64);
+        client.monitor.expect_rows(left as u64);
         let count = self.shooters.len();
         let Self { shooters, sets: receivers, cache, variances, .. } = self;
         let mut made: HashMap<(SetId, ShareId), Row> = HashMap::new();
@@ -170,10 +205,10 @@ impl ShareRows {
             next = until;
         };
         let mut missing = missing.into_iter().peekable();
-        let wishes = |office: &RowOffice| {
+        let batches = |client: &RowClient| {
             let next = missing.peek_mut()?;
             let set = receivers[next.set.index()];
-            let most = office.shooters_of_next_job(set, left).min(next.shares.len());
+            let most = client.rows_of_next_job(set, left).min(next.shares.len());
             let job = Missing { shares: next.shares.drain(..most).collect(), again: vec![], ..*next };
             let again = next.again.drain(..most).collect();
             if next.shares.is_empty() {
@@ -181,9 +216,9 @@ impl ShareRows {
             }
             left -= most;
             let shooters_of_job = job.shares.iter().map(|share| shooters[share.index()].clone()).collect();
-            Some((job, Wish { shooters: shooters_of_job, set, again }))
+            Some((job, RowBatch { shooters: shooters_of_job, set, again }))
         };
-        office.in_order(wishes, |job, finished| {
+        client.in_order(batches, |job, finished| {
             hand_over(job.block, &mut made);
             for ((share, row), statistics) in job.shares.iter().zip(finished.rows).zip(finished.statistics) {
                 variances[job.set.index()][share.index()] = Some(statistics.sampling_variance);
@@ -215,34 +250,6 @@ impl ShareRows {
         }
         all
     }
-}
-
-/// What receivers see of polygons, each with so many rays, as a row for each polygon over all receivers.
-///
-/// # Errors
-/// When rows cannot be had.
-pub fn rows_of_hemispheres(
-    office: &mut RowOffice,
-    polygons: ReceiverSet,
-    receivers: &Receivers,
-    rays: impl Fn(usize) -> u32,
-) -> Result<Vec<Row>, BakeError> {
-    let hemisphere = |(index, receiver): (usize, &Receiver)| {
-        let rays = rays(index).clamp(1, Hemisphere::MOST_RAYS);
-        let shape = Shape::Hemisphere(Hemisphere { receiver: *receiver, rays });
-        Shooter { key: receivers.first_key + index as u64, shape }
-    };
-    let shooters: Vec<Shooter> = receivers.receivers.iter().enumerate().map(hemisphere).collect();
-    let mut by_polygon: Vec<Vec<(u32, f32)>> = vec![vec![]; polygons.count()];
-    office.each_row(&shooters, polygons, |receiver, row, _| {
-        row.for_each(|polygon, factor| by_polygon[polygon].push((receiver as u32, factor)));
-    })?;
-    let row = |factors: Vec<(u32, f32)>| {
-        let factors: Vec<(usize, f32)> =
-            factors.into_iter().map(|(receiver, factor)| (receiver as usize, factor)).collect();
-        Row::of_some(shooters.len(), &factors)
-    };
-    Ok(by_polygon.into_iter().map(row).collect())
 }
 
 /// Rows that are not kept, over one set.

@@ -7,7 +7,7 @@
 
 use glam::DVec3;
 
-use super::refinement::{Revealed, revealed_errors};
+use super::prediction::{Revealed, revealed_errors};
 use crate::mesh::{Mesh, PatchId};
 
 /// Part of the error revealed at a patch's centre by which its children's vertices are off the best fit. An edge of length 2h

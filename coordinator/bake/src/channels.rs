@@ -1,10 +1,12 @@
+//! Channels of light: one where the scene has one colour, else three.
+
 use glam::DVec3;
 use kernel::row::Row;
 
 use crate::solver::{Light, add_row};
 use scene::Scene;
 
-/// Colours closer than this, as vectors of unit length, are one: the file's f32 numbers are a few times 1e-7 apart.
+/// Colours closer than this, as unit vectors, are equal: f32 numbers are a few times 1e-7 apart.
 const ONE_COLOUR: f64 = 1e-6;
 
 /// How many channels of light a scene needs.
@@ -17,7 +19,7 @@ pub enum Channels {
 }
 
 impl Channels {
-    /// What a scene needs.
+    /// The channels that a scene needs.
     pub fn needed(scene: &Scene) -> Self {
         let is_grey = |rgb: DVec3| rgb == DVec3::splat(rgb.x);
         let exitances = scene.surfaces.iter().map(|surface| surface.exitance);
@@ -40,7 +42,7 @@ impl Channels {
         }
     }
 
-    /// Nothing yet, for so many receivers.
+    /// Starts to gather at so many receivers.
     pub fn gathering(self, receivers: usize) -> Gathering {
         match self {
             Self::One(colour) => Gathering::One(colour, vec![0.0; receivers]),
@@ -49,7 +51,7 @@ impl Channels {
     }
 }
 
-/// Irradiance of the receivers of a set, summed up row by row, so that no row need be kept for it.
+/// Irradiance of receivers, summed up row by row.
 pub enum Gathering {
     /// Of one colour.
     One(DVec3, Vec<f64>),
@@ -58,7 +60,7 @@ pub enum Gathering {
 }
 
 impl Gathering {
-    /// Adds what the shooter of a row gives.
+    /// Adds the light of a row's shooter.
     pub fn add(&mut self, row: &Row, light: DVec3) {
         match self {
             Self::One(colour, sums) => add_row(sums, row, f64::from_rgb(light, *colour)),

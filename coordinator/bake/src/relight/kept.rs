@@ -1,4 +1,4 @@
-//! What a finished bake leaves behind.
+//! Kept light: what relighting needs of a finished bake.
 
 use std::collections::HashSet;
 
@@ -6,13 +6,14 @@ use glam::{DVec3, Vec3};
 use kernel::replica::Digest;
 
 use super::RelightError;
+use crate::error_budget::ErrorBudget;
 use crate::mesh::{Mesh, PatchId};
-use crate::stages::checks::Checks;
-use crate::stages::settings::RowStrategy;
-use crate::stages::{BakeSettings, ErrorBudget, shooting_mesh};
+use crate::refinement::SamplePoints;
+use crate::settings::{BakeSettings, RowStrategy};
+use crate::stages::shooting_mesh;
 use scene::Scene;
 
-/// What a finished bake leaves behind, so that its scene can be lit otherwise.
+/// Kept light: what relighting needs of a finished bake.
 #[derive(Debug, Clone, PartialEq)]
 pub struct KeptLight {
     /// Of the scene.
@@ -21,21 +22,21 @@ pub struct KeptLight {
     pub(super) sky: DVec3,
     /// How the mesh of the shares was made.
     pub(super) shooting: ShootingMesh,
-    /// Patches that were divided since, in the order in which they were.
+    /// Patches that were divided since, in order.
     pub(super) divided: Vec<PatchId>,
     /// Vertices of the mesh.
     pub(super) vertices: usize,
-    /// Light by light.
+    /// The light of each light source.
     pub(super) parts: Vec<KeptPart>,
-    /// Where the answer was measured.
-    pub(super) checks: Checks,
+    /// Where the error was measured.
+    pub(super) checks: SamplePoints,
     /// Reflected flux over incident flux.
     pub(super) reflectance: f64,
     /// Of the finished bake.
     pub(super) error: ErrorBudget,
 }
 
-/// What the mesh of the shares depends on beside the scene.
+/// What the shooting mesh depends on beside the scene.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct ShootingMesh {
     /// Longest edge, relative to the scene's extent.
@@ -46,7 +47,7 @@ pub(super) struct ShootingMesh {
     pub(super) max_vertices: usize,
     /// Whether an error was asked for.
     pub(super) has_error: bool,
-    /// Whether rows are those of receivers.
+    /// Whether rows were gathered.
     pub(super) is_gathered: bool,
 }
 
@@ -57,17 +58,17 @@ pub(super) struct KeptPart {
     pub(super) names: Vec<String>,
     /// Its light is kept as that of a sky of unit radiance.
     pub(super) is_sky: bool,
-    /// What its light is multiplied by to be as it was in the bake.
+    /// Factor that gives its light as baked.
     pub(super) as_baked: DVec3,
     /// Irradiance of the vertices, straight from the sources.
     pub(super) direct: Vec<Vec3>,
     /// Irradiance of the vertices, in all.
     pub(super) irradiance: Vec<Vec3>,
-    /// Irradiance of the check points, in all.
+    /// Irradiance of the validation samples, in all.
     pub(super) gathered: Vec<DVec3>,
     /// Standard error from rays for a factor of 1, relative to the whole light of the bake.
     pub(super) noise: f64,
-    /// Flux by which its shares differ from what they should have shot, relative to its reflected flux.
+    /// Residual flux of the solution, relative to its reflected flux.
     pub(super) residual: f64,
 }
 
@@ -128,8 +129,8 @@ impl KeptLight {
         sums
     }
 
-    /// The check points with the light of all parts, each multiplied by its factor.
-    pub(super) fn checks_lit_by(&self, factors: &[DVec3]) -> Checks {
+    /// The validation samples with the light of all parts, each multiplied by its factor.
+    pub(super) fn checks_lit_by(&self, factors: &[DVec3]) -> SamplePoints {
         let mut sums = vec![DVec3::ZERO; self.checks.count()];
         for (part, factor) in self.parts.iter().zip(factors) {
             sums.iter_mut().zip(&part.gathered).for_each(|(sum, value)| *sum += *value * *factor);

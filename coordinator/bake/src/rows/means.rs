@@ -1,46 +1,38 @@
-//! The last step of the solution: the shares take the mean radiosity of the refined mesh.
+//! Which irradiance a share reflects: that at its vertex, or the mean over its part of the refined mesh. The mean is better where
+//! a shadow line or a hot spot lies inside the share.
 
 use std::ops::Range;
 
 use glam::DVec3;
 use kernel::row::{GROUP, Row};
 
-use super::{Bake, BakeError, Phase};
+use super::share_mesh::ShareMesh;
 use crate::mesh::{Mesh, PatchId, Share};
 use crate::solver::ShareEnergy;
 
 /// A share of which less than this part is exposed takes the value at its vertex.
 const LEAST_EXPOSED: f64 = 0.1;
 
-impl Bake<'_, '_> {
-    /// Solves again with each share's radiosity taken as the mean over its part of the refined mesh instead of the value at
-    /// its vertex: the better figure where a shadow line or a hot spot lies inside the share. No rows are needed but
-    /// those that there are, or were.
-    #[tracing::instrument(skip_all)]
-    pub(super) fn settle(&mut self) -> Result<(), BakeError> {
-        self.office.enter(Phase::Settle, self.mesh.vertices.len());
-        self.takes_means = true;
-        self.solve_settled(self.settings.threshold)?;
-        self.show();
-        self.end_step("settle");
-        Ok(())
+/// Where shares take their irradiance from.
+pub enum ShareValues {
+    /// The value at the vertex of each.
+    AtVertices,
+    /// Means over the mesh.
+    Means(Means),
+}
+
+impl ShareValues {
+    /// Means over a mesh. `exposed` tells which vertices see any surface.
+    pub fn means(mesh: &ShareMesh, exposed: &[bool]) -> Self {
+        Self::Means(Means::new(&mesh.mesh, &mesh.shares, exposed))
     }
 
-    /// The solution over the means of the refined mesh, from the radiosity so far, to a relative accuracy.
-    pub(super) fn solve_settled(&mut self, tolerance: f64) -> Result<(), BakeError> {
-        let means = Means::new(&self.mesh, &self.shares, &self.exposed);
-        if self.is_gathered {
-            return self.solve_over_receivers(&means, tolerance);
+    /// Irradiance of each share, from that of each vertex.
+    pub fn of(&self, energies: &[ShareEnergy], irradiance: &[DVec3]) -> Vec<DVec3> {
+        match self {
+            Self::AtVertices => energies.iter().map(|share| irradiance[share.receiver]).collect(),
+            Self::Means(means) => means.of(irradiance),
         }
-        let direct = means.of(&self.direct);
-        let guess = std::mem::take(&mut self.radiosity);
-        self.solve(self.settled_energies(), Some(&means), direct, guess, tolerance)
-    }
-
-    /// The shares, each receiving its own mean.
-    pub(super) fn settled_energies(&self) -> Vec<ShareEnergy> {
-        let itself = |(receiver, share): (usize, &ShareEnergy)| ShareEnergy { receiver, ..*share };
-        self.energies.iter().enumerate().map(itself).collect()
     }
 }
 

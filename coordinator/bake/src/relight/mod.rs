@@ -15,7 +15,7 @@
 //! itself did with its sum.
 //!
 //! The mesh stays that of the finished bake, refined for its light. What this does to the error is measured: the light of each
-//! source at the check points is kept too, and the new sum is held to the new light there.
+//! source at the validation samples is kept too, and the new sum is held to the new light there.
 
 mod change;
 mod file;
@@ -30,13 +30,13 @@ use kernel::replica::Digest;
 use serde::Serialize;
 
 pub use change::{LightChange, NewLight};
+pub use keep::keep_light;
 pub use kept::KeptLight;
 
-use super::budget::ErrorBudget;
-use super::measure::{RETURNING, receivers_error};
-use super::present::lit_mesh;
+use crate::error_budget::{ErrorBudget, INTERPOLATED_NOISE, RETURNING};
 use crate::lit::{LitLayer, LitMesh};
-use crate::solver::fit::best_fit_of_part;
+use crate::preview::lit_mesh;
+use crate::refinement::best_fit_of_part;
 use kept::KeptPart;
 use scene::Scene;
 
@@ -157,13 +157,13 @@ fn error(kept: &KeptLight, factors: &[DVec3], mesh: &crate::mesh::Mesh, fitted: 
     let sum: f64 = kept.parts.iter().zip(factors).map(part_of).sum();
     let noise = if now.level() > 0.0 { sum * before.level() / now.level() } else { 0.0 };
     let receivers = if now.count() > 0 {
-        receivers_error(&now, mesh, fitted, kept.reflectance, noise)
+        now.interpolation_error(mesh, fitted, kept.reflectance, noise)
     } else {
         as_baked.receivers
     };
     let residual = kept.parts.iter().map(|part| part.residual).fold(0.0, f64::max);
     let unshot = residual / (1.0 - RETURNING * kept.reflectance);
-    let visibility = noise * super::measure::INTERPOLATED_NOISE.sqrt();
+    let visibility = noise * INTERPOLATED_NOISE.sqrt();
     ErrorBudget::new(unshot, visibility, as_baked.form_factors, receivers, as_baked.shooters)
 }
 

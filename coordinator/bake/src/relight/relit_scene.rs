@@ -5,17 +5,17 @@ use gltf::json::Root;
 use gltf::json::extensions::material::{EmissiveStrength, EmissiveStrengthFactor};
 
 use super::NewLight;
-use crate::stages::light::Origin;
+use crate::stages::Origin;
 use scene::colour_and_rest;
 use scene::{LightEntry, Scene};
 
-/// Factors of all that use one thing of the document.
+/// Factors of all users of one object of the document.
 type Factors<T> = BTreeMap<T, Vec<DVec3>>;
 
-/// The scene with its lights changed, and what of it the output cannot show, in words.
+/// The scene with its lights changed, and warnings of what the output cannot show.
 ///
-/// Emissive materials and lights are changed in the document as well where all that use one change alike. Where they do not, the
-/// document has no room for both, and keeps it as it was: the light on other surfaces is right all the same.
+/// Emissive materials and lights are changed in the document as well where all their users change alike. Otherwise the
+/// document keeps them as they were; the light on other surfaces is right all the same.
 pub(super) fn changed(scene: &Scene, light: &NewLight) -> (Scene, Vec<String>) {
     let mut changed = scene.clone();
     changed.sky = light.sky(scene.sky);

@@ -4,52 +4,51 @@ use glam::DVec3;
 
 use super::RelightError;
 use super::kept::KeptLight;
-use crate::stages::layers::{SKY, listed, names_of};
-use crate::stages::light::Origin;
-use crate::stages::{LightGroup, LightPart};
+use crate::light_parts::{LightGroup, LightPart};
+use crate::stages::{Origin, SKY, listed, names_of};
 use scene::Scene;
 
-/// Another brightness or colour of a light.
+/// A new intensity or colour of a light.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LightChange {
     /// Name of the light: of the node of a light; of the node or the material of an emissive surface; `sky`.
     pub light: String,
-    /// What its light is multiplied by, channel by channel.
+    /// Factor of its light, per channel.
     pub factor: DVec3,
 }
 
-/// The light that is wanted. By default it is that of the bake.
+/// The new light. By default that of the bake.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct NewLight {
     /// Lights that change; others stay. Where several are names of one source, their factors are multiplied.
     pub changes: Vec<LightChange>,
     /// Radiance of the sky, where it changes.
     pub sky: Option<DVec3>,
-    /// Which part of the light the output has.
+    /// The part of the light in the output.
     pub only: LightPart,
-    /// Light sources whose light is wanted by itself as well.
+    /// Light sources whose light is output separately as well.
     pub groups: Vec<LightGroup>,
 }
 
 impl NewLight {
-    /// What a light of these names is multiplied by.
+    /// Factor of a light with these names.
     pub(super) fn factor<'a>(&self, names: impl Iterator<Item = &'a str>) -> DVec3 {
         let names: Vec<&str> = names.collect();
         let meant = self.changes.iter().filter(|change| names.contains(&change.light.as_str()));
         meant.map(|change| change.factor).product()
     }
 
-    /// What a source of the scene is multiplied by.
+    /// Factor of a light source of the scene.
     pub(super) fn factor_of(&self, scene: &Scene, origin: Origin) -> DVec3 {
         self.factor(names_of(scene, origin))
     }
 
-    /// Radiance of the sky, where the scene has this one.
+    /// Radiance of the sky, which was this.
     pub(super) fn sky(&self, as_baked: DVec3) -> DVec3 {
         self.sky.unwrap_or(as_baked) * self.factor([SKY].into_iter())
     }
 
-    /// What each kept part is multiplied by.
+    /// Factor of each kept part.
     ///
     /// # Errors
     /// When a light does not exist, or a factor makes no sense.

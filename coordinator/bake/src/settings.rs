@@ -1,7 +1,7 @@
 use kernel::row::Precision;
 use serde::Serialize;
 
-use super::layers::{LightGroup, LightPart};
+use crate::light_parts::{LightGroup, LightPart};
 
 /// How the rows of form factors are computed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
@@ -16,11 +16,11 @@ pub enum RowStrategy {
     Gather,
 }
 
-/// The knobs of a bake.
+/// The settings of a bake.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct BakeSettings {
-    /// Relative L2 error of the radiosity that is asked for. The bake then works towards it, with the knobs below as a start:
-    /// it refines the mesh on or begins again with finer shooters or more rays, until its estimate says that the error is met.
+    /// Target for the relative L2 error of the radiosity. The bake starts from the settings below, and refines the mesh or
+    /// begins again with finer shooters or more rays until its estimate meets the target.
     pub error: Option<f64>,
     /// How form factors are computed.
     pub rows: RowStrategy,
@@ -37,7 +37,7 @@ pub struct BakeSettings {
     /// written beside it.
     #[serde(skip)]
     pub row_cache: usize,
-    /// Patches are divided this often at most.
+    /// Most divisions of a patch.
     pub max_level: u32,
     /// The solution ends when rho / (1 - rho) x unshot flux is under this part of the reflected flux.
     pub threshold: f64,

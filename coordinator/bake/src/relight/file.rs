@@ -6,9 +6,9 @@ use prost::Message;
 
 use super::RelightError;
 use super::kept::{KeptLight, KeptPart, ShootingMesh};
+use crate::error_budget::ErrorBudget;
 use crate::mesh::PatchId;
-use crate::stages::ErrorBudget;
-use crate::stages::checks::Checks;
+use crate::refinement::SamplePoints;
 use kernel::row::release;
 
 /// What every file begins with.
@@ -43,7 +43,7 @@ pub(super) struct Body {
     /// Of each check point.
     #[prost(uint32, repeated, tag = "11")]
     pub(super) patches: Vec<u32>,
-    /// Of each check point [`Checks::NUMBERS`].
+    /// Of each check point [`SamplePoints::NUMBERS`].
     #[prost(double, repeated, tag = "12")]
     pub(super) points: Vec<f64>,
     #[prost(double, tag = "13")]
@@ -127,7 +127,7 @@ impl KeptLight {
     /// `None` where something cannot be.
     fn from_body(body: Body) -> Option<Self> {
         let vertices = body.vertices as usize;
-        let checks = Checks::from_numbers(&body.patches, &body.points)?;
+        let checks = SamplePoints::from_numbers(&body.patches, &body.points)?;
         let parts = body.parts.into_iter().map(|part| part.into_kept(vertices, checks.count()));
         let [unshot, visibility, form_factors, receivers, shooters] =
             <[f64; 5]>::try_from(body.error.as_slice()).ok()?;

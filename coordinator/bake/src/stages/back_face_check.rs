@@ -1,8 +1,8 @@
-//! Light that falls on the backs of one-sided surfaces: the sign of triangles that are wound the wrong way.
+//! The back-face check: warns of light that falls on the backs of one-sided surfaces, the sign of flipped triangles.
 //!
-//! A one-sided surface neither reflects nor shows what falls on its back: that light is lost. Where a modeller meant it so, there is
-//! none to speak of: the backs of a closed box lie in its dark inside. A flipped wall or a box turned inside out has its back in the
-//! light. Some points on the back of each surface are therefore taken as receivers, and rows tell what they get.
+//! A one-sided surface neither reflects nor shows light on its back: it is lost. The backs of a closed box lie in its dark inside,
+//! but a flipped wall or a box turned inside out has its back in the light. The irradiance at some points on the back of each
+//! surface tells.
 
 use std::collections::{HashMap, HashSet};
 
@@ -10,28 +10,30 @@ use glam::DVec3;
 use kernel::geometry::PlaneId;
 use kernel::replica::{Receiver, Receivers};
 
+use super::irradiance::{Lights, Place, irradiance_at};
 use super::light::LightSource;
-use super::{Bake, BakeError, light};
+use super::solved::Solved;
+use crate::context::Context;
+use crate::error::Result;
 use scene::{Facet, Scene, Side, SourceTriangle};
 
-/// Key of the first point as a receiver: above all vertices and check points, so that its rays are its own.
+/// Key of the first point as a receiver: above all vertices and sample points, so that its rays are its own.
 const FIRST_KEY: u64 = 1 << 33;
 
 /// Points on the back of a surface.
 const POINTS: usize = 16;
 
-/// Points are one for this many vertices of the mesh at most, but at least one for each surface: what is asked for in addition to the
-/// solution costs little beside it.
+/// At most one point for this many vertices of the mesh, but at least one per surface: the check costs little beside the solution.
 const VERTICES_PER_POINT: usize = 16;
 
-/// Part of the emitted flux that must escape before backs are looked at: without it no back gets light.
+/// Part of the emitted flux that must escape before backs are checked: without it no back gets light.
 const LEAST_ESCAPED: f64 = 1e-6;
 
-/// Part of the emitted flux on the back of a surface that is worth a warning, unless the surface is closed: what glows inside of a
-/// solid, such as the part of a bright floor that a box stands on, is no fault of the solid.
+/// Part of the emitted flux on the back of a surface that is worth a warning, unless the surface is closed: light inside a
+/// solid, such as from the part of a bright floor that a box stands on, is no fault of the solid.
 const MUCH: f64 = 0.01;
 
-/// A surface whose front gets less than this part of what its back gets is turned the wrong way, however small it is.
+/// A surface whose front gets less than this part of the light on its back is flipped, however small it is.
 const DARK_FRONT: f64 = 0.01;
 
 /// A point on the back of a surface.
@@ -40,34 +42,42 @@ struct BackPoint {
     receiver: Receiver,
 }
 
-impl Bake<'_, '_> {
-    /// Warnings of surfaces that lose light on their backs. Needs the solution.
+impl Solved {
+    /// Warnings of surfaces that lose light on their backs.
     #[tracing::instrument(skip_all)]
-    pub(super) fn look_behind(&mut self) -> Result<Vec<String>, BakeError> {
-        let balance = self.balance();
+    pub fn back_face_check(&mut self, cx: &mut Context) -> Result<Vec<String>> {
+        let balance = self.balance(cx);
         let emitted: f64 = balance.emitted.iter().sum();
         if balance.escaped.iter().sum::<f64>() <= LEAST_ESCAPED * emitted {
             return Ok(vec![]);
         }
-        let points = back_points(self.scene, self.mesh.vertices.len() / VERTICES_PER_POINT);
+        let scene = cx.scene;
+        let points = back_points(scene, self.mesh.mesh.vertices.len() / VERTICES_PER_POINT);
         if points.is_empty() {
             return Ok(vec![]);
         }
-        let irradiance = self.irradiance_at(&points)?;
-        let fronts = self.mean_irradiance();
-        let mut backs: Vec<(f64, DVec3)> = vec![(0.0, DVec3::ZERO); self.scene.surfaces.len()];
+        let receivers = points.iter().map(|point| point.receiver).collect();
+        let receivers = Receivers { first_key: FIRST_KEY, receivers };
+        // The sun on a roof and the sky under a floor are not lost light of the scene.
+        let inside: Vec<LightSource> =
+            self.sources.all.iter().filter(|source| !source.is_outside).cloned().collect();
+        let lights = Lights { sources: &inside, radiosity: &self.solution.radiosity };
+        let light = irradiance_at(cx, &mut self.rows, Place::Once(&receivers), &[lights], |_, _| ())?;
+        let irradiance = light.into_iter().flat_map(|light| light.all);
+        let fronts = self.mean_irradiance(scene);
+        let mut backs: Vec<(f64, DVec3)> = vec![(0.0, DVec3::ZERO); scene.surfaces.len()];
         for (point, irradiance) in points.iter().zip(irradiance) {
             backs[point.surface].0 += 1.0;
             backs[point.surface].1 += irradiance;
         }
-        let square_unit = self.scene.frame.scale * self.scene.frame.scale;
+        let square_unit = scene.frame.scale * scene.frame.scale;
         let mut warnings = vec![];
         for (index, (count, sum)) in backs.into_iter().enumerate().filter(|(_, (count, _))| *count > 0.0) {
             let back = (sum / count).element_sum();
             let (area, front) = fronts[index];
-            let lost = back * area * square_unit * self.scene.surfaces[index].opacity / emitted;
+            let lost = back * area * square_unit * scene.surfaces[index].opacity / emitted;
             let flipped = back > 0.0 && front.element_sum() < DARK_FRONT * back;
-            if flipped || lost >= MUCH && !is_closed(&self.scene.surfaces[index].facets) {
+            if flipped || lost >= MUCH && !is_closed(&scene.surfaces[index].facets) {
                 let cure = if flipped {
                     "flip its triangles"
                 } else {
@@ -75,7 +85,7 @@ impl Bake<'_, '_> {
                 };
                 warnings.push(format!(
                     "{}: {:.1} % of all light falls on its back and is lost, its front gets {}: {cure}",
-                    self.scene.surfaces[index].name,
+                    scene.surfaces[index].name,
                     100.0 * lost,
                     if flipped { "next to none" } else { "some too" },
                 ));
@@ -84,28 +94,11 @@ impl Bake<'_, '_> {
         Ok(warnings)
     }
 
-    fn irradiance_at(&mut self, points: &[BackPoint]) -> Result<Vec<DVec3>, BakeError> {
-        let receivers = points.iter().map(|point| point.receiver).collect();
-        let receivers = Receivers { first_key: FIRST_KEY, receivers };
-        let set = self.office.publish_receivers(&receivers);
-        // The sun on a roof, and the sky under a floor, are no light that the scene has and loses.
-        let inside: Vec<LightSource> =
-            self.sources.iter().filter(|source| !source.is_outside).cloned().collect();
-        let direct = light::irradiance(&inside, set, self.office, |_, _, _| ())?;
-        let mut gathered = self.channels.gathering(set.count());
-        let radiosity = &self.radiosity;
-        self.rows
-            .each_over(self.office, set, &receivers, |share, row| gathered.add(row, radiosity[share]))?;
-        self.office.release_receivers(set);
-        Ok(direct.iter().zip(gathered.into_irradiance()).map(|(direct, light)| *direct + light).collect())
-    }
-
     /// Area, in the frame, and mean irradiance of each surface.
-    fn mean_irradiance(&self) -> Vec<(f64, DVec3)> {
-        let mut sums = vec![(0.0, DVec3::ZERO); self.scene.surfaces.len()];
-        for (_, patch) in self.mesh.leaves() {
-            let corners = patch.corners.iter().map(|corner| self.irradiance[corner.index()]);
-            let mean = corners.sum::<DVec3>() / patch.corners.len() as f64;
+    fn mean_irradiance(&self, scene: &Scene) -> Vec<(f64, DVec3)> {
+        let mut sums = vec![(0.0, DVec3::ZERO); scene.surfaces.len()];
+        for (_, patch) in self.mesh.mesh.leaves() {
+            let mean = patch.mean(&self.solution.irradiance);
             let (area, flux) = &mut sums[patch.surface as usize];
             *area += patch.area;
             *flux += mean * patch.area;
@@ -114,8 +107,8 @@ impl Bake<'_, '_> {
     }
 }
 
-/// Points on the backs of all one-sided surfaces, at even distances by area, but for those that another surface in the same plane
-/// covers: two sheets back to back have no back.
+/// Points on the backs of all one-sided surfaces, evenly by area, except where another surface in the same plane covers them:
+/// two sheets back to back have no back.
 fn back_points(scene: &Scene, most: usize) -> Vec<BackPoint> {
     let two_sided: HashSet<(usize, usize)> =
         scene.surfaces.iter().filter(|s| s.side == Side::Back).map(|s| (s.node, s.primitive)).collect();
@@ -143,7 +136,7 @@ fn back_points(scene: &Scene, most: usize) -> Vec<BackPoint> {
         .collect()
 }
 
-/// So many points on some facets, at even distances by area: centres of gravity of their triangles.
+/// Points on some facets, evenly by area: centroids of their triangles.
 fn spread(facets: &[Facet], count: usize) -> Vec<(&Facet, DVec3)> {
     let area = |triangle: &SourceTriangle| {
         let [a, b, c] = triangle.positions;

@@ -1,4 +1,4 @@
-//! What shares and patches reflect, emit and take: means over their area, where that varies over their surface.
+//! Materials averaged over shares and patches, where textures vary over them.
 
 use glam::DVec3;
 use kernel::geometry::area_vector;
@@ -7,24 +7,24 @@ use rayon::prelude::*;
 use crate::mesh::{Mesh, PatchId, Share};
 use scene::{Scene, Surface};
 
-/// Means over a part of a surface.
+/// A material averaged over a part of a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct MeanLook {
+pub struct AveragedMaterial {
     /// Reflectance.
     pub reflectance: DVec3,
     /// Exitance.
     pub exitance: DVec3,
-    /// Part of the light that is taken: the other part passes.
+    /// Part of the light that is stopped: the rest passes.
     pub opacity: f64,
 }
 
-impl MeanLook {
-    /// Of a uniform surface.
+impl AveragedMaterial {
+    /// The material of a uniform surface.
     fn uniform(surface: &Surface) -> Self {
         Self { reflectance: surface.reflectance, exitance: surface.exitance, opacity: surface.opacity }
     }
 
-    /// Over polygons of facets, as long as they have an area.
+    /// Averages over polygons of facets, unless they have no area.
     fn over(surface: &Surface, polygons: impl Iterator<Item = (u32, Vec<DVec3>)>) -> Self {
         let (mut area, mut sums) =
             (0.0, Self { reflectance: DVec3::ZERO, exitance: DVec3::ZERO, opacity: 0.0 });
@@ -46,36 +46,36 @@ impl MeanLook {
     }
 }
 
-/// Means over each share.
-pub fn of_shares(scene: &Scene, mesh: &Mesh, shares: &[Share]) -> Vec<MeanLook> {
+/// Averages over each share.
+pub fn of_shares(scene: &Scene, mesh: &Mesh, shares: &[Share]) -> Vec<AveragedMaterial> {
     let of_share = |share: &Share| {
         let surface = &scene.surfaces[share.surface as usize];
         if surface.appearance.is_none() {
-            return MeanLook::uniform(surface);
+            return AveragedMaterial::uniform(surface);
         }
         let parts = share.corners.chunk_by(|a, b| a.0 == b.0).flat_map(|own| {
             let (id, patch) = (own[0].0, mesh.patch(own[0].0));
             let polygons = if own.len() == patch.corners.len() {
-                vec![outline(mesh, id)]
+                vec![mesh.corners(id)]
             } else {
                 own.iter().map(|(id, corner)| mesh.corner_quad(*id, *corner).to_vec()).collect()
             };
             polygons.into_iter().map(|polygon| (patch.facet, polygon))
         });
-        MeanLook::over(surface, parts)
+        AveragedMaterial::over(surface, parts)
     };
     shares.par_iter().map(of_share).collect()
 }
 
-/// Means over patches, once they were asked for.
+/// Averages over patches, as far as they were computed.
 #[derive(Default)]
-pub struct PatchLooks {
-    known: Vec<Option<MeanLook>>,
+pub struct PatchMaterials {
+    known: Vec<Option<AveragedMaterial>>,
 }
 
-impl PatchLooks {
-    /// Learns what the leaves of a mesh have.
-    pub fn learn(&mut self, scene: &Scene, mesh: &Mesh) {
+impl PatchMaterials {
+    /// Computes those of all leaves of a mesh.
+    pub fn update(&mut self, scene: &Scene, mesh: &Mesh) {
         self.known.resize(mesh.patches.len(), None);
         let varies = |id: &PatchId| scene.surfaces[mesh.patch(*id).surface as usize].appearance.is_some();
         let unknown: Vec<PatchId> = mesh
@@ -83,29 +83,25 @@ impl PatchLooks {
             .map(|(id, _)| id)
             .filter(|id| varies(id) && self.known[id.index()].is_none())
             .collect();
-        let found: Vec<(PatchId, MeanLook)> =
+        let found: Vec<(PatchId, AveragedMaterial)> =
             unknown.into_par_iter().map(|id| (id, of_patch(scene, mesh, id))).collect();
-        for (id, look) in found {
-            self.known[id.index()] = Some(look);
+        for (id, material) in found {
+            self.known[id.index()] = Some(material);
         }
     }
 
-    /// What a patch has in the mean.
-    pub fn of(&self, scene: &Scene, mesh: &Mesh, id: PatchId) -> MeanLook {
+    /// Returns the average over a patch.
+    pub fn of(&self, scene: &Scene, mesh: &Mesh, id: PatchId) -> AveragedMaterial {
         let known = self.known.get(id.index()).copied().flatten();
         known.unwrap_or_else(|| of_patch(scene, mesh, id))
     }
 }
 
-fn of_patch(scene: &Scene, mesh: &Mesh, id: PatchId) -> MeanLook {
+fn of_patch(scene: &Scene, mesh: &Mesh, id: PatchId) -> AveragedMaterial {
     let patch = mesh.patch(id);
     let surface = &scene.surfaces[patch.surface as usize];
     if surface.appearance.is_none() {
-        return MeanLook::uniform(surface);
+        return AveragedMaterial::uniform(surface);
     }
-    MeanLook::over(surface, std::iter::once((patch.facet, outline(mesh, id))))
-}
-
-fn outline(mesh: &Mesh, id: PatchId) -> Vec<DVec3> {
-    mesh.patch(id).corners.iter().map(|corner| mesh.position(*corner)).collect()
+    AveragedMaterial::over(surface, std::iter::once((patch.facet, mesh.corners(id))))
 }

@@ -1,4 +1,5 @@
-//! Check points: random points between the vertices, where the answer is measured against light gathered there.
+//! Sample points: random points between the vertices, where interpolated light is compared with light gathered there. Refinement
+//! samples tell where to divide patches; validation samples, drawn anew, measure the error of the solution.
 //!
 //! A prediction from the vertices cannot know what lies between them: a shadow that falls between all vertices of a coarse
 //! mesh leaves no trace. Points drawn at random see it with a known probability, and the mean square of what is found at them
@@ -11,33 +12,32 @@ use kernel::geometry::{PlaneId, uniform_point};
 use kernel::replica::{Receiver, Receivers};
 use sobol_burley::sample_4d;
 
-use super::BakeSettings;
-use super::channels::Gathering;
-use super::receivers::INWARD;
-use crate::mesh::{Mesh, PatchId, VertexId, along_curve, interpolation};
+use crate::error_budget::{INTERPOLATED_NOISE, without_noise};
+use crate::mesh::{INWARD, Mesh, PatchId, VertexId, along_curve, interpolation};
+use crate::settings::BakeSettings;
 use scene::Scene;
 
-/// Key of the first check point of the first draw as a receiver: above all vertices, so that its rays are its own.
+/// Key of the first point of the first draw as a receiver: above all vertices, so that its rays are its own.
 const FIRST_KEY: u64 = 1 << 32;
 
-/// A scene of many patches gets one point for so many of them.
+/// Scenes with many patches get one point for this many of them.
 const PATCHES_PER_POINT: usize = 16;
 
-/// But no more than this.
+/// Most points, unless more were asked for.
 const MOST_POINTS: usize = 2048;
 
-/// So many points come first, drawn as the others are.
+/// Size of the blocks in which the points are sorted: each is a random part of all.
 pub const FIRST: usize = 256;
 
 /// The sequence that the points are drawn from ends here.
 const MOST_DRAWN: usize = 1 << 16;
 
-/// The points, and the light gathered at them.
+/// Sample points, and the light gathered at them.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Checks {
+pub struct SamplePoints {
     /// Key of the first as a receiver.
     first_key: u64,
-    points: Vec<CheckPoint>,
+    points: Vec<SamplePoint>,
     /// Irradiance from the light sources.
     direct: Vec<DVec3>,
     /// Irradiance in all.
@@ -46,7 +46,7 @@ pub struct Checks {
 
 /// A point on the surface.
 #[derive(Debug, Clone, PartialEq)]
-struct CheckPoint {
+struct SamplePoint {
     /// The patch that it lies on, a leaf when the point was drawn.
     patch: PatchId,
     reflectance: DVec3,
@@ -57,7 +57,7 @@ struct CheckPoint {
     weight: f64,
 }
 
-impl Checks {
+impl SamplePoints {
     /// Draws points on the reflecting surfaces: half of them uniformly over the area, half by the square error that `expected`
     /// tells of each leaf, where it is known. Another `round` is another draw.
     pub fn draw(
@@ -97,7 +97,7 @@ impl Checks {
             let [x, y, z, _] = sample_4d(index as u32, 0, seed).map(f64::from);
             let place = parts.partition_point(|(_, part_end, _)| *part_end <= x * end).min(parts.len() - 1);
             let (id, _, weight) = parts[place];
-            let corners: Vec<DVec3> = mesh.patch(id).corners.iter().map(|c| mesh.position(*c)).collect();
+            let corners = mesh.corners(id);
             let position = uniform_point(&corners, y, z);
             let normals = interpolation(mesh, id, position, |_| DVec3::ZERO);
             let vertex = |id: VertexId| &mesh.vertices[id.index()];
@@ -109,7 +109,7 @@ impl Checks {
             // As for vertices: facets around a smooth point may rise over its horizon.
             let is_smooth = normals.iter().any(|(id, _)| vertex(*id).smooth);
             let lift = if is_smooth { INWARD * mesh.patch(id).area.sqrt() } else { 0.0 };
-            CheckPoint {
+            SamplePoint {
                 patch: id,
                 reflectance: surface.mean_reflectance(patch.facet, &[position]),
                 receiver: Receiver { position: position + normal * lift, normal, plane: facet.plane },
@@ -118,8 +118,8 @@ impl Checks {
             }
         };
         let first_key = FIRST_KEY + u64::from(round) * MOST_DRAWN as u64;
-        let mut points: Vec<CheckPoint> = (0..count).map(point).collect();
-        // The first of them are asked about alone: they stay a random part of all.
+        let mut points: Vec<SamplePoint> = (0..count).map(point).collect();
+        // The first of them are used alone: they stay a random part of all.
         for part in points.chunks_mut(FIRST) {
             part.sort_by_cached_key(|point| along_curve(point.position));
         }
@@ -143,12 +143,11 @@ impl Checks {
     }
 
     /// Takes the light of the shares.
-    pub fn set_gathered(&mut self, gathered: Gathering) {
-        let gathered = gathered.into_irradiance();
-        self.irradiance = self.direct.iter().zip(gathered).map(|(direct, light)| *direct + light).collect();
+    pub fn set_gathered(&mut self, gathered: &[DVec3]) {
+        self.irradiance = self.direct.iter().zip(gathered).map(|(direct, light)| *direct + *light).collect();
     }
 
-    /// Takes all the light there is.
+    /// Takes all light.
     pub fn set_irradiance(&mut self, irradiance: Vec<DVec3>) {
         self.irradiance = irradiance;
     }
@@ -165,7 +164,7 @@ impl Checks {
 
     /// What is needed to compare at the points again: the patch of each, and its reflectance, position and weight, 7 numbers.
     pub fn to_numbers(&self) -> (Vec<u32>, Vec<f64>) {
-        let numbers = |point: &CheckPoint| {
+        let numbers = |point: &SamplePoint| {
             let [reflectance, position] = [point.reflectance, point.position].map(|v| v.to_array());
             reflectance.into_iter().chain(position).chain([point.weight])
         };
@@ -182,7 +181,7 @@ impl Checks {
             let position = DVec3::new(x, y, z);
             let receiver = Receiver { position, normal: DVec3::ZERO, plane: PlaneId(0) };
             let reflectance = DVec3::new(r, g, b);
-            CheckPoint { patch: PatchId(*patch), reflectance, receiver, position, weight }
+            SamplePoint { patch: PatchId(*patch), reflectance, receiver, position, weight }
         };
         (fits && can_be)
             .then(|| Self { points: patches.iter().zip(numbers).map(point).collect(), ..Self::default() })
@@ -192,13 +191,21 @@ impl Checks {
     /// error of the radiosity there, interpolated minus gathered.
     pub fn compare(&self, mesh: &Mesh, irradiance: &[DVec3]) -> Vec<(PatchId, DVec3)> {
         let value = |vertex: VertexId| irradiance[vertex.index()];
-        let found = |(point, gathered): (&CheckPoint, &DVec3)| {
+        let found = |(point, gathered): (&SamplePoint, &DVec3)| {
             let leaf = mesh.leaf_at(point.patch, point.position);
             let corners = interpolation(mesh, leaf, point.position, value);
             let interpolated: DVec3 = corners.iter().map(|(vertex, weight)| value(*vertex) * *weight).sum();
             (leaf, point.reflectance * (interpolated - *gathered))
         };
         self.points.iter().zip(&self.irradiance).map(found).collect()
+    }
+
+    /// The error of interpolation, where the mean reflectance and the relative noise of the light are these.
+    pub fn interpolation_error(&self, mesh: &Mesh, fitted: &[DVec3], reflectance: f64, noise: f64) -> f64 {
+        let errors: Vec<DVec3> = self.compare(mesh, fitted).into_iter().map(|(_, error)| error).collect();
+        let mixed = self.relative(self.with_level(&errors, reflectance).into_iter());
+        // The gathered light is noisy too.
+        without_noise(mixed, noise * (1.0 + INTERPOLATED_NOISE).sqrt())
     }
 
     /// Differences of the radiosity where other shooters give these irradiances at the first points, beside the light sources.
@@ -218,8 +225,8 @@ impl Checks {
 
     /// Errors of the radiosity at all points, with what reflection makes of their mean: light that is lost between the vertices
     /// is missed by all surfaces, by the level mean x rho / (1 - rho) relative to their radiosity.
-    pub fn with_level(&self, errors: &[DVec3], reflectance: f64) -> Vec<DVec3> {
-        let weighted = |(point, value): (&CheckPoint, &DVec3)| point.weight * value.element_sum();
+    fn with_level(&self, errors: &[DVec3], reflectance: f64) -> Vec<DVec3> {
+        let weighted = |(point, value): (&SamplePoint, &DVec3)| point.weight * value.element_sum();
         let radiosities: Vec<DVec3> =
             self.points.iter().zip(&self.irradiance).map(|(point, e)| point.reflectance * *e).collect();
         let lost: f64 = self.points.iter().zip(errors).map(weighted).sum();

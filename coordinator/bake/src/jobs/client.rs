@@ -1,0 +1,280 @@
+//! Submits jobs and receives their rows.
+
+use std::collections::{BTreeMap, HashMap, VecDeque};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
+
+use kernel::geometry::ConvexPolygon;
+use kernel::replica::{Digest, EncodedReplica, Receivers, encode_receivers, encode_translucent_scene};
+use kernel::row::{FinishedJob, JobId, Precision, Row, RowRequest, Shooter};
+
+use super::monitor::Monitor;
+use super::sizes::Pace;
+use crate::error::{BakeError, Result};
+use crate::observer::Observer;
+
+/// Most jobs under way where rows are requested in bulk: enough for a hundred threads, few enough that rows which wait for
+/// their turn take little memory.
+const MOST_UNDER_WAY: usize = 256;
+
+/// Cost of a ray of a hemisphere, in pairs.
+const PAIRS_PER_RAY: usize = 4;
+
+/// Longest wait for rows before the observer is asked again whether the bake is cancelled.
+const PATIENCE: Duration = Duration::from_millis(100);
+
+/// Clients opened by this process. Job ids of two clients with the same workers must differ: withdrawn jobs may be answered late.
+static CLIENTS: AtomicU64 = AtomicU64::new(0);
+
+/// More jobs than a client ever submits.
+const JOBS_OF_CLIENT: u64 = 1 << 40;
+
+/// Computes rows: a cluster of workers, in this process or elsewhere.
+pub trait RowService {
+    /// Makes a replica known before the first job that needs it.
+    fn publish(&mut self, replica: EncodedReplica);
+    /// Announces that a replica will not be used again.
+    fn release(&mut self, digest: Digest);
+    /// Requests rows; earlier requests are more urgent. No job id may be used twice.
+    fn submit(&mut self, requests: Vec<(JobId, RowRequest)>);
+    /// Forgets all unanswered jobs: none of them is answered any more.
+    fn withdraw(&mut self);
+    /// Returns how many jobs are computed at the same time now.
+    fn threads(&self) -> usize {
+        1
+    }
+    /// Waits for the next finished job, in any order. `None` where there is none within about `patience`.
+    ///
+    /// # Errors
+    /// When no more rows can be had.
+    fn next(&mut self, patience: Duration) -> Result<Option<FinishedJob>, BakeError>;
+}
+
+/// A published set that rows are over: of receivers, or of polygons that receivers see.
+#[derive(Debug, Clone, Copy)]
+pub struct ReceiverSet {
+    digest: Digest,
+    count: usize,
+    /// Cost of a row, in pairs.
+    pairs: usize,
+    /// The set is a scene of its own: rows are over its polygons.
+    is_scene: bool,
+}
+
+impl ReceiverSet {
+    /// Number of receivers.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+}
+
+/// The rows of one job.
+pub struct RowBatch {
+    /// One row each.
+    pub shooters: Vec<Shooter>,
+    /// Over all receivers of a set.
+    pub set: ReceiverSet,
+    /// Which of these rows were made before: they do not count as what the scene needs.
+    pub again: Vec<bool>,
+}
+
+/// A job under way.
+struct PendingJob {
+    /// The caller's name for it.
+    tag: u64,
+    /// Which of its rows were made before.
+    again: Vec<bool>,
+    pairs: usize,
+}
+
+/// Submits jobs for one scene to a [`RowService`]. When dropped, it leaves nothing with the service.
+pub struct RowClient<'a> {
+    service: &'a mut dyn RowService,
+    scene: Digest,
+    /// Published replicas, each with the number of its sets: two may have the same content.
+    published: HashMap<Digest, usize>,
+    precision: Precision,
+    jobs: HashMap<JobId, PendingJob>,
+    pace: Pace,
+    next_job: u64,
+    /// Progress and counters.
+    pub monitor: Monitor<'a>,
+}
+
+impl<'a> RowClient<'a> {
+    /// Publishes a scene.
+    pub fn new(
+        service: &'a mut dyn RowService,
+        observer: &'a mut dyn Observer,
+        scene: EncodedReplica,
+    ) -> Self {
+        let digest = scene.digest;
+        service.publish(scene);
+        Self {
+            service,
+            scene: digest,
+            published: HashMap::from([(digest, 1)]),
+            precision: Precision::DEFAULT,
+            jobs: HashMap::new(),
+            pace: Pace::default(),
+            next_job: CLIENTS.fetch_add(1, Ordering::Relaxed) * JOBS_OF_CLIENT,
+            monitor: Monitor::new(observer),
+        }
+    }
+
+    /// Sets the precision of rows submitted from now on.
+    pub fn set_precision(&mut self, precision: Precision) {
+        self.precision = precision;
+    }
+
+    /// Publishes a set of receivers.
+    pub fn publish_receivers(&mut self, receivers: &Receivers) -> ReceiverSet {
+        let replica = encode_receivers(receivers);
+        let count = receivers.receivers.len();
+        let set = ReceiverSet { digest: replica.digest, count, pairs: count, is_scene: false };
+        self.publish(replica);
+        set
+    }
+
+    /// Publishes polygons that hemisphere rows are over, with the opacity of each, or none where all are opaque.
+    pub fn publish_polygons(&mut self, polygons: &[ConvexPolygon], opacities: &[f32]) -> ReceiverSet {
+        let replica = encode_translucent_scene(polygons, opacities);
+        // A ray through the scene takes about as long as some pairs with little between.
+        let pairs = PAIRS_PER_RAY * self.precision.rays_per_hemisphere as usize;
+        let set = ReceiverSet { digest: replica.digest, count: polygons.len(), pairs, is_scene: true };
+        self.publish(replica);
+        set
+    }
+
+    fn publish(&mut self, replica: EncodedReplica) {
+        let sets = self.published.entry(replica.digest).or_default();
+        *sets += 1;
+        if *sets == 1 {
+            self.service.publish(replica);
+        }
+    }
+
+    /// Releases a published set.
+    pub fn release(&mut self, set: ReceiverSet) {
+        if let Some(sets) = self.published.get_mut(&set.digest) {
+            *sets -= 1;
+            if *sets == 0 {
+                self.published.remove(&set.digest);
+                self.service.release(set.digest);
+            }
+        }
+    }
+
+    /// Makes the rows of these shooters over a set and hands them over in order: index, row, and the variance from sampling,
+    /// summed over the row.
+    pub fn each_row(
+        &mut self,
+        shooters: &[Shooter],
+        set: ReceiverSet,
+        mut take: impl FnMut(usize, &Row, f64),
+    ) -> Result<()> {
+        self.monitor.expect_rows(shooters.len() as u64);
+        let (mut asked, mut next) = (0, 0);
+        let batches = |client: &Self| {
+            let count = client.rows_of_next_job(set, shooters.len() - asked);
+            let some = &shooters[asked..asked + count];
+            asked += count;
+            let batch = RowBatch { shooters: some.to_vec(), set, again: vec![false; count] };
+            (count > 0).then_some(((), batch))
+        };
+        self.in_order(batches, |(), finished| {
+            for (row, statistics) in finished.rows.iter().zip(&finished.statistics) {
+                take(next, row, statistics.sampling_variance);
+                next += 1;
+            }
+        })
+    }
+
+    /// How many rows the next job of a batch over a set should have, where so many are left.
+    pub fn rows_of_next_job(&self, set: ReceiverSet, left: usize) -> usize {
+        self.pace.rows_of_next_job(set.pairs, left, self.threads())
+    }
+
+    /// How many rows a job over a set should have at most.
+    pub fn most_rows(&self, set: ReceiverSet) -> usize {
+        self.pace.most_rows(set.pairs)
+    }
+
+    /// How many jobs are computed at the same time now.
+    pub fn threads(&self) -> usize {
+        self.service.threads().max(1)
+    }
+
+    /// Submits batches until there are no more, a bounded number at a time, and hands over the answers in the order of the
+    /// batches, each with its tag. No other job may be under way.
+    pub fn in_order<T>(
+        &mut self,
+        mut batches: impl FnMut(&Self) -> Option<(T, RowBatch)>,
+        mut take: impl FnMut(T, FinishedJob),
+    ) -> Result<()> {
+        let mut under_way = VecDeque::new();
+        let mut arrived: BTreeMap<u64, FinishedJob> = BTreeMap::new();
+        let (mut submitted, mut taken) = (0, 0);
+        loop {
+            while under_way.len() < MOST_UNDER_WAY
+                && let Some((tag, batch)) = batches(self)
+            {
+                under_way.push_back(tag);
+                self.submit(submitted, batch);
+                submitted += 1;
+            }
+            if under_way.is_empty() {
+                return Ok(());
+            }
+            let (number, finished) = self.next()?;
+            arrived.insert(number, finished);
+            while let Some(finished) = arrived.remove(&taken)
+                && let Some(tag) = under_way.pop_front()
+            {
+                take(tag, finished);
+                taken += 1;
+            }
+        }
+    }
+
+    /// Submits one job, to be known by `tag`.
+    pub fn submit(&mut self, tag: u64, batch: RowBatch) {
+        let job = JobId(self.next_job);
+        self.next_job += 1;
+        let pairs = batch.shooters.len() * batch.set.pairs;
+        self.jobs.insert(job, PendingJob { tag, again: batch.again, pairs });
+        let request = RowRequest {
+            scene: if batch.set.is_scene { batch.set.digest } else { self.scene },
+            receivers: batch.set.digest,
+            first_receiver: 0,
+            receiver_count: batch.set.count as u32,
+            shooters: batch.shooters,
+            precision: self.precision,
+        };
+        self.service.submit(vec![(job, request)]);
+    }
+
+    /// Waits for the next job, in any order: its tag and its rows.
+    pub fn next(&mut self) -> Result<(u64, FinishedJob)> {
+        loop {
+            self.monitor.check()?;
+            let Some(finished) = self.service.next(PATIENCE)? else { continue };
+            if let Some(PendingJob { tag, again, pairs }) = self.jobs.remove(&finished.job) {
+                self.pace.add(pairs, self.monitor.count(&finished, &again));
+                return Ok((tag, finished));
+            }
+        }
+    }
+}
+
+impl Drop for RowClient<'_> {
+    /// However the bake ends, nothing of it stays with the service.
+    fn drop(&mut self) {
+        if !self.jobs.is_empty() {
+            self.service.withdraw();
+        }
+        for digest in self.published.keys() {
+            self.service.release(*digest);
+        }
+    }
+}

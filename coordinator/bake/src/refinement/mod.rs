@@ -1,0 +1,19 @@
+//! Refinement: where the mesh needs more vertices, and what values fit best between them. Pure: it neither divides the mesh nor
+//! asks for rows.
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `plan` | what to divide next, or why to stop |
+//! | `prediction` | predicts the interpolation error of each leaf |
+//! | `samples` | random points at which light is compared |
+//! | `fit` | vertex values with the least error between the vertices |
+
+mod fit;
+mod plan;
+mod prediction;
+mod samples;
+
+pub use fit::{best_fit, best_fit_of_part};
+pub use plan::{Obstacle, Plan, Step, long_patches};
+pub use prediction::MeshError;
+pub use samples::{FIRST, SamplePoints};

@@ -1,0 +1,224 @@
+//! Solving for the light of each source separately.
+
+use std::collections::HashMap;
+
+use glam::DVec3;
+
+use super::digest_of;
+use super::kept::{KeptLight, KeptPart, ShootingMesh};
+use crate::channels::Channels;
+use crate::context::Context;
+use crate::error::Result;
+use crate::mesh::PatchId;
+use crate::observer::Phase;
+use crate::refinement::SamplePoints;
+use crate::rows::{Problem, Rows, ShareValues, Solution};
+use crate::settings::RowStrategy;
+use crate::solver::cache::ColumnCache;
+use crate::stages::{
+    LightSource, Lights, Measured, Origin, PART_TOLERANCE, Place, Solved, irradiance_at, names_of,
+};
+use scene::Scene;
+
+/// Most bytes of irradiances gathered at the same time.
+const MOST_GATHERED: usize = 1 << 30;
+
+/// Bytes kept for each light and each vertex or sample point. Vertices: total and direct irradiance as f32; samples: total
+/// irradiance as f64.
+const BYTES: u64 = 24;
+
+/// The solution for a part, until its light is gathered at vertices and sample points.
+struct SolvedPart {
+    sources: Vec<LightSource>,
+    radiosity: Vec<DVec3>,
+    part: KeptPart,
+    unit: Unit,
+}
+
+/// The unit in which light is kept.
+#[derive(Debug, Clone, Copy)]
+enum Unit {
+    /// As it is.
+    AsItIs,
+    /// Divided by this, and white: of a light with one channel.
+    White(f64),
+}
+
+impl Unit {
+    fn of(self, light: DVec3) -> DVec3 {
+        match self {
+            Self::AsItIs => light,
+            Self::White(sum) => DVec3::splat(light.element_sum() / sum),
+        }
+    }
+}
+
+/// Solves for the light of each source separately. `None` where that is not wanted, or would take too many bytes.
+#[tracing::instrument(skip_all)]
+pub fn keep_light(cx: &mut Context, measured: &mut Measured) -> Result<Option<KeptLight>> {
+    let Some(most_bytes) = cx.settings.keep_light else { return Ok(None) };
+    let Measured { solved, validation, error, .. } = measured;
+    let groups = solved.sources_by_names(cx.scene);
+    let places = solved.mesh.mesh.vertices.len() + validation.count();
+    if (groups.len() as u64).saturating_mul(places as u64 * BYTES) > most_bytes {
+        return Ok(None);
+    }
+    cx.client.monitor.enter(Phase::Groups, solved.mesh.mesh.vertices.len());
+    // The report counts the sweeps of the whole.
+    let sweeps = cx.work.sweeps;
+    let is_alone = groups.len() == 1;
+    let means = solved.means();
+    let mut columns = None;
+    let mut parts = vec![];
+    for group in groups {
+        parts.push(solved.part(cx, group, is_alone, &means, &mut columns)?);
+    }
+    cx.work.sweeps = sweeps;
+    if parts.iter().any(|solved| solved.part.irradiance.is_empty()) {
+        solved.gather_at_vertices(cx, &mut parts)?;
+    }
+    solved.gather_at_samples(cx, validation, &mut parts)?;
+    let mesh = &solved.mesh.mesh;
+    let mut divided: Vec<(PatchId, PatchId)> = vec![];
+    for (index, patch) in mesh.patches.iter().enumerate() {
+        divided.extend(patch.first_child.map(|first| (first, PatchId(index as u32))));
+    }
+    divided.sort_unstable();
+    cx.end_step("keep light");
+    let settings = cx.settings;
+    Ok(Some(KeptLight {
+        scene: digest_of(cx.scene),
+        sky: cx.scene.sky,
+        shooting: ShootingMesh {
+            edge: settings.shooter_edge,
+            max_level: settings.max_level,
+            max_vertices: settings.max_vertices,
+            has_error: settings.error.is_some(),
+            is_gathered: solved.rows.source.strategy() == RowStrategy::Gather,
+        },
+        divided: divided.into_iter().map(|(_, patch)| patch).collect(),
+        vertices: mesh.vertices.len(),
+        parts: parts.into_iter().map(|solved| solved.part).collect(),
+        checks: validation.clone(),
+        reflectance: solved.mean_reflectance(),
+        error: *error,
+    }))
+}
+
+impl Solved {
+    /// The light sources, those of the same names together.
+    fn sources_by_names(&self, scene: &Scene) -> Vec<(Vec<String>, Vec<LightSource>)> {
+        let mut groups: Vec<(Vec<String>, Vec<LightSource>)> = vec![];
+        let mut places = HashMap::new();
+        for source in self.sources.all.iter().filter(|source| source.strength != DVec3::ZERO) {
+            // A light may have the name of the sky.
+            let is_sky = source.origin == Origin::Sky;
+            let names: Vec<String> = names_of(scene, source.origin).map(str::to_owned).collect();
+            let place = *places.entry((is_sky, names.clone())).or_insert_with(|| {
+                groups.push((names, vec![]));
+                groups.len() - 1
+            });
+            groups[place].1.push(source.clone());
+        }
+        groups
+    }
+
+    /// The solution for some sources. It is known already where they are `alone`.
+    fn part(
+        &mut self,
+        cx: &mut Context,
+        (names, mut sources): (Vec<String>, Vec<LightSource>),
+        alone: bool,
+        means: &ShareValues,
+        columns: &mut Option<ColumnCache>,
+    ) -> Result<SolvedPart> {
+        let is_sky = sources.iter().any(|source| source.origin == Origin::Sky);
+        let sky = cx.scene.sky;
+        // With three channels the sky is solved for as a white one: then any colour can be made of it.
+        let is_white = is_sky && cx.channels == Channels::Three;
+        if is_white {
+            sources.iter_mut().for_each(|source| source.strength = DVec3::splat(std::f64::consts::PI));
+        }
+        let unit = if is_sky && !is_white { Unit::White(sky.element_sum()) } else { Unit::AsItIs };
+        let kept = |light: &[DVec3]| light.iter().map(|light| unit.of(*light).as_vec3()).collect();
+        let (direct, solution) = if alone && !is_white {
+            (self.direct.clone(), self.solution.clone())
+        } else {
+            let direct = self.direct_of(cx, &sources)?;
+            let tolerance = cx.settings.threshold * PART_TOLERANCE;
+            let problem = Problem { mesh: &self.mesh, values: means, direct: &direct, tolerance };
+            let dark = self.dark();
+            let Rows { source, table } = &mut self.rows;
+            let solution = source.solve(cx, table, &problem, columns, dark)?;
+            (direct, solution)
+        };
+        let noise = self.noise_of_part(&sources, &solution);
+        let part = KeptPart {
+            names,
+            is_sky,
+            as_baked: if is_sky { sky } else { DVec3::ONE },
+            direct: kept(&direct),
+            irradiance: kept(&solution.irradiance),
+            gathered: vec![],
+            noise: if is_sky && !is_white { noise / sky.max_element() } else { noise },
+            residual: solution.residual,
+        };
+        Ok(SolvedPart { sources, radiosity: solution.radiosity, part, unit })
+    }
+
+    /// Gathers the light of each part at the vertices: rows that are not kept are made once for as many parts as fit into memory.
+    fn gather_at_vertices(&mut self, cx: &mut Context, parts: &mut [SolvedPart]) -> Result<()> {
+        let vertices = self.mesh.mesh.vertices.len();
+        let together = (MOST_GATHERED / (vertices * size_of::<DVec3>()).max(1)).max(1);
+        let sets = self.rows.table.vertices.clone();
+        for parts in parts.chunks_mut(together) {
+            let radiosities: Vec<&[DVec3]> = parts.iter().map(|solved| &*solved.radiosity).collect();
+            let gathered = self.rows.table.gather_each(cx, &sets, &radiosities)?;
+            for (solved, gathered) in parts.iter_mut().zip(gathered) {
+                let reflected = gathered.into_iter().flatten();
+                let direct = &solved.part.direct;
+                let all = direct
+                    .iter()
+                    .zip(reflected)
+                    .map(|(direct, light)| (direct.as_dvec3() + solved.unit.of(light)).as_vec3());
+                solved.part.irradiance = all.collect();
+            }
+        }
+        Ok(())
+    }
+
+    /// Gathers the light of each part at sample points, all in one pass over the rows.
+    fn gather_at_samples(
+        &mut self,
+        cx: &mut Context,
+        samples: &SamplePoints,
+        parts: &mut [SolvedPart],
+    ) -> Result<()> {
+        if samples.count() == 0 {
+            return Ok(());
+        }
+        let receivers = samples.receivers(samples.count());
+        let lights: Vec<Lights> = parts
+            .iter()
+            .map(|solved| Lights { sources: &solved.sources, radiosity: &solved.radiosity })
+            .collect();
+        let light = irradiance_at(cx, &mut self.rows, Place::Once(&receivers), &lights, |_, _| ())?;
+        for (solved, light) in parts.iter_mut().zip(light) {
+            solved.part.gathered = light.all.into_iter().map(|light| solved.unit.of(light)).collect();
+        }
+        Ok(())
+    }
+
+    /// Standard error of a part of the light from rays, relative to the whole.
+    fn noise_of_part(&self, sources: &[LightSource], solution: &Solution) -> f64 {
+        let whole = self.solution.samples.level();
+        if whole <= 0.0 {
+            return 0.0;
+        }
+        let strengths: HashMap<u64, DVec3> =
+            sources.iter().map(|source| (source.shooter.key, source.strength)).collect();
+        let strength = |source: &LightSource| strengths.get(&source.shooter.key).copied().unwrap_or_default();
+        let noise = self.noise_of(solution, self.sources.all.iter().map(strength));
+        noise * solution.samples.level() / whole
+    }
+}

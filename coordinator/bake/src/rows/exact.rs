@@ -1,0 +1,249 @@
+//! Exact rows: those of shooters, with visibility computed pair by pair, exactly where little stands between. Solved for by
+//! shooting, then by sweeps.
+
+use glam::DVec3;
+use kernel::replica::Receivers;
+use kernel::row::{Row, Shape, Shooter};
+
+use super::means::{Means, ShareValues};
+use super::share_mesh::ShareMesh;
+use super::shoot;
+use super::solution::Solution;
+use super::source::{LeafLight, Problem, RowSource};
+use super::table::{COARSE, RowTable};
+use crate::channels::Channels;
+use crate::context::Context;
+use crate::error::{BakeError, Result};
+use crate::jobs::{ReceiverSet, RowClient};
+use crate::mesh::{Mesh, Share, Surroundings};
+use crate::settings::RowStrategy;
+use crate::solver::cache::{ColumnCache, SetId};
+use crate::solver::sweeps::{self, Transfer, solve};
+use crate::solver::{Light, ShareEnergy, ShareId};
+use scene::Scene;
+
+/// Sweeps end here even if the accuracy was not reached; the bound is reported.
+const MAX_SWEEPS: u32 = 1000;
+
+/// Key of the first leaf as a shooter: above all shares and light sources.
+const FIRST_LEAF_KEY: u64 = 1 << 40;
+
+/// The exact strategy.
+pub struct ExactRows;
+
+impl RowSource for ExactRows {
+    fn strategy(&self) -> RowStrategy {
+        RowStrategy::Exact
+    }
+
+    fn edge_factor(&self) -> f64 {
+        1.0
+    }
+
+    fn shares(&self, scene: &Scene, mesh: &Mesh) -> Vec<Share> {
+        mesh.shares(|surface, facet| scene.surfaces[surface as usize].facets[facet as usize].plane)
+    }
+
+    fn joins_sources(&self) -> bool {
+        false
+    }
+
+    fn open(&mut self, cx: &mut Context, _: &Mesh, shooters: Vec<Shooter>) -> RowTable {
+        RowTable::new(shooters, cx.settings.row_cache.saturating_mul(1 << 20))
+    }
+
+    fn close(self: Box<Self>, table: RowTable, client: &mut RowClient) {
+        table.release(client);
+    }
+
+    fn add_receivers(
+        &self,
+        cx: &mut Context,
+        table: &mut RowTable,
+        receivers: &Receivers,
+        _: Option<&[Surroundings]>,
+    ) -> Result<SetId> {
+        Ok(table.add_set(cx.client.publish_receivers(receivers)))
+    }
+
+    fn each_over(
+        &self,
+        cx: &mut Context,
+        table: &RowTable,
+        (set, _): (ReceiverSet, &Receivers),
+        take: &mut dyn FnMut(ShareId, &Row),
+    ) -> Result<()> {
+        cx.client.each_row(table.shooters(), set, |share, row, _| take(ShareId(share as u32), row))
+    }
+
+    fn twins(&self, _: &Receivers) -> Option<Receivers> {
+        None
+    }
+
+    fn row_sums(&self, mesh: &ShareMesh, at_vertices: &[f64]) -> Vec<f64> {
+        mesh.energies.iter().map(|share| at_vertices[share.receiver]).collect()
+    }
+
+    fn first_values(&self, _: &ShareMesh, _: &[bool]) -> ShareValues {
+        ShareValues::AtVertices
+    }
+
+    fn shoot(
+        &self,
+        cx: &mut Context,
+        mesh: &ShareMesh,
+        table: &mut RowTable,
+        direct: &[DVec3],
+    ) -> Result<Vec<DVec3>> {
+        match cx.channels {
+            Channels::One(colour) => shoot::shoot::<f64>(cx, mesh, table, direct, colour),
+            Channels::Three => shoot::shoot::<DVec3>(cx, mesh, table, direct, DVec3::ONE),
+        }
+    }
+
+    fn solve(
+        &self,
+        cx: &mut Context,
+        table: &mut RowTable,
+        problem: &Problem,
+        columns: &mut Option<ColumnCache>,
+        solution: Solution,
+    ) -> Result<Solution> {
+        let (means, energies, direct) = match problem.values {
+            ShareValues::AtVertices => (None, problem.mesh.energies.clone(), problem.direct.to_vec()),
+            ShareValues::Means(means) => {
+                // Each share receives its own mean.
+                let itself = |(receiver, share): (usize, &ShareEnergy)| ShareEnergy { receiver, ..*share };
+                let energies = problem.mesh.energies.iter().enumerate().map(itself).collect();
+                (Some(means), energies, means.of(problem.direct))
+            }
+        };
+        // Sweeps go over the columns again and again, over the rows they are computed from once: columns come first.
+        let bytes = if means.is_some() { table.coarse_bytes + table.coarse_bytes / 4 } else { 0 };
+        let reserved = table.cache().reserve(bytes);
+        let vertices = table.vertices.clone();
+        let mut transfer = Factors {
+            client: cx.client,
+            means,
+            sets: &vertices,
+            columns: columns.take().unwrap_or_else(|| ColumnCache::new(reserved, energies.len())),
+            table,
+        };
+        let (guess, tolerance) = (&solution.radiosity, problem.tolerance);
+        let solved = match cx.channels {
+            Channels::One(colour) => {
+                solved::<f64>(&energies, &mut transfer, colour, &direct, guess, tolerance)?
+            }
+            Channels::Three => {
+                solved::<DVec3>(&energies, &mut transfer, DVec3::ONE, &direct, guess, tolerance)?
+            }
+        };
+        let Factors { table, columns: made, .. } = transfer;
+        table.most_bytes = table.most_bytes.max(made.bytes() + table.cache().bytes());
+        table.cache().reserve(0);
+        *columns = Some(made);
+        cx.work.sweeps += solved.sweeps;
+        cx.client.monitor.set_unshot(solved.missing);
+        Ok(Solution {
+            radiosity: solved.radiosity,
+            irradiance: vec![],
+            unshot: solved.unshot,
+            unshot_bound: solved.missing,
+            residual: solved.residual,
+            ..solution
+        })
+    }
+
+    fn light_of_leaves(
+        &self,
+        cx: &mut Context,
+        mesh: &ShareMesh,
+        receivers: &Receivers,
+        irradiance: &[DVec3],
+    ) -> Result<LeafLight> {
+        let (mut shooters, mut radiosities) = (vec![], vec![]);
+        for (id, patch) in mesh.mesh.leaves() {
+            let reflected = mesh.leaf_radiosity(cx.scene, id, irradiance);
+            if reflected == DVec3::ZERO {
+                continue;
+            }
+            let plane = cx.scene.surfaces[patch.surface as usize].facets[patch.facet as usize].plane;
+            let shape = Shape::Polygons(vec![mesh.mesh.polygon(id, plane)]);
+            shooters.push(Shooter { key: FIRST_LEAF_KEY + u64::from(id.0), shape });
+            radiosities.push(reflected);
+        }
+        let set = cx.client.publish_receivers(receivers);
+        let mut gathered = cx.channels.gathering(receivers.receivers.len());
+        let mut rows = Vec::with_capacity(shooters.len());
+        cx.client.each_row(&shooters, set, |leaf, row, variance| {
+            gathered.add(row, radiosities[leaf]);
+            rows.push((radiosities[leaf], variance));
+        })?;
+        cx.client.release(set);
+        Ok(LeafLight { irradiance: gathered.into_irradiance(), rows: Some(rows) })
+    }
+}
+
+/// The factors between shares, from the workers or from what is kept.
+struct Factors<'a, 'b> {
+    table: &'a mut RowTable,
+    client: &'a mut RowClient<'b>,
+    /// Where shares take means over the refined mesh rather than the value at their vertex.
+    means: Option<&'a Means>,
+    /// All vertices.
+    sets: &'a [SetId],
+    /// The means, as far as they are kept.
+    columns: ColumnCache,
+}
+
+impl Transfer for Factors<'_, '_> {
+    type Error = BakeError;
+
+    fn pass(&mut self, take: &mut dyn FnMut(usize, &Row)) -> Result<()> {
+        let Some(means) = self.means else {
+            return self.table.each(
+                self.client,
+                &[COARSE],
+                |_| true,
+                |share, rows| {
+                    rows.into_iter().flatten().for_each(|row| take(share.index(), row));
+                },
+            );
+        };
+        let shares = self.table.shooters().len() as u32;
+        let missing: Vec<bool> =
+            (0..shares).map(|share| self.columns.column(ShareId(share)).is_none()).collect();
+        let mut sums = means.sums();
+        let columns = &mut self.columns;
+        self.table.each(
+            self.client,
+            self.sets,
+            |share| missing[share.index()],
+            |share, rows| {
+                let made = rows.map(|rows| sums.column(rows));
+                if let Some(column) = made.as_ref().or(columns.column(share)) {
+                    take(share.index(), column);
+                }
+                if let Some(column) = made {
+                    columns.keep(share, column);
+                }
+            },
+        )
+    }
+}
+
+/// A solution in the colours of the scene.
+fn solved<L: Light>(
+    energies: &[ShareEnergy],
+    transfer: &mut Factors,
+    colour: DVec3,
+    direct: &[DVec3],
+    guess: &[DVec3],
+    tolerance: f64,
+) -> Result<sweeps::Solution<DVec3>> {
+    let seen =
+        |lights: &[DVec3]| -> Vec<L> { lights.iter().map(|light| L::from_rgb(*light, colour)).collect() };
+    let energies: Vec<ShareEnergy<L>> = energies.iter().map(ShareEnergy::seen_as).collect();
+    let solution = solve(&energies, transfer, seen(direct), seen(guess), tolerance, MAX_SWEEPS)?;
+    Ok(solution.map(|light| light.to_rgb(colour)))
+}

@@ -1,0 +1,78 @@
+use glam::DVec3;
+
+use crate::context::Context;
+use crate::materials::{self, AveragedMaterial, PatchMaterials};
+use crate::mesh::{Mesh, PatchId, Share};
+use crate::preview::preview;
+use crate::solver::ShareEnergy;
+use scene::Scene;
+
+/// The mesh, and its surface dealt out among shares that shoot.
+pub struct ShareMesh {
+    /// Its vertices receive.
+    pub mesh: Mesh,
+    /// They tile the mesh, and stay as they are when it is refined.
+    pub shares: Vec<Share>,
+    /// Averaged over each share.
+    pub materials: Vec<AveragedMaterial>,
+    /// Averaged over patches.
+    pub patch_materials: PatchMaterials,
+    /// The shares as the solver sees them.
+    pub energies: Vec<ShareEnergy>,
+}
+
+impl ShareMesh {
+    /// Averages the materials of the shares.
+    pub fn new(scene: &Scene, mesh: Mesh, shares: Vec<Share>) -> Self {
+        let materials = materials::of_shares(scene, &mesh, &shares);
+        let energies = shares
+            .iter()
+            .zip(&materials)
+            .map(|(share, material)| ShareEnergy {
+                receiver: share.vertex.index(),
+                area: share.area,
+                reflectance: material.reflectance,
+            })
+            .collect();
+        Self { mesh, shares, materials, patch_materials: PatchMaterials::default(), energies }
+    }
+
+    /// Radiosity that a leaf reflects, from the irradiance at its corners.
+    pub fn leaf_radiosity(&self, scene: &Scene, id: PatchId, irradiance: &[DVec3]) -> DVec3 {
+        let material = self.patch_materials.of(scene, &self.mesh, id);
+        material.reflectance * self.mesh.patch(id).mean(irradiance)
+    }
+
+    /// Reflected flux over incident flux, where the shares have this radiosity.
+    pub fn mean_reflectance(&self, radiosity: &[DVec3]) -> f64 {
+        let (mut reflected, mut incident) = (0.0, 0.0);
+        for (share, radiosity) in self.energies.iter().zip(radiosity) {
+            reflected += radiosity.element_sum() * share.area;
+            let lit = share.reflectance.cmpgt(DVec3::ZERO);
+            incident +=
+                DVec3::select(lit, *radiosity / share.reflectance, DVec3::ZERO).element_sum() * share.area;
+        }
+        if incident > 0.0 { reflected / incident } else { 0.0 }
+    }
+
+    /// Radiosity that each share should still shoot, where it gets this irradiance and has shot so much.
+    pub fn unshot(&self, irradiance: &[DVec3], shot: &[DVec3]) -> Vec<DVec3> {
+        let states = self.energies.iter().zip(irradiance).zip(shot);
+        states.map(|((share, irradiance), shot)| share.reflectance * *irradiance - *shot).collect()
+    }
+
+    /// Hands a preview to the observer, if it wants one: of the irradiance at the vertices and the unshot radiosity of the
+    /// shares.
+    pub fn preview(
+        &self,
+        cx: &mut Context,
+        direct: &[DVec3],
+        state: impl FnOnce() -> (Vec<DVec3>, Vec<DVec3>),
+    ) {
+        let (scene, part) = (cx.scene, cx.settings.only);
+        cx.client.monitor.preview(|| {
+            let (irradiance, unshot) = state();
+            preview(scene, &self.mesh, &self.shares, (&irradiance, direct), &unshot, part)
+        });
+    }
+}

@@ -1,0 +1,37 @@
+use glam::DVec3;
+
+use crate::refinement::SamplePoints;
+
+/// A solution of the light.
+#[derive(Clone)]
+pub struct Solution {
+    /// Radiosity of each share.
+    pub radiosity: Vec<DVec3>,
+    /// Irradiance of each vertex.
+    pub irradiance: Vec<DVec3>,
+    /// The refinement samples, with the light there.
+    pub samples: SamplePoints,
+    /// Relative standard error of the irradiance at a point from the rays of its hemisphere.
+    pub ray_noise: f64,
+    /// Flux not yet shot.
+    pub unshot: DVec3,
+    /// Bound of what is missing, relative to the reflected flux.
+    pub unshot_bound: f64,
+    /// Flux by which shares differ from what they should have shot, relative to the reflected flux.
+    pub residual: f64,
+}
+
+impl Solution {
+    /// Darkness, with the direct light of the samples.
+    pub fn dark(shares: usize, samples: SamplePoints) -> Self {
+        Self {
+            radiosity: vec![DVec3::ZERO; shares],
+            irradiance: vec![],
+            samples,
+            ray_noise: 0.0,
+            unshot: DVec3::ZERO,
+            unshot_bound: 0.0,
+            residual: 0.0,
+        }
+    }
+}

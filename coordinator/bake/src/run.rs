@@ -1,0 +1,69 @@
+use kernel::replica::encode_translucent_scene;
+
+use crate::context::{Context, Work};
+use crate::error::Result;
+use crate::jobs::{RowClient, RowService};
+use crate::lit::LitMesh;
+use crate::observer::Observer;
+use crate::preview::lit_mesh;
+use crate::relight::{KeptLight, keep_light};
+use crate::settings::BakeSettings;
+use crate::stages::{BakeReport, Measured, Setup, check_groups, occluders};
+use scene::Scene;
+
+/// The result of a bake.
+pub struct Baked {
+    /// The lit mesh.
+    pub lit: LitMesh,
+    /// Its metrics.
+    pub report: BakeReport,
+    /// What relighting needs, if it was asked for.
+    pub kept: Option<KeptLight>,
+}
+
+/// Bakes a scene. Rows come from `service`; `observer` is told of progress, often.
+///
+/// However it ends, the service is left with nothing to do and nothing to hold for it.
+///
+/// # Errors
+/// When the rows cannot be had, the scene gives no mesh, or the observer cancels it.
+#[tracing::instrument(skip_all)]
+pub fn bake(
+    scene: &Scene,
+    settings: &BakeSettings,
+    service: &mut dyn RowService,
+    observer: &mut dyn Observer,
+) -> Result<Baked> {
+    check_groups(scene, &settings.groups)?;
+    let blockers = occluders::occluders(scene);
+    let replica = encode_translucent_scene(&blockers.polygons, &blockers.opacities);
+    let mut client = RowClient::new(service, observer, replica);
+    let mut settings = settings.clone();
+    let mut work = Work::default();
+    loop {
+        let mut cx = Context::new(scene, &settings, &mut client, work);
+        let measured = Setup::new(&mut cx)?.light(&mut cx)?.solve(&mut cx)?.meet_error(&mut cx)?;
+        let Some(better) = measured.better_settings(&cx) else {
+            return finish(measured, cx, blockers.polygons.len());
+        };
+        work = Work { restarts: cx.work.restarts + 1, ..cx.work };
+        measured.solved.rows.release(&mut client);
+        settings = better;
+    }
+}
+
+/// Computes what is only asked of the final solution.
+fn finish(mut measured: Measured, mut cx: Context, occluders: usize) -> Result<Baked> {
+    let cx = &mut cx;
+    let warnings = measured.solved.back_face_check(cx)?;
+    let layers = measured.solved.layers(cx)?;
+    let kept = keep_light(cx, &mut measured)?;
+    let solved = &mut measured.solved;
+    let (mesh, irradiance) = (&solved.mesh.mesh, &solved.solution.irradiance);
+    let (lit, fitted) = lit_mesh(cx.scene, mesh, cx.settings.only, irradiance, &solved.direct);
+    solved.solution.irradiance = fitted;
+    cx.end_step("export mesh");
+    let mut report = measured.report(cx, occluders);
+    report.warnings.extend(warnings);
+    Ok(Baked { lit: LitMesh { layers, ..lit }, report, kept })
+}

@@ -1,0 +1,73 @@
+//! Light straight from its sources.
+
+use glam::DVec3;
+use kernel::row::Row;
+
+use super::light::{self, LightSource, Origin};
+use super::setup::Setup;
+use crate::context::Context;
+use crate::error::Result;
+use crate::observer::Phase;
+use crate::refinement::SamplePoints;
+use crate::rows::{COARSE, Rows, ShareMesh};
+
+/// A bake with direct light.
+pub struct Lit {
+    pub mesh: ShareMesh,
+    pub rows: Rows,
+    pub sources: Sources,
+    /// Refinement samples, with their direct light.
+    pub samples: SamplePoints,
+    /// Irradiance of the vertices of the shooting mesh.
+    pub direct: Vec<DVec3>,
+}
+
+/// The light sources, and what their rows tell beside irradiance.
+pub struct Sources {
+    pub all: Vec<LightSource>,
+    /// Variance of the row of each over the refinement samples, summed over it.
+    pub variances: Vec<f64>,
+    /// Flux that the shares get from point and spot lights, in frame units.
+    pub from_lights: DVec3,
+    /// Flux that the shares get from outside of the scene, from directional lights and the sky, in frame units.
+    pub from_outside: DVec3,
+}
+
+impl Setup {
+    /// Computes the direct light at the vertices of the shooting mesh and at the refinement samples.
+    #[tracing::instrument(skip_all)]
+    pub fn light(self, cx: &mut Context) -> Result<Lit> {
+        let Self { mesh, mut rows, sources, mut samples } = self;
+        cx.client.monitor.enter(Phase::Light, mesh.mesh.vertices.len());
+        let (mut from_lights, mut from_outside) = (DVec3::ZERO, DVec3::ZERO);
+        let direct = light::irradiance(&sources, rows.table.set(COARSE), cx.client, |source, row, _| {
+            if matches!(source.origin, Origin::Surface(_)) {
+                return;
+            }
+            let factors = row.to_dense();
+            let flux = mesh.energies.iter().map(|s| s.area * f64::from(factors[s.receiver])).sum::<f64>();
+            *if source.is_outside { &mut from_outside } else { &mut from_lights } += source.strength * flux;
+        })?;
+        let mut variances = vec![];
+        if samples.count() > 0 {
+            let Rows { source, table } = &mut rows;
+            let receivers = samples.receivers(samples.count());
+            let id = source.add_receivers(cx, table, &receivers, None)?;
+            table.samples = Some(id);
+            if let Some(twins) = source.twins(&receivers) {
+                table.twins = Some(source.add_receivers(cx, table, &twins, None)?);
+            }
+            let look = |_: &LightSource, _: &Row, variance| variances.push(variance);
+            samples.set_direct(light::irradiance(&sources, table.set(id), cx.client, look)?);
+        }
+        cx.end_step("light");
+        mesh.preview(cx, &direct, || {
+            // Nothing is known to be dark before the rows were looked at.
+            let values = rows.source.first_values(&mesh, &vec![true; direct.len()]);
+            let dark = vec![DVec3::ZERO; mesh.shares.len()];
+            (direct.clone(), mesh.unshot(&values.of(&mesh.energies, &direct), &dark))
+        });
+        let sources = Sources { all: sources, variances, from_lights, from_outside };
+        Ok(Lit { mesh, rows, sources, samples, direct })
+    }
+}

@@ -1,0 +1,133 @@
+//! Refining and measuring until the error is met.
+
+use super::measure::Measured;
+use super::setup::shooting_mesh;
+use super::solved::Solved;
+use crate::context::Context;
+use crate::error::Result;
+use crate::error_budget::without;
+use crate::refinement::Obstacle;
+use crate::settings::BakeSettings;
+
+/// Part of the asked error that the shooters may take after a new start.
+const SHOOTERS_PART: f64 = 0.5;
+
+/// Part of the asked error that the rays may take after a new start.
+const RAYS_PART: f64 = 0.3;
+
+/// What is left to the interpolation is aimed at with this margin.
+const MARGIN: f64 = 0.9;
+
+/// The interpolation must be left this part of the asked error at least: else it would have to pay for others.
+const LEAST_REST: f64 = 0.4;
+
+/// Factor of the limit of refinement where the error was found too large and no patch was divided.
+const UNSEEN_STEP: f64 = 0.7;
+
+/// Part of the interpolation error that is aimed at, at least, before it is measured again: the finer mesh tells better what the
+/// others leave to it, and vertices too many cannot be taken back.
+const LONGEST_STEP: f64 = 0.6;
+
+/// Refining and measuring are repeated this often at most.
+const MAX_ROUNDS: u32 = 12;
+
+/// Most new starts.
+const MAX_RESTARTS: u32 = 3;
+
+impl Solved {
+    /// Refines and measures, until the asked error is met or limited by something else than interpolation.
+    pub fn meet_error(self, cx: &mut Context) -> Result<Measured> {
+        let mut solved = self;
+        let mut limit = MARGIN * cx.settings.mesh_error;
+        let mut round = 1;
+        loop {
+            let vertices = solved.mesh.mesh.vertices.len();
+            let measured = solved.refine(cx, limit)?.measure(cx)?;
+            let error = &measured.error;
+            let rest = match cx.settings.error {
+                Some(asked) => without(asked, error.without_receivers()),
+                None => cx.settings.mesh_error,
+            };
+            let limited_by_others = cx.settings.error.is_some_and(|asked| rest < LEAST_REST * asked);
+            let is_met = error.receivers <= rest || measured.is_predicted();
+            if is_met || limited_by_others || measured.obstacle.is_some() || round == MAX_ROUNDS {
+                return Ok(measured);
+            }
+            // Where the prediction did not see what was found, only a lower limit goes on.
+            let is_unchanged = measured.solved.mesh.mesh.vertices.len() == vertices;
+            let step = LONGEST_STEP * error.receivers;
+            limit = if is_unchanged { limit * UNSEEN_STEP } else { (MARGIN * rest).max(step) };
+            solved = measured.solved;
+            round += 1;
+        }
+    }
+}
+
+impl Measured {
+    /// Whether the error is predicted for want of samples.
+    fn is_predicted(&self) -> bool {
+        self.solved.solution.samples.count() == 0
+    }
+
+    /// Settings that should meet the asked error where these did not; `None` when it is met, or cannot be.
+    pub fn better_settings(&self, cx: &Context) -> Option<BakeSettings> {
+        let asked = cx.settings.error?;
+        if self.error.total <= asked || cx.work.restarts >= MAX_RESTARTS {
+            return None;
+        }
+        let error = &self.error;
+        let rest_is_too_small = error.without_receivers() > asked * (1.0 - LEAST_REST * LEAST_REST).sqrt();
+        let noise_hides = self.obstacle == Some(Obstacle::Noise);
+        let most = error.unshot.max(error.form_factors);
+        let better = cx.settings.clone();
+        let better = if noise_hides || (rest_is_too_small && error.visibility > error.shooters.max(most)) {
+            let factor = (error.visibility / (RAYS_PART * asked)).powf(4.0 / 3.0).max(1.5);
+            better.with_rays(f64::from(cx.settings.rays_per_hemisphere) * factor)
+        } else if rest_is_too_small && error.shooters > most {
+            // Edges are halved: a factor of more than a half might change nothing.
+            let factor = (SHOOTERS_PART * asked / error.shooters).clamp(0.25, 0.5);
+            let finer = better.with_shooter_edge(cx.settings.shooter_edge * factor);
+            let vertices = shooting_mesh(cx.scene, &finer).vertices.len();
+            if vertices > finer.max_vertices {
+                return None;
+            }
+            finer
+        } else {
+            return None;
+        };
+        (better != *cx.settings).then_some(better)
+    }
+
+    /// Why the asked error is not met, in words for the user.
+    pub fn describe_obstacle(&self, settings: &BakeSettings) -> Option<String> {
+        if settings.error.is_some() && self.is_predicted() {
+            return Some(
+                "the error asked for was predicted, not measured: give --validation-samples".to_owned(),
+            );
+        }
+        let asked = settings.error.unwrap_or(settings.mesh_error);
+        let estimate = if settings.error.is_some() { self.error.total } else { self.error.receivers };
+        if estimate <= asked {
+            return None;
+        }
+        let error = &self.error;
+        let interpolation = "interpolation between the vertices";
+        let parts = [
+            (error.receivers, self.obstacle.map_or(interpolation.to_owned(), |cause| format!("{interpolation}: {}", cause.describe()))),
+            (error.shooters, "the size of the shooting patches: raise --max-vertices, or give a finer --shooter-edge with --mesh-error".to_owned()),
+            (error.visibility, "sampled visibility: raise --rays or --exact-occluders".to_owned()),
+            (error.form_factors, "the arithmetic of form factors: lower --form-factor-error and --factor-rounding".to_owned()),
+            (error.unshot, "unshot light: lower --threshold".to_owned()),
+        ];
+        let (_, part) = if settings.error.is_some() {
+            parts.into_iter().reduce(|a, b| if b.0 > a.0 { b } else { a })?
+        } else {
+            parts.into_iter().next()?
+        };
+        Some(format!(
+            "an error of {:.2} % was asked for and {:.2} % is estimated: limited by {part}",
+            100.0 * asked,
+            100.0 * estimate
+        ))
+    }
+}

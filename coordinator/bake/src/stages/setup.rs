@@ -1,0 +1,65 @@
+//! The shooting mesh, its shares and the light sources.
+
+use kernel::row::{Shape, Shooter};
+
+use super::light::{self, LightSource};
+use crate::context::{Context, extent};
+use crate::error::{BakeError, Result};
+use crate::mesh::{Mesh, Share, VertexId, receivers};
+use crate::refinement::SamplePoints;
+use crate::rows::{Rows, ShareMesh, row_source};
+use crate::settings::BakeSettings;
+use scene::Scene;
+
+/// A bake before any light.
+pub struct Setup {
+    pub mesh: ShareMesh,
+    pub rows: Rows,
+    pub sources: Vec<LightSource>,
+    /// Points that guide refinement.
+    pub samples: SamplePoints,
+}
+
+impl Setup {
+    /// Makes the shooting mesh, and publishes its vertices as receivers.
+    pub fn new(cx: &mut Context) -> Result<Self> {
+        cx.client.monitor.check()?;
+        cx.client.monitor.set_error(None);
+        let (scene, settings) = (cx.scene, cx.settings);
+        let mesh = shooting_mesh(scene, settings);
+        if mesh.patches.is_empty() {
+            return Err(BakeError::EmptyMesh);
+        }
+        let mut source = row_source(scene, settings);
+        let shares = source.shares(scene, &mesh);
+        let mesh = ShareMesh::new(scene, mesh, shares);
+        let shooter = |(key, share): (usize, &Share)| Shooter {
+            key: key as u64,
+            shape: Shape::Polygons(share.polygons.clone()),
+        };
+        let shooters: Vec<Shooter> = mesh.shares.iter().enumerate().map(shooter).collect();
+        let sources =
+            light::sources(scene, &mesh.mesh, settings, shooters.len() as u64, source.joins_sources());
+        let mut table = source.open(cx, &mesh.mesh, shooters);
+        let (vertices, around) = receivers(&mesh.mesh, VertexId(0));
+        let coarse = source.add_receivers(cx, &mut table, &vertices, Some(&around))?;
+        table.vertices.push(coarse);
+        let samples = SamplePoints::draw(&mesh.mesh, scene, settings, &[], 0);
+        cx.end_step("mesh");
+        Ok(Self { mesh, rows: Rows { source, table }, sources, samples })
+    }
+}
+
+/// The mesh of the shares. Where an error is asked for and its mesh would have too many vertices, the finest that has not.
+pub fn shooting_mesh(scene: &Scene, settings: &BakeSettings) -> Mesh {
+    let extent = extent(scene);
+    let mut edge = settings.shooter_edge * row_source(scene, settings).edge_factor();
+    loop {
+        let mesh = Mesh::new(scene, extent, edge * extent, settings.max_level);
+        let fits = mesh.vertices.len() <= settings.max_vertices;
+        if fits || settings.error.is_none() || edge >= 1.0 {
+            return mesh;
+        }
+        edge *= 2.0;
+    }
+}
