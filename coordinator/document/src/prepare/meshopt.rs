@@ -11,7 +11,7 @@ use super::storage::Storage;
 use crate::error::ImportProblem;
 
 /// Puts the decoded bytes in place of every compressed view's.
-pub fn decode(storage: &mut Storage, extensions: &Extensions) -> Result<(), ImportProblem> {
+pub(super) fn decode(storage: &mut Storage, extensions: &Extensions) -> Result<(), ImportProblem> {
     for (&index, compressed) in &extensions.views {
         let damaged = |detail: &str| ImportProblem::Undecodable {
             place: format!("buffer view {index}, compressed by meshoptimizer"),
@@ -35,7 +35,7 @@ pub fn decode(storage: &mut Storage, extensions: &Extensions) -> Result<(), Impo
     Ok(())
 }
 
-/// What the extension demands of its numbers.
+/// Checks the extension's limits of count, stride and filter.
 fn check(view: &CompressedView) -> Result<(), &'static str> {
     let stride = view.byte_stride;
     let fits = match view.mode {
@@ -96,7 +96,7 @@ fn long(indices: &[u32]) -> Vec<u8> {
     indices.iter().flat_map(|index| index.to_le_bytes()).collect()
 }
 
-/// An element of so many words: the decoder takes the size from the type.
+/// An element of `N` words; the decoder takes the size from the type.
 #[derive(Clone)]
 struct Element<const WORDS: usize>([u32; WORDS]);
 
@@ -112,7 +112,7 @@ fn elements<const WORDS: usize>(source: &[u8], count: usize) -> meshopt::Result<
 }
 
 /// Elements of 1 to 64 words.
-pub fn attributes(source: &[u8], count: usize, words: usize) -> meshopt::Result<Vec<u8>> {
+pub(super) fn attributes(source: &[u8], count: usize, words: usize) -> meshopt::Result<Vec<u8>> {
     macro_rules! sizes {
         ($($words:literal)*) => {
             match words {

@@ -30,8 +30,8 @@ pub(crate) use self::extensions::Extensions;
 use self::storage::Storage;
 use super::error::ImportProblem;
 
-/// Extensions that are undone here.
-pub const UNDONE: [&str; 5] = [
+/// Extensions that are decoded here and removed.
+pub(crate) const UNDONE: [&str; 5] = [
     "EXT_meshopt_compression",
     "KHR_meshopt_compression",
     "KHR_draco_mesh_compression",
@@ -39,9 +39,9 @@ pub const UNDONE: [&str; 5] = [
     "EXT_mesh_gpu_instancing",
 ];
 
-/// What decoding may take.
+/// Limits of decoding.
 #[derive(Clone, Copy)]
-pub struct Limits {
+pub(crate) struct Limits {
     /// Bytes that may still be added, out of `max_bytes`.
     pub bytes: u64,
     /// Most bytes of all, for messages.
@@ -50,8 +50,8 @@ pub struct Limits {
     pub max_triangles: usize,
 }
 
-/// Undoes the extensions of a document that is not validated yet. What is decoded goes to a buffer of its own.
-pub fn undo(
+/// Decodes and removes the extensions of a document that is not validated yet. Decoded data goes to a new buffer.
+pub(crate) fn undo(
     root: &mut Root,
     buffers: &mut Vec<Vec<u8>>,
     extensions: &Extensions,
@@ -78,7 +78,7 @@ pub fn undo(
 }
 
 /// Bakes morph targets and skins of the default scene's nodes into meshes of their own.
-pub fn pose(
+pub(crate) fn pose(
     document: Document,
     buffers: &mut Vec<Vec<u8>>,
     limits: Limits,

@@ -1,6 +1,5 @@
-//! Morph targets and skins in the pose that a viewer shows as long as nothing is animated: displacements weighted by the
-//! file's weights, vertices moved by the joints as their nodes stand. It is the pose that the file describes as it is; what its
-//! author calls the rest pose, without joints, may be another one, and would not meet the scene around it.
+//! Morph targets and skins, in the pose without animation: displacements weighted by the file's weights, vertices moved by the
+//! joints' nodes. The author's rest pose, without joints, may be another one that does not fit the scene around it.
 
 use glam::{DAffine3, DMat4, DVec3};
 use gltf::json::validation::Checked::Valid;
@@ -17,7 +16,7 @@ use crate::placement::world_matrices;
 const SHOWN_NODES: usize = 5;
 
 /// A node whose mesh has morph targets or a skin.
-pub struct PosedNode {
+pub(super) struct PosedNode {
     node: usize,
     label: String,
     mesh: usize,
@@ -33,7 +32,7 @@ struct PosedSkin {
 }
 
 /// The nodes of the default scene that have a pose, and a warning each for morph targets and skins.
-pub fn find(document: &Document, warnings: &mut Vec<String>) -> Result<Vec<PosedNode>, ImportProblem> {
+pub(super) fn find(document: &Document, warnings: &mut Vec<String>) -> Result<Vec<PosedNode>, ImportProblem> {
     // The walk costs little, but most files have neither.
     let morphs = |mesh: gltf::Mesh| mesh.primitives().any(|primitive| primitive.morph_targets().len() > 0);
     if document.skins().len() == 0 && !document.meshes().any(morphs) {
@@ -90,7 +89,7 @@ fn list(labels: &[String]) -> String {
 }
 
 /// Gives the node a mesh of its own, in its pose.
-pub fn bake(storage: &mut Storage, posed: &PosedNode) -> Result<(), ImportProblem> {
+pub(super) fn bake(storage: &mut Storage, posed: &PosedNode) -> Result<(), ImportProblem> {
     let mut mesh = storage.root.meshes[posed.mesh].clone();
     for (index, primitive) in mesh.primitives.iter_mut().enumerate() {
         bake_primitive(storage, posed, primitive, &|| format!("{}, primitive {index}", posed.label))?;

@@ -1,5 +1,5 @@
-//! KHR_mesh_quantization: vertex attributes of 8 and 16 bits become floats. What scales and shifts them, node transforms and
-//! texture transforms, is in the document already.
+//! KHR_mesh_quantization: vertex attributes of 8 and 16 bits become floats. Their scale and offset are in the
+//! transforms of nodes and textures already.
 
 use std::collections::BTreeMap;
 
@@ -13,10 +13,10 @@ use super::values;
 use crate::error::ImportProblem;
 
 /// Name of the extension.
-pub const NAME: &str = "KHR_mesh_quantization";
+pub(super) const NAME: &str = "KHR_mesh_quantization";
 
 /// Turns every accessor that only this extension allows into floats.
-pub fn undo(storage: &mut Storage) -> Result<(), ImportProblem> {
+pub(super) fn undo(storage: &mut Storage) -> Result<(), ImportProblem> {
     // Those of several primitives are converted once.
     let mut accessors: BTreeMap<u32, String> = BTreeMap::new();
     for primitive in storage.root.meshes.iter().flat_map(|mesh| &mesh.primitives) {
@@ -52,7 +52,7 @@ pub fn undo(storage: &mut Storage) -> Result<(), ImportProblem> {
     Ok(())
 }
 
-/// Whether the attribute is made of integers that glTF itself does not allow there.
+/// Whether the attribute has integers that glTF allows only with the extension.
 fn is_quantized(semantic: &Semantic, accessor: &Accessor) -> bool {
     let Valid(GenericComponentType(component)) = accessor.component_type else { return false };
     let small =
