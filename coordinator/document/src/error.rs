@@ -245,6 +245,16 @@ pub enum ImportProblem {
         /// What is allowed.
         expected: &'static str,
     },
+    /// A light that is not as its extension says.
+    #[error("{place}: {detail}; correct its {extension} light and export again")]
+    Light {
+        /// The light's node.
+        place: String,
+        /// The extension.
+        extension: &'static str,
+        /// What is wrong.
+        detail: String,
+    },
     /// A node that squeezes its mesh flat: no coordinates of its own could hold refined positions.
     #[error("has {primitive} under a node with a scale of zero; give it a small scale in place of zero")]
     FlatNode {

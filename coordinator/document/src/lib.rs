@@ -41,12 +41,12 @@ use prepare::{Extensions, Limits};
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum LightUnit {
-    /// As KHR_lights_punctual says: candela for point and spot lights, lux for directional ones. They are taken as they are: in
+    /// As their extensions say: candela for point and spot lights, lux for directional ones, cd/m^2 for area lights. They are taken as they are: in
     /// whatever unit they are meant, irradiance comes out in the one that belongs to it.
     #[default]
     Candela,
     /// Radiant watts for point and spot lights, as some exporters write them: over 4 pi they are an intensity in W/sr, that of a
-    /// spot light too, whose cone only cuts it off. Directional lights are taken as W/m^2, as they are.
+    /// spot light too, whose cone only cuts it off. Directional and area lights are taken as W/m^2 and W/(m^2 sr), as they are.
     Watt,
 }
 
@@ -73,6 +73,8 @@ pub struct PlainDocument {
     pub document: Document,
     /// The bytes of its buffers.
     pub buffers: Vec<Vec<u8>>,
+    /// Extensions that the file requires and the validation does not know: taken out of the document.
+    pub required: Vec<String>,
     /// Warnings for the user.
     pub warnings: Vec<String>,
 }
@@ -99,10 +101,12 @@ pub fn read(
         max_triangles: options.max_triangles,
     };
     prepare::undo(&mut root, &mut buffers, &extensions, limits)?;
+    let required =
+        root.extensions_required.iter().filter(|name| *name == parse::EXT_LIGHTS_AREA).cloned().collect();
     let document = parse::validate(root, options.scene.as_deref())?;
     let mut warnings = Vec::new();
     let document = prepare::pose(document, &mut buffers, limits, &mut warnings)?;
-    Ok(PlainDocument { document, buffers, warnings })
+    Ok(PlainDocument { document, buffers, required, warnings })
 }
 
 /// The document in `bytes` and its buffers, if it has anything that must be made plain first. `None` if it is plain, or is no

@@ -12,8 +12,9 @@ use super::error::ImportProblem;
 use super::{prepare, scene_choice};
 
 /// Extensions that change nothing here, or are understood.
-const UNDERSTOOD: [&str; 7] = [
+const UNDERSTOOD: [&str; 8] = [
     WEBP,
+    EXT_LIGHTS_AREA,
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
     "KHR_materials_pbrSpecularGlossiness",
@@ -24,6 +25,9 @@ const UNDERSTOOD: [&str; 7] = [
 
 /// Textures with an image in WebP: read here, but not known to the crate, whose validation refuses a document that requires it.
 const WEBP: &str = "EXT_texture_webp";
+
+/// Area lights: a draft, not known to the crate either.
+pub const EXT_LIGHTS_AREA: &str = "EXT_lights_area";
 
 /// Smallest GLB: its header.
 const GLB_HEADER: usize = 12;
@@ -81,12 +85,13 @@ fn read_otherwise(json: &[u8], error: serde_json::Error) -> Result<json::Root, I
 pub fn validate(mut root: json::Root, scene: Option<&str>) -> Result<Document, ImportProblem> {
     check_position_accessors(&root)?;
     scene_choice::choose(&mut root, scene)?;
-    root.extensions_required.retain(|name| name != WEBP);
+    root.extensions_required.retain(|name| name != WEBP && name != EXT_LIGHTS_AREA);
     Document::from_json(root).map_err(problem)
 }
 
-/// Says again that WebP is required, where a texture has no other image.
-pub fn require_webp(root: &mut json::Root) {
+/// Says again what is required: these, and WebP where a texture has no other image.
+pub fn require_again(root: &mut json::Root, required: Vec<String>) {
+    root.extensions_required.extend(required);
     let is_empty = |texture: &json::Texture| texture.source.value() == u32::MAX as usize;
     if root.extensions_used.iter().any(|name| name == WEBP) && root.textures.iter().any(is_empty) {
         root.extensions_required.push(WEBP.to_owned());
@@ -138,7 +143,7 @@ fn check_required_extensions(root: &json::Root) -> Result<(), ImportProblem> {
     let is_read = |name: &&String| {
         json::extensions::ENABLED_EXTENSIONS.contains(&name.as_str())
             || prepare::UNDONE.contains(&name.as_str())
-            || *name == WEBP
+            || [WEBP, EXT_LIGHTS_AREA].contains(&name.as_str())
     };
     match root.extensions_required.iter().find(|name| !is_read(name)) {
         Some(extension) => Err(ImportProblem::ExtensionRequired { extension: extension.clone() }),

@@ -5,7 +5,7 @@
 //!
 //! | module | what lives there |
 //! |---|---|
-//! | [`model`], [`facet`] | the scene, its surfaces, facets and lights |
+//! | [`model`], [`facet`], [`light`] | the scene, its surfaces, facets and lights |
 //! | [`import`](mod@import) | glTF in, scene out |
 //! | [`appearance`] | materials that vary over a surface, and their means over polygons |
 //! | [`means`] | means of images over polygons |
@@ -15,6 +15,7 @@ pub mod account;
 pub mod appearance;
 pub mod facet;
 pub mod import;
+pub mod light;
 pub mod means;
 pub mod model;
 
@@ -22,4 +23,5 @@ pub use account::Account;
 pub use document::{ImportError, ImportProblem, LightUnit, ReadOptions};
 pub use facet::{Corner, Facet, SourceTriangle};
 pub use import::{ImportOptions, LitDocument, LitPrimitive, import, import_lit, import_slice};
-pub use model::{Frame, Light, LightKind, Scene, Side, SourceDocument, Surface};
+pub use light::{AreaLight, AreaShape, Light, LightEntry, LightKind};
+pub use model::{Frame, Scene, Side, SourceDocument, Surface};

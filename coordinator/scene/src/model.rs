@@ -7,11 +7,11 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use glam::DVec3;
-use kernel::row::Spot;
 
 use crate::account::Account;
 use crate::appearance::Appearance;
 use crate::facet::Facet;
+use crate::light::Light;
 
 /// An imported scene.
 #[derive(Debug, Clone)]
@@ -20,7 +20,7 @@ pub struct Scene {
     pub source: SourceDocument,
     /// One per node, primitive and lit side.
     pub surfaces: Vec<Surface>,
-    /// KHR_lights_punctual lights, one for each node that holds one.
+    /// Lights that are no surface, one for each node that holds one.
     pub lights: Vec<Light>,
     /// Radiance of the sky, the same from all directions, below the horizon too; zero for none.
     pub sky: DVec3,
@@ -129,47 +129,5 @@ impl Surface {
         let over =
             |appearance: &Arc<Appearance>| appearance.opacity(facet, &self.facets[facet as usize], polygon);
         self.appearance.as_ref().map_or(self.opacity, over)
-    }
-}
-
-/// A light without an area.
-#[derive(Debug, Clone)]
-pub struct Light {
-    /// Index of the node in the source document.
-    pub node: usize,
-    /// For messages: node name or index.
-    pub name: String,
-    /// Where it is and where it shines.
-    pub kind: LightKind,
-    /// Radiant intensity, W/sr (or candela), of a point or spot light, in file units; of a directional one the irradiance, W/m^2
-    /// (or lux), of a surface across it.
-    pub intensity: DVec3,
-}
-
-/// The kinds of lights without an area.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum LightKind {
-    /// Shines into all directions alike.
-    Point {
-        /// Position in the frame.
-        position: DVec3,
-    },
-    /// Shines into a cone, with full intensity on its axis.
-    Spot(Spot),
-    /// Comes from infinitely far.
-    Directional {
-        /// Unit vector along which the light travels.
-        along: DVec3,
-    },
-}
-
-impl LightKind {
-    /// Where it stands, in the frame; `None` of one that is infinitely far.
-    #[must_use]
-    pub fn position(&self) -> Option<DVec3> {
-        match self {
-            Self::Point { position } | Self::Spot(Spot { position, .. }) => Some(*position),
-            Self::Directional { .. } => None,
-        }
     }
 }

@@ -90,7 +90,7 @@ impl Bake<'_, '_> {
         let set = self.office.publish_receivers(&receivers);
         // The sun on a roof, and the sky under a floor, are no light that the scene has and loses.
         let inside: Vec<LightSource> =
-            self.sources.iter().filter(|source| !source.is_outside()).cloned().collect();
+            self.sources.iter().filter(|source| !source.is_outside).cloned().collect();
         let direct = light::irradiance(&inside, set, self.office, |_, _, _| ())?;
         let mut gathered = self.channels.gathering(set.count());
         let radiosity = &self.radiosity;

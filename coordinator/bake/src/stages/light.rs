@@ -1,4 +1,4 @@
-//! Light sources: emitting polygons of constant exitance, lights without an area, and the sky.
+//! Light sources: emitting polygons of constant exitance, lights that are no surface, and the sky.
 
 use glam::DVec3;
 use kernel::geometry::ConvexPolygon;
@@ -10,18 +10,20 @@ use super::rows::{ReceiverSet, RowOffice};
 use super::{BakeError, BakeSettings, sky};
 use crate::mesh::Mesh;
 use crate::solver::add_row;
-use scene::{Light, LightKind, Scene};
+use scene::{LightKind, Scene};
 
 /// A light source with a row of its own.
 #[derive(Clone)]
 pub struct LightSource {
     /// What its row is made of.
     pub shooter: Shooter,
-    /// What one unit of the row is worth: exitance of a facet, intensity of a point or spot light per squared frame unit,
+    /// What one unit of the row is worth: exitance of a polygon, intensity of a point or spot light per squared frame unit,
     /// irradiance across a directional light.
     pub strength: DVec3,
     /// What of the scene it is.
     pub origin: Origin,
+    /// True where its light comes from outside of the scene: of what it emits only what falls on the scene is counted.
+    pub is_outside: bool,
 }
 
 /// What of a scene a light source is.
@@ -33,13 +35,6 @@ pub enum Origin {
     Light(usize),
     /// A part of the sky.
     Sky,
-}
-
-impl LightSource {
-    /// True where its light comes from outside of the scene: of what it emits only what falls on the scene is counted.
-    pub fn is_outside(&self) -> bool {
-        self.origin == Origin::Sky || matches!(self.shooter.shape, Shape::Directional(_))
-    }
 }
 
 /// Most polygons of a joint light source: its row must fit a job.
@@ -58,7 +53,7 @@ pub fn sources(
         .into_iter()
         .map(|emitter| (vec![emitter.polygon], emitter.exitance, Origin::Surface(emitter.surface)));
     let lights = scene.lights.iter().enumerate().map(|(index, light)| {
-        let (shape, strength) = without_area(light, scene.frame.scale, settings);
+        let (shape, strength) = shooter(&light.kind, light.intensity, scene.frame.scale, settings);
         (shape, strength, Origin::Light(index))
     });
     let sky = sky::polygons(scene)
@@ -77,6 +72,11 @@ pub fn sources(
             shooter: Shooter { key: first_key + index as u64, shape },
             strength,
             origin,
+            is_outside: match origin {
+                Origin::Surface(_) => false,
+                Origin::Light(index) => scene.lights[index].kind.from_far().is_some(),
+                Origin::Sky => true,
+            },
         })
         .collect()
 }
@@ -102,16 +102,46 @@ fn join(polygons: Vec<Emitting>) -> Vec<Emitting> {
     joined
 }
 
-/// The shape of a light without an area, and what one unit of its row is worth.
-fn without_area(light: &Light, scale: f64, settings: &BakeSettings) -> (Shape, DVec3) {
-    let per_square = light.intensity / (scale * scale);
-    match light.kind {
+/// The shape of a light that is no surface, and what one unit of its row is worth.
+fn shooter(kind: &LightKind, intensity: DVec3, scale: f64, settings: &BakeSettings) -> (Shape, DVec3) {
+    let per_square = intensity / (scale * scale);
+    match *kind {
         LightKind::Point { position } if settings.planar_point_lights => {
             (Shape::PlanarPoint(position), per_square)
         }
         LightKind::Point { position } => (Shape::Point(position), per_square),
         LightKind::Spot(spot) => (Shape::Spot(spot), per_square),
-        LightKind::Directional { along } => (Shape::Directional(along), light.intensity),
+        LightKind::Directional { along } => (Shape::Directional(along), intensity),
+        LightKind::Area(area) => (Shape::Polygons(vec![area.polygon()]), std::f64::consts::PI * intensity),
+    }
+}
+
+/// How many light sources there are of each sort.
+#[derive(Default)]
+pub struct SourceCounts {
+    pub area: usize,
+    pub point: usize,
+    pub spot: usize,
+    pub directional: usize,
+    pub sky: usize,
+}
+
+impl SourceCounts {
+    pub fn new(scene: &Scene, sources: &[LightSource]) -> Self {
+        let mut counts = Self::default();
+        for source in sources {
+            *match source.origin {
+                Origin::Surface(_) => &mut counts.area,
+                Origin::Light(index) => match scene.lights[index].kind {
+                    LightKind::Point { .. } => &mut counts.point,
+                    LightKind::Spot(_) => &mut counts.spot,
+                    LightKind::Directional { .. } => &mut counts.directional,
+                    LightKind::Area(_) => &mut counts.area,
+                },
+                Origin::Sky => &mut counts.sky,
+            } += 1;
+        }
+        counts
     }
 }
 

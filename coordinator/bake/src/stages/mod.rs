@@ -185,7 +185,7 @@ struct Bake<'a, 'b> {
     /// Irradiance, per vertex.
     irradiance: Vec<DVec3>,
     occluders: usize,
-    /// Flux that the shares get from point and spot lights, in frame units.
+    /// Flux that the shares get from lights within the scene that are no surfaces, in frame units.
     from_lights: DVec3,
     /// Flux that the shares get from outside of the scene, from directional lights and the sky, in frame units.
     from_outside: DVec3,
@@ -328,7 +328,7 @@ impl<'a, 'b> Bake<'a, 'b> {
                 }
                 let factors = row.to_dense();
                 let flux = energies.iter().map(|s| s.area * f64::from(factors[s.receiver])).sum::<f64>();
-                *if source.is_outside() { &mut from_outside } else { &mut from_lights } +=
+                *if source.is_outside { &mut from_outside } else { &mut from_lights } +=
                     source.strength * flux;
             })?;
         (self.from_lights, self.from_outside) = (from_lights, from_outside);

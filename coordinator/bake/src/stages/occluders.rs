@@ -6,7 +6,7 @@ use kernel::occluder::convex_bodies;
 use kernel::replica::ScenePolygons;
 
 use super::{pieces, sky};
-use scene::{Facet, Light, LightKind, Scene, Side};
+use scene::{Facet, Scene, Side};
 
 /// Heights up to this, in frame units, count as in the plane: a few units in the last place of f32 coordinates.
 const IN_PLANE: f64 = 3e-4;
@@ -24,11 +24,16 @@ pub fn occluders(scene: &Scene) -> ScenePolygons {
     let facets = || scene.surfaces.iter().filter(|s| s.side == Side::Front).flat_map(|s| &s.facets);
     let points: Vec<DVec3> = facets()
         .flat_map(|facet| facet.corners.iter().map(|corner| corner.position))
-        .chain(scene.lights.iter().filter_map(|light| light.kind.position()))
+        .chain(scene.lights.iter().flat_map(|light| light.kind.extremes()))
         .chain(sky::corners(scene))
         .collect();
     let extremes = extreme_points(&points);
-    let far: Vec<DVec3> = scene.lights.iter().filter_map(from_far).collect();
+    let far: Vec<DVec3> = scene
+        .lights
+        .iter()
+        .filter(|light| light.intensity != DVec3::ZERO)
+        .filter_map(|light| light.kind.from_far())
+        .collect();
     let mut tests = 0;
     let mut can_block = |facet: &Facet| {
         if has_both_sides(facet, &extremes, &far) {
@@ -70,14 +75,6 @@ pub fn occluders(scene: &Scene) -> ScenePolygons {
 fn polygon(facet: &Facet) -> ConvexPolygon {
     let corners = facet.corners.iter().map(|corner| corner.position).collect();
     ConvexPolygon { plane: facet.plane, corners }
-}
-
-/// The direction from which a light that is infinitely far comes.
-fn from_far(light: &Light) -> Option<DVec3> {
-    match light.kind {
-        LightKind::Directional { along } if light.intensity != DVec3::ZERO => Some(-along),
-        _ => None,
-    }
 }
 
 /// Whether some of these points, or of the points infinitely far in some directions, are above a facet and some below.

@@ -3,10 +3,9 @@
 use glam::DVec3;
 use serde::Serialize;
 
-use super::light::Origin;
+use super::light::SourceCounts;
 use super::{Bake, ErrorBudget, RowStrategy};
 use crate::solver::balance::{EnergyBalance, RowSums};
-use scene::{Light, LightKind};
 
 /// A vertex whose row sums to more than this is counted as enclosed: what its row lacks is error, not sky.
 const ENCLOSED: f64 = 0.999;
@@ -73,7 +72,7 @@ pub struct BakeReport {
 pub struct Model {
     /// Channels of light: 1 where all light has one colour and all surfaces are grey, else 3.
     pub channels: usize,
-    /// Emitting facets, each with a row of its own.
+    /// Emitting facets and area lights, each with a row of its own.
     pub area_lights: usize,
     /// Point lights, each with a row of solid angles.
     pub point_lights: usize,
@@ -130,16 +129,14 @@ impl Bake<'_, '_> {
 
     fn model(&self) -> Model {
         let statistics = &self.office.statistics;
-        let sources = |counts: fn(&Origin) -> bool| self.sources.iter().filter(|s| counts(&s.origin)).count();
-        let lights =
-            |counts: fn(&LightKind) -> bool| self.scene.lights.iter().filter(|l| counts(&l.kind)).count();
+        let sources = SourceCounts::new(self.scene, &self.sources);
         Model {
             channels: self.channels.count(),
-            area_lights: sources(|origin| matches!(origin, Origin::Surface(_))),
-            point_lights: lights(|kind| matches!(kind, LightKind::Point { .. })),
-            spot_lights: lights(|kind| matches!(kind, LightKind::Spot(_))),
-            directional_lights: lights(|kind| matches!(kind, LightKind::Directional { .. })),
-            sky: sources(|origin| *origin == Origin::Sky),
+            area_lights: sources.area,
+            point_lights: sources.point,
+            spot_lights: sources.spot,
+            directional_lights: sources.directional,
+            sky: sources.sky,
             pairs: statistics.pairs,
             pairs_turned_away: statistics.pairs - statistics.factors,
             pairs_unoccluded: statistics.factors - statistics.occluded_pairs,
@@ -193,19 +190,9 @@ impl Bake<'_, '_> {
         }
         let [emitted, absorbed, unshot, escaped] =
             [emitted, absorbed, self.unshot, escaped].map(|f| f * square_unit);
-        let from_lights: DVec3 = self.scene.lights.iter().map(flux).sum();
+        let from_lights: DVec3 = self.scene.lights.iter().map(|light| light.flux(&self.scene.frame)).sum();
         let past = if self.is_open() { from_lights - self.from_lights * square_unit } else { DVec3::ZERO };
         let emitted = emitted + from_lights + self.from_outside * square_unit;
         EnergyBalance::new(emitted, absorbed, unshot, escaped + past.max(DVec3::ZERO))
-    }
-}
-
-/// The flux that a light sends out: its intensity times the solid angle that it fills. Of one that is infinitely far only what falls
-/// on the scene counts, and that is known from its row.
-fn flux(light: &Light) -> DVec3 {
-    match light.kind {
-        LightKind::Point { .. } => light.intensity * 4.0 * std::f64::consts::PI,
-        LightKind::Spot(spot) => light.intensity * spot.solid_angle(),
-        LightKind::Directional { .. } => DVec3::ZERO,
     }
 }

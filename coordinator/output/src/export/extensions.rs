@@ -10,7 +10,8 @@ use super::ExportError;
 
 /// Extensions that name nothing that the exporter moves, besides `KHR_materials_*`: lights, textures and images stay where
 /// they are.
-const HARMLESS: [&str; 6] = [
+const HARMLESS: [&str; 7] = [
+    "EXT_lights_area",
     "EXT_texture_avif",
     "EXT_texture_webp",
     "KHR_lights_punctual",

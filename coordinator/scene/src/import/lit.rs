@@ -66,7 +66,7 @@ pub fn import_lit(path: &Path, options: &ReadOptions) -> Result<LitDocument, Imp
 }
 
 fn read(bytes: &[u8], folder: Option<&Path>, options: &ReadOptions) -> Result<LitDocument, ImportProblem> {
-    let PlainDocument { document, buffers, mut warnings } = document::read(bytes, folder, options)?;
+    let PlainDocument { document, buffers, mut warnings, .. } = document::read(bytes, folder, options)?;
     let read = bytes.len() as u64 + buffers::bytes_beside(document.as_json(), &buffers);
     let sources = Sources {
         buffers: &buffers,

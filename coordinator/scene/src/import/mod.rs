@@ -55,6 +55,7 @@ use self::triangles::TriangleMesh;
 use crate::account::Account;
 use crate::appearance::Pattern;
 use crate::facet::Facet;
+use crate::light::Light;
 use crate::model::{Frame, Scene, Side, SourceDocument, Surface};
 use document::accessors::Context;
 use document::images::{self, Sources};
@@ -113,7 +114,8 @@ pub fn import_slice(bytes: &[u8], options: &ImportOptions) -> Result<Scene, Impo
 }
 
 fn read_scene(bytes: &[u8], folder: Option<&Path>, options: &ImportOptions) -> Result<Scene, ImportProblem> {
-    let PlainDocument { document, buffers, warnings } = document::read(bytes, folder, &options.read)?;
+    let PlainDocument { document, buffers, required, warnings } =
+        document::read(bytes, folder, &options.read)?;
     let mut content = Content { warnings, ..Content::default() };
     document::parse::warn_ignored_extensions(document.as_json(), &mut content.warnings);
     let read = bytes.len() as u64 + buffers::bytes_beside(document.as_json(), &buffers);
@@ -125,7 +127,7 @@ fn read_scene(bytes: &[u8], folder: Option<&Path>, options: &ImportOptions) -> R
     };
     content.collect(&document, &sources, options)?;
     let mut root = document.into_json();
-    document::parse::require_webp(&mut root);
+    document::parse::require_again(&mut root, required);
     let source = SourceDocument { root, buffers, folder: folder.map(Path::to_owned) };
     content.into_scene(source, options)
 }
@@ -163,7 +165,7 @@ impl Content {
         let mut materials = self.materials(document, &all_placed, sources);
         let mut geometries = read_geometries(&all_placed, sources, options).into_iter();
         for placed in all_placed {
-            self.lights.extend(lights::read(&placed, options.light_unit, &mut self.warnings)?);
+            self.lights.extend(lights::read(document, &placed, options.light_unit, &mut self.warnings)?);
             let Some(mesh) = placed.node.mesh() else { continue };
             for primitive in mesh.primitives() {
                 let place = place_of(&placed, &primitive);
@@ -256,15 +258,16 @@ impl Content {
             return Err(ImportProblem::NoTriangles);
         }
         let shines = |surface: &Surface| surface.exitance != DVec3::ZERO;
+        let mut lights: Vec<Light> =
+            lights.into_iter().filter_map(|light| light.place(&frame, &mut warnings)).collect();
         let is_dark = options.sky == DVec3::ZERO
             && !surfaces.iter().any(shines)
-            && lights.iter().all(WorldLight::is_dark);
+            && lights.iter().all(|light| light.intensity == DVec3::ZERO);
         if options.needs_light && is_dark {
             return Err(ImportProblem::NoLight);
         }
         let rounding = rounding.max(triangles::rounding_of(frame.centre.abs().max_element() / frame.scale));
-        let plane_count = planes::assign(&mut surfaces, rounding);
-        let lights = lights.into_iter().map(|light| light.place(&frame)).collect();
+        let plane_count = planes::assign(&mut surfaces, &mut lights, rounding);
         let mut scene = Scene {
             source,
             surfaces,

@@ -14,7 +14,8 @@ use kernel::geometry::{PlaneId, area_vector};
 use rayon::prelude::*;
 use smallvec::SmallVec;
 
-use crate::facet::Facet;
+use crate::facet::{Corner, Facet};
+use crate::light::{AreaLight, Light};
 use crate::model::Surface;
 
 /// Distance from a plane, frame units, within which corners lie in it: a millionth of the scene.
@@ -38,10 +39,25 @@ const MOST_OFFSET_DOUBT: f64 = 0.1;
 const NORMAL_CELL: f64 = 1.0 / 8192.0;
 const OFFSET_CELL: f64 = 0.125;
 
-/// Gives every facet its plane and returns the number of planes. `rounding`: how far the rounding of the
+/// Gives every facet and every flat light its plane and returns the number of planes. `rounding`: how far the rounding of the
 /// file may have moved a point, frame units.
-pub(super) fn assign(surfaces: &mut [Surface], rounding: f64) -> u32 {
-    let mut facets: Vec<&mut Facet> = surfaces.iter_mut().flat_map(|surface| &mut surface.facets).collect();
+pub(super) fn assign(surfaces: &mut [Surface], lights: &mut [Light], rounding: f64) -> u32 {
+    let mut flat: Vec<&mut AreaLight> = lights.iter_mut().filter_map(|light| light.kind.flat_mut()).collect();
+    let mut of_lights: Vec<Facet> = flat.iter().map(|light| facet(light)).collect();
+    let facets = surfaces.iter_mut().flat_map(|surface| &mut surface.facets);
+    let count = assign_facets(facets.chain(&mut of_lights).collect(), rounding);
+    flat.iter_mut().zip(of_lights).for_each(|(light, facet)| light.plane = facet.plane);
+    count
+}
+
+/// A flat light as a facet: in the plane of a ceiling it is neither blocked by the ceiling nor does it light it.
+fn facet(light: &AreaLight) -> Facet {
+    let (plane, normal) = (light.plane, light.normal());
+    let corners = light.polygon().corners.into_iter().map(|position| Corner { position, normal });
+    Facet { plane, normal, corners: corners.collect(), triangles: vec![] }
+}
+
+fn assign_facets(mut facets: Vec<&mut Facet>, rounding: f64) -> u32 {
     let mut planes = Planes::new(ROUNDINGS * rounding);
     let doubt = |thickness: f64| (NORMAL_TOLERANCE + ROUNDINGS * rounding / thickness).min(MOST_NORMAL_DOUBT);
     // The facets with the surest normals define the planes.

@@ -1,7 +1,9 @@
 //! What of a file is modelled and what is not, in words.
 
+use std::collections::BTreeMap;
+
 use crate::account::Account;
-use crate::model::{LightKind, Scene};
+use crate::model::Scene;
 
 /// Counts kinds of things, in the order in which they come first.
 #[derive(Default)]
@@ -25,16 +27,11 @@ impl Tally {
     pub(super) fn account(&self, scene: &Scene) -> Account {
         let mut modelled: Vec<String> = self.modelled.iter().map(in_words).collect();
         let emissive = scene.surfaces.iter().filter(|s| s.exitance != glam::DVec3::ZERO).count();
-        let lights =
-            |kind: fn(&LightKind) -> bool| scene.lights.iter().filter(|light| kind(&light.kind)).count();
-        let sources = [
-            ("emissive surface", emissive),
-            ("point light", lights(|kind| matches!(kind, LightKind::Point { .. }))),
-            ("spot light", lights(|kind| matches!(kind, LightKind::Spot(_)))),
-            ("directional light", lights(|kind| matches!(kind, LightKind::Directional { .. }))),
-        ];
-        let found = sources.into_iter().filter(|(_, count)| *count > 0);
-        modelled.extend(found.map(|(kind, count)| in_words(&(kind.to_owned(), count))));
+        let mut lights: BTreeMap<(u8, &str), usize> = BTreeMap::new();
+        scene.lights.iter().for_each(|light| *lights.entry(light.kind.noun()).or_default() += 1);
+        let lights = lights.into_iter().map(|((_, kind), count)| (kind, count));
+        let sources = [("emissive surface", emissive)].into_iter().filter(|(_, count)| *count > 0);
+        modelled.extend(sources.chain(lights).map(|(kind, count)| in_words(&(kind.to_owned(), count))));
         if scene.sky != glam::DVec3::ZERO {
             modelled.push("a uniform sky".to_owned());
         }

@@ -1,5 +1,6 @@
 //! Whole documents, from bytes to scene.
 
+mod area_lights;
 mod bad_input;
 mod buffers;
 mod facets;

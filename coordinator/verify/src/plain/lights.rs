@@ -1,18 +1,22 @@
 use std::f64::consts::{FRAC_PI_2, PI};
 
+use document::parse::EXT_LIGHTS_AREA;
 use glam::{DMat4, DVec3};
+use gltf::Document;
 use gltf::khr_lights_punctual::Kind;
+use serde_json::Value;
 
-/// A light without an area.
+/// A light that is no surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlainLight {
     /// Where it is and where it shines.
     pub kind: PlainLightKind,
-    /// Radiant intensity, W/sr, of a point or spot light; irradiance across a directional one, W/m^2.
+    /// Radiant intensity, W/sr, of a point or spot light; irradiance across a directional one, W/m^2; radiance of an area light,
+    /// W/(m^2 sr).
     pub intensity: DVec3,
 }
 
-/// The kinds of lights without an area, in the world.
+/// The kinds of lights that are no surface, in the world.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum PlainLightKind {
     /// Shines into all directions alike.
@@ -34,6 +38,16 @@ pub enum PlainLightKind {
     Directional {
         /// Unit vector along which it travels.
         along: DVec3,
+    },
+    /// Shines from one side of a flat shape, from all of it alike. Experimental: `EXT_lights_area` is a draft.
+    Area {
+        /// Its middle.
+        centre: DVec3,
+        /// From the middle to those of two sides of a rectangle, or to the rim of a disk, at right angles; the first crossed with
+        /// the second points to where it shines.
+        half: [DVec3; 2],
+        /// Whether it is a disk.
+        is_round: bool,
     },
 }
 
@@ -60,9 +74,53 @@ impl PlainLight {
                 PlainLightKind::Spot { position, along: axis()?, ramp: [scale, -outer * scale] }
             }
         };
-        let of_sphere = in_watts && !matches!(kind, PlainLightKind::Directional { .. });
-        let unit = if of_sphere { 1.0 / (4.0 * PI) } else { 1.0 };
+        let unit = match kind {
+            PlainLightKind::Point { .. } | PlainLightKind::Spot { .. } if in_watts => 1.0 / (4.0 * PI),
+            PlainLightKind::Point { .. } | PlainLightKind::Spot { .. } => 1.0,
+            PlainLightKind::Directional { .. } | PlainLightKind::Area { .. } => 1.0,
+        };
         let intensity = DVec3::from_array(light.color().map(f64::from)) * f64::from(light.intensity()) * unit;
         Some(Self { kind, intensity })
+    }
+
+    /// The area light that a node's extension object refers to. `None` where the node leaves it no direction.
+    ///
+    /// # Errors
+    /// What is wrong with it, in words.
+    pub(super) fn read_area(
+        document: &Document,
+        reference: &Value,
+        world: DMat4,
+    ) -> Result<Option<Self>, String> {
+        let lights = document.extension_value(EXT_LIGHTS_AREA).map(|lights| &lights["lights"]);
+        let index = reference["light"].as_u64().and_then(|index| usize::try_from(index).ok());
+        let light = lights.zip(index).and_then(|(lights, index)| lights.get(index));
+        let light = light.ok_or("the light that its node refers to is not in the file")?;
+        let number = |value: Option<&Value>, default: f64| match value {
+            None => Ok(default),
+            Some(value) => value.as_f64().ok_or_else(|| format!("{value} is no number")),
+        };
+        let is_round = match light["type"].as_str() {
+            Some("rect") => false,
+            Some("disk") => true,
+            _ => return Err(format!("its type is {}, not rect or disk", light["type"])),
+        };
+        let height = number(light.get("size"), 1.0)?;
+        let aspect = number(light.get("rect").and_then(|rect| rect.get("aspect")), 1.0)?;
+        let width = if is_round { height } else { height * aspect };
+        if !(height > 0.0 && aspect > 0.0) {
+            return Err(format!("its size is {height} and its aspect {aspect}, both must be above 0"));
+        }
+        let part = |axis: usize| number(light.get("color").and_then(|colour| colour.get(axis)), 1.0);
+        let intensity = DVec3::new(part(0)?, part(1)?, part(2)?) * number(light.get("intensity"), 1000.0)?;
+        let axes = [DVec3::X, DVec3::Y, DVec3::NEG_Z].map(|axis| world.transform_vector3(axis));
+        let scale = axes.iter().map(|axis| axis.length()).fold(0.0, f64::max);
+        let [x, y, front] = axes.map(|axis| (axis / axis.abs().max_element()).try_normalize());
+        let Some(front) = front else { return Ok(None) };
+        let Some(x) = x.or_else(|| Some(y?.cross(front))) else { return Ok(None) };
+        let Some(x) = x.reject_from_normalized(front).try_normalize() else { return Ok(None) };
+        let half = [x * (width * scale / 2.0), front.cross(x) * (height * scale / 2.0)];
+        let centre = world.transform_point3(DVec3::ZERO);
+        Ok(Some(Self { kind: PlainLightKind::Area { centre, half, is_round }, intensity }))
     }
 }

@@ -6,7 +6,7 @@
 //! | `appearance` | textures, colours of vertices and alpha at a point |
 //! | `buffers` | the bytes of every buffer, from the file or next to it |
 //! | `source` | a document's primitives in file order, their triangles in the world |
-//! | `lights` | point, spot and directional lights in the world |
+//! | `lights` | point, spot, directional and area lights in the world |
 //! | `scene` | [`PlainScene`]: triangles, materials and lights of a scene |
 
 mod appearance;

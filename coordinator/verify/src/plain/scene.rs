@@ -9,7 +9,8 @@ use gltf::{Material, Semantic};
 use super::appearance::{Appearances, MAX_REFLECTANCE, PlainAppearance, material_name};
 use super::source::{Geometry, PlainDocument, has_triangles, label};
 use super::{PlainError, PlainLight};
-use document::LightUnit;
+use document::parse::EXT_LIGHTS_AREA;
+use document::{ImportProblem, LightUnit};
 
 /// Height over longest edge below which a triangle has no area to speak of.
 const LEAST_HEIGHT: f64 = 1e-10;
@@ -26,7 +27,7 @@ pub struct PlainScene {
     pub triangles: Vec<PlainTriangle>,
     /// What is not the same all over a primitive; `None` where all of it looks like its material.
     pub appearances: Vec<Option<PlainAppearance>>,
-    /// Lights without an area.
+    /// Lights that are no surface.
     pub lights: Vec<PlainLight>,
     /// Radiance of the sky, the same from all directions.
     pub sky: DVec3,
@@ -148,14 +149,27 @@ impl PlainScene {
         warnings: &mut BTreeSet<String>,
     ) -> Result<(), PlainError> {
         for node in document.nodes() {
-            let Some(light) = node.light() else { continue };
-            let placed = PlainLight::read(&light, document.placement(&node), unit == LightUnit::Watt);
-            let Some(placed) = placed else {
-                warnings.insert(format!("{}: light left out, it has no direction", label(&node)));
-                continue;
-            };
-            check(document, label(&node), "the light's intensity", placed.intensity)?;
-            self.lights.push(placed);
+            let world = document.placement(&node);
+            let punctual = node.light().map(|light| PlainLight::read(&light, world, unit == LightUnit::Watt));
+            let area = node.extension_value(EXT_LIGHTS_AREA);
+            let area =
+                area.map(|reference| PlainLight::read_area(&document.gltf, reference, world)).transpose();
+            let area = area.map_err(|detail| PlainError::Import {
+                path: document.path().to_owned(),
+                error: Box::new(ImportProblem::Light {
+                    place: label(&node),
+                    extension: EXT_LIGHTS_AREA,
+                    detail,
+                }),
+            })?;
+            for placed in [punctual, area].into_iter().flatten() {
+                let Some(placed) = placed else {
+                    warnings.insert(format!("{}: light left out, it has no direction", label(&node)));
+                    continue;
+                };
+                check(document, label(&node), "the light's intensity", placed.intensity)?;
+                self.lights.push(placed);
+            }
         }
         Ok(())
     }
@@ -199,7 +213,9 @@ fn check(
 }
 
 fn warn_unmodelled(document: &PlainDocument, warnings: &mut BTreeSet<String>) {
-    let understood = |name: &String| gltf::json::extensions::ENABLED_EXTENSIONS.contains(&name.as_str());
+    let understood = |name: &String| {
+        name == EXT_LIGHTS_AREA || gltf::json::extensions::ENABLED_EXTENSIONS.contains(&name.as_str())
+    };
     let ignored: Vec<&str> =
         document.gltf.extensions_used().filter(|name| !understood(&(*name).to_owned())).collect();
     if !ignored.is_empty() {

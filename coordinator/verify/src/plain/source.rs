@@ -11,6 +11,7 @@ use gltf::{Accessor, Document, Gltf, Node, Primitive, Semantic};
 
 use super::{PlainError, buffers};
 use document::accessors::{Context, is_within_bounds};
+use document::parse::EXT_LIGHTS_AREA;
 use document::placement::world_matrices;
 use document::{ReadOptions, made_plain, scene_choice};
 
@@ -46,6 +47,8 @@ impl PlainDocument {
         }
         let wrong = |error| PlainError::Import { path: path.to_owned(), error: Box::new(error) };
         scene_choice::choose(&mut root, scene).map_err(wrong)?;
+        // Read here, but not known to the crate's validation.
+        root.extensions_required.retain(|name| name != EXT_LIGHTS_AREA);
         let options = ReadOptions { scene: scene.map(str::to_owned), ..ReadOptions::default() };
         let (gltf, buffers) = match made_plain(&bytes, path.parent(), &options).map_err(wrong)? {
             Some(made) => (Gltf { document: made.document, blob: None }, made.buffers),

@@ -121,6 +121,36 @@ fn what_is_not_modelled_is_said() {
 }
 
 #[test]
+fn area_lights_are_read_or_refused() {
+    let lit_by = |light: Value| {
+        opened(|root| {
+            root["extensionsUsed"] = json!(["EXT_lights_area"]);
+            root["extensionsRequired"] = json!(["EXT_lights_area"]);
+            root["extensions"]["EXT_lights_area"]["lights"] = json!([light]);
+            root["nodes"] = json!([root["nodes"][0], {
+                "name": "panel", "scale": [0.5, 1.0, 2.0], "extensions": { "EXT_lights_area": { "light": 0 } }
+            }]);
+            root["scenes"][0]["nodes"] = json!([0, 1]);
+        })
+    };
+    let scene =
+        lit_by(json!({ "type": "rect", "size": 3.0, "rect": { "aspect": 0.5 }, "intensity": 5.0 })).unwrap();
+    let half = [DVec3::X * 1.5, DVec3::Y * -3.0];
+    let kind = PlainLightKind::Area { centre: DVec3::ZERO, half, is_round: false };
+    assert_eq!(scene.lights, [PlainLight { kind, intensity: DVec3::splat(5.0) }]);
+    assert_eq!(scene.warnings, Vec::<String>::new());
+    for (light, why) in [
+        (json!({ "type": "sphere" }), "its type is"),
+        (json!({ "type": "rect", "size": 0 }), "its size is"),
+        (json!({ "type": "disk", "color": [1, "red", 1] }), "is no number"),
+        (json!({ "type": "disk", "intensity": -1 }), "must be finite and not negative"),
+    ] {
+        let problem = lit_by(light).unwrap_err().to_string();
+        assert!(problem.contains("panel") && problem.contains(why), "{problem}");
+    }
+}
+
+#[test]
 fn wrong_files_are_refused_with_their_place() {
     type Change = dyn Fn(&mut Value);
     let cases: [(&Change, &str); 9] = [

@@ -1,4 +1,6 @@
-//! Where light comes from: triangles that emit, and lights without an area; chosen by their power.
+//! Where light comes from: triangles that emit, and lights that are no surface; chosen by their power.
+
+use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
 
@@ -15,8 +17,8 @@ pub(super) struct Lights {
     emitters: Vec<(f64, usize)>,
     /// Chance per area to choose a point, of every triangle of the solid; 0 where it does not emit.
     densities: Vec<f64>,
-    /// Running sum of power over the point and spot lights, their chance to be chosen, and they themselves in the frame.
-    points: Vec<(f64, f64, PlainLight)>,
+    /// Running sum of power over the point, spot and area lights, their chance to be chosen, and they themselves in the frame.
+    near: Vec<(f64, f64, PlainLight)>,
     /// Where the light of directional lights travels to, and their irradiance.
     far: Vec<(DVec3, DVec3)>,
 }
@@ -31,17 +33,13 @@ pub(super) struct Sample {
 
 impl Lights {
     /// Collects the light sources; `None` where there are none.
-    pub(super) fn new(solid: &Solid, without_area: &[PlainLight]) -> Option<Self> {
+    pub(super) fn new(solid: &Solid, no_surfaces: &[PlainLight]) -> Option<Self> {
         let area = |index: usize| {
             let [a, b, c] = solid.triangles[index].corners;
             (b - a).cross(c - a).length() / 2.0
         };
-        let mut lights = Self {
-            emitters: vec![],
-            densities: vec![0.0; solid.triangles.len()],
-            points: vec![],
-            far: vec![],
-        };
+        let mut lights =
+            Self { emitters: vec![], densities: vec![0.0; solid.triangles.len()], near: vec![], far: vec![] };
         let mut total = 0.0;
         for (index, triangle) in solid.triangles.iter().enumerate() {
             let exitance = solid.emitted(triangle).element_sum();
@@ -56,22 +54,32 @@ impl Lights {
         let power = |light: &PlainLight| match light.kind {
             PlainLightKind::Directional { .. } => 0.0,
             PlainLightKind::Point { .. } | PlainLightKind::Spot { .. } => light.intensity.element_sum(),
+            // What it sends to its front from a distance.
+            PlainLightKind::Area { half: [x, y], .. } => {
+                light.intensity.element_sum() * x.cross(y).length() * 4.0
+            }
         };
-        let all: f64 = without_area.iter().map(power).sum();
+        let all: f64 = no_surfaces.iter().map(power).sum();
         let mut sum = 0.0;
-        for light in without_area.iter().filter(|light| light.intensity != DVec3::ZERO) {
+        for light in no_surfaces.iter().filter(|light| light.intensity != DVec3::ZERO) {
             let mut placed = *light;
             match &mut placed.kind {
                 PlainLightKind::Point { position } | PlainLightKind::Spot { position, .. } => {
                     sum += power(light) / all;
                     *position = solid.frame.place(*position);
                     placed.intensity /= scale * scale;
-                    lights.points.push((sum, power(light) / all, placed));
+                    lights.near.push((sum, power(light) / all, placed));
+                }
+                PlainLightKind::Area { centre, half, .. } => {
+                    sum += power(light) / all;
+                    *centre = solid.frame.place(*centre);
+                    half.iter_mut().for_each(|half| *half /= scale);
+                    lights.near.push((sum, power(light) / all, placed));
                 }
                 PlainLightKind::Directional { along } => lights.far.push((*along, light.intensity)),
             }
         }
-        let is_lit = !(lights.emitters.is_empty() && lights.points.is_empty() && lights.far.is_empty());
+        let is_lit = !(lights.emitters.is_empty() && lights.near.is_empty() && lights.far.is_empty());
         is_lit.then_some(lights)
     }
 
@@ -101,16 +109,33 @@ impl Lights {
         })
     }
 
-    /// The irradiance at a point from a random point or spot light.
-    pub(super) fn point(&self, at: DVec3, normal: DVec3, draw: f64) -> Option<Sample> {
+    /// The irradiance at a point from a random point, spot or area light.
+    pub(super) fn near(&self, at: DVec3, normal: DVec3, draw: [f64; 3]) -> Option<Sample> {
         let chosen =
-            self.points.partition_point(|light| light.0 <= draw).min(self.points.len().checked_sub(1)?);
-        let (_, chance, light) = &self.points[chosen];
+            self.near.partition_point(|light| light.0 <= draw[0]).min(self.near.len().checked_sub(1)?);
+        let (_, chance, light) = &self.near[chosen];
         let (position, part) = match light.kind {
             PlainLightKind::Point { position } => (position, 1.0),
             PlainLightKind::Spot { position, along, ramp: [scale, offset] } => {
                 let cosine = (at - position).normalize_or_zero().dot(along);
                 (position, (cosine * scale + offset).clamp(0.0, 1.0).powi(2))
+            }
+            PlainLightKind::Area { centre, half: [x, y], is_round } => {
+                let (point, area) = if is_round {
+                    let (sine, cosine) = (TAU * draw[2]).sin_cos();
+                    (centre + (x * cosine + y * sine) * draw[1].sqrt(), PI * x.cross(y).length())
+                } else {
+                    (
+                        centre + x * (2.0 * draw[1] - 1.0) + y * (2.0 * draw[2] - 1.0),
+                        4.0 * x.cross(y).length(),
+                    )
+                };
+                let side = x.cross(y).normalize_or_zero();
+                let kernel = kernel(at, normal, point, side);
+                return (kernel > 0.0).then(|| Sample {
+                    irradiance: light.intensity * (PI * kernel * area / chance),
+                    from: point + side * CLEARANCE,
+                });
             }
             PlainLightKind::Directional { .. } => return None,
         };
@@ -138,11 +163,7 @@ pub(super) fn kernel(from: DVec3, normal: DVec3, to: DVec3, side: DVec3) -> f64 
     let span = to - from;
     let squared = span.length_squared();
     let (cosine, other) = (normal.dot(span), -side.dot(span));
-    if cosine > 0.0 && other > 0.0 {
-        cosine * other / (std::f64::consts::PI * squared * squared)
-    } else {
-        0.0
-    }
+    if cosine > 0.0 && other > 0.0 { cosine * other / (PI * squared * squared) } else { 0.0 }
 }
 
 /// The balance heuristic: how much a way of sampling counts that chose a point with this density, where another could have

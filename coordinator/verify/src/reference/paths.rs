@@ -87,10 +87,10 @@ impl<'a> Tracer<'a> {
             if share == DVec3::ZERO {
                 break;
             }
-            let [u, v, survival, which_point, which_emitter, s, t, chance] = path.draw(bounce);
+            let [u, v, survival, which_near, which_emitter, s, t, chance] = path.draw(bounce);
             let samples = self.lights.iter().flat_map(|lights| {
                 let chosen = [
-                    lights.point(at, normal, which_point),
+                    lights.near(at, normal, [which_near, s, t]),
                     lights.surface(&self.solid, at, normal, [which_emitter, s, t]),
                 ];
                 chosen.into_iter().flatten().chain(lights.far(at, normal))

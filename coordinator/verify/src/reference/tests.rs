@@ -149,6 +149,26 @@ fn spot_and_directional_lights_add_up() {
     }
 }
 
+/// On the axis of a disk and under the corner of a rectangle the irradiance has a closed form; a light from below gives nothing.
+#[test]
+fn area_lights_add_up() {
+    let mut scene = PlainScene::default();
+    square(&mut scene, grey(0.6, 0.0), 0.0, 4.0);
+    let light = |centre, half, is_round, radiance| PlainLight {
+        kind: PlainLightKind::Area { centre, half, is_round },
+        intensity: DVec3::splat(radiance),
+    };
+    let (up, half) = (DVec3::Z * 0.5, [DVec3::X * -0.4, DVec3::Y * 0.4]);
+    scene.lights = vec![
+        light(up, half, true, 2.0),
+        light(up + DVec3::new(0.5, 0.5, 0.5), [DVec3::X * -0.5, DVec3::Y * 0.5], false, 3.0),
+        light(up, [half[1], half[0]], true, 7.0),
+    ];
+    let round = 2.0 * PI * 0.16 / (0.16 + 0.25);
+    let cornered = 3.0 / 2.0_f64.sqrt() * 0.5_f64.sqrt().atan();
+    assert_agrees(&traced(&scene, &[floor_place(0.0, 0.0)], 4096), |_| 0.6 * (round + cornered));
+}
+
 /// Beside a sheet that lets 40 % pass, and with a mask of holes.
 #[test]
 fn sky_and_sun_pass_what_is_not_opaque() {

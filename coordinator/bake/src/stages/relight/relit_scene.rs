@@ -6,10 +6,11 @@ use gltf::json::extensions::material::{EmissiveStrength, EmissiveStrengthFactor}
 
 use super::NewLight;
 use crate::stages::light::Origin;
-use scene::Scene;
+use scene::light::colour_and_rest;
+use scene::{LightEntry, Scene};
 
-/// Factors of all that use one thing of the document, by its index.
-type Factors = BTreeMap<usize, Vec<DVec3>>;
+/// Factors of all that use one thing of the document.
+type Factors<T> = BTreeMap<T, Vec<DVec3>>;
 
 /// The scene with its lights changed, and what of it the output cannot show, in words.
 ///
@@ -32,32 +33,31 @@ pub(super) fn changed(scene: &Scene, light: &NewLight) -> (Scene, Vec<String>) {
     for (index, own) in changed.lights.iter_mut().enumerate() {
         let factor = light.factor_of(scene, Origin::Light(index));
         own.intensity *= factor;
-        if let Some(punctual) = punctual_of(scene, index) {
-            of_lights.entry(punctual).or_default().push(factor);
-        }
+        of_lights.entry(own.entry).or_default().push(factor);
     }
     let mut warnings = vec![];
     let root = &mut changed.source.root;
-    change_all(of_materials, "material", root, change_material, &mut warnings);
-    change_all(of_lights, "light", root, change_punctual, &mut warnings);
+    change_all(of_materials, root, |index| format!("material {index}"), change_material, &mut warnings);
+    change_all(of_lights, root, LightEntry::to_string, LightEntry::multiply, &mut warnings);
     (changed, warnings)
 }
 
-fn change_all(
-    factors: Factors,
-    kind: &str,
+fn change_all<T>(
+    factors: Factors<T>,
     root: &mut Root,
-    change: impl Fn(&mut Root, usize, DVec3),
+    name: impl Fn(&T) -> String,
+    change: impl Fn(T, &mut Root, DVec3),
     warnings: &mut Vec<String>,
 ) {
-    for (index, factors) in factors {
+    for (entry, factors) in factors {
         let Some((factor, rest)) = factors.split_first() else { continue };
         if rest.iter().any(|other| other != factor) {
             warnings.push(format!(
-                "{kind} {index} of the file is that of lights which change differently: it is written as it was"
+                "{} of the file is that of lights which change differently: it is written as it was",
+                name(&entry)
             ));
         } else if *factor != DVec3::ONE {
-            change(root, index, *factor);
+            change(entry, root, *factor);
         }
     }
 }
@@ -70,13 +70,7 @@ fn material_of(scene: &Scene, surface: usize) -> Option<usize> {
     Some(mesh.primitives.get(surface.primitive)?.material?.value())
 }
 
-/// The document's light behind a light of the scene.
-fn punctual_of(scene: &Scene, light: usize) -> Option<usize> {
-    let node = scene.source.root.nodes.get(scene.lights[light].node)?;
-    Some(node.extensions.as_ref()?.khr_lights_punctual.as_ref()?.light.value())
-}
-
-fn change_material(root: &mut Root, index: usize, factor: DVec3) {
+fn change_material(index: usize, root: &mut Root, factor: DVec3) {
     let Some(material) = root.materials.get_mut(index) else { return };
     let (colour, above) = colour_and_rest(material.emissive_factor.0, factor);
     material.emissive_factor.0 = colour;
@@ -87,19 +81,4 @@ fn change_material(root: &mut Root, index: usize, factor: DVec3) {
         let emissive_strength = EmissiveStrengthFactor(before * above);
         *strength = Some(EmissiveStrength { emissive_strength });
     }
-}
-
-fn change_punctual(root: &mut Root, index: usize, factor: DVec3) {
-    let lights = root.extensions.as_mut().and_then(|extensions| extensions.khr_lights_punctual.as_mut());
-    let Some(light) = lights.and_then(|lights| lights.lights.get_mut(index)) else { return };
-    let (colour, above) = colour_and_rest(light.color, factor);
-    light.color = colour;
-    light.intensity *= above;
-}
-
-/// A colour times a factor: at most 1, and what it must be multiplied by.
-fn colour_and_rest(colour: [f32; 3], factor: DVec3) -> ([f32; 3], f32) {
-    let colour = DVec3::from_array(colour.map(f64::from)) * factor;
-    let above = colour.max_element().max(1.0);
-    ((colour / above).as_vec3().to_array(), above as f32)
 }

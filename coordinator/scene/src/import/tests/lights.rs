@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 
 use crate::import::test_document::TestDocument;
 use crate::import::{ImportOptions, ImportProblem, LightUnit, import_slice};
-use crate::model::LightKind;
+use crate::light::LightKind;
 
 #[test]
 fn point_light_stands_where_its_node_does() {
