@@ -73,7 +73,7 @@ struct Part {
 #[derive(Debug, Clone, Default)]
 pub struct SceneBuilder {
     parts: Vec<Part>,
-    /// Lights as KHR_lights_punctual has them.
+    /// Lights as KHR_lights_punctual or EXT_lights_area have them.
     lights: Vec<Value>,
     /// Nodes that show one of them: where they stand, and which it is.
     lit_nodes: Vec<(DMat4, usize)>,
@@ -133,7 +133,8 @@ impl SceneBuilder {
         self.light(light, DMat4::from_translation(position))
     }
 
-    /// Adds a light, as KHR_lights_punctual has it, at a node of its own; it shines along the node's -Z axis.
+    /// Adds a light, as KHR_lights_punctual or EXT_lights_area have it, at a node of its own and of its name; it shines along the
+    /// node's -Z axis.
     #[must_use]
     pub fn light(mut self, light: Value, place: DMat4) -> Self {
         self.lights.push(light);
@@ -195,18 +196,27 @@ impl SceneBuilder {
             "buffers": [{ "byteLength": binary.len() }],
         });
         let mut extensions = vec!["KHR_materials_emissive_strength"];
-        if !self.lights.is_empty() {
-            extensions.push("KHR_lights_punctual");
-            for (place, light) in &self.lit_nodes {
-                let mut node = json!({ "extensions": { "KHR_lights_punctual": { "light": light } } });
-                if self.lights[*light]["type"] == "point" {
-                    node["translation"] = json!(place.w_axis.truncate().to_array());
-                } else {
-                    node["matrix"] = json!(place.to_cols_array());
-                }
-                nodes.push(node);
+        let mut lists = json!({});
+        for (place, light) in &self.lit_nodes {
+            let own = &self.lights[*light];
+            let extension = extension_of(own);
+            let index = self.lights[..*light].iter().filter(|other| extension_of(other) == extension).count();
+            let mut node = json!({ "extensions": { extension: { "light": index } } });
+            if let Some(name) = own.get("name") {
+                node["name"] = name.clone();
             }
-            document["extensions"] = json!({ "KHR_lights_punctual": { "lights": self.lights } });
+            if own["type"] == "point" {
+                node["translation"] = json!(place.w_axis.truncate().to_array());
+            } else {
+                node["matrix"] = json!(place.to_cols_array());
+            }
+            nodes.push(node);
+            let own = self.lights.iter().filter(|other| extension_of(other) == extension);
+            lists[extension] = json!({ "lights": own.collect::<Vec<_>>() });
+        }
+        if let Some(lists) = lists.as_object().filter(|lists| !lists.is_empty()) {
+            extensions.extend(lists.keys().map(String::as_str));
+            document["extensions"] = json!(lists);
         }
         document["extensionsUsed"] = json!(extensions);
         document["scenes"] = json!([{ "nodes": (0..nodes.len()).collect::<Vec<_>>() }]);
@@ -236,6 +246,14 @@ pub fn pack(document: &Value, binary: &[u8]) -> Vec<u8> {
     Glb { header, json: document.to_string().into_bytes().into(), bin }
         .to_vec()
         .expect("it is far below 4 GiB")
+}
+
+/// The extension that has lights of this type.
+fn extension_of(light: &Value) -> &'static str {
+    match light["type"].as_str() {
+        Some("rect" | "disk") => "EXT_lights_area",
+        _ => "KHR_lights_punctual",
+    }
 }
 
 /// A polygon as triangles around its first corner.

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `form_factors` | factors of points and polygons against 60-digit values; no case of theirs is left out |
 //! | `occlusion` | visible factors against 60-digit values |
+//! | `area_lights` | area lights against formulas, emissive meshes and the path tracer |
 //! | `lights` | spot and directional lights, by the row and in whole bakes, against formulas |
 //! | `made_scenes` | the scenes of `tests::scenes`: files, references |
 //! | `point_lights` | flux of point lights, as rows have it, against solid angles |
@@ -34,6 +35,7 @@
 //! | `faults` | bakes while workers and the network fail against undisturbed ones, bit for bit |
 //! | `bad_input` | the command line against wrong files, wrong addresses and lost workers |
 
+mod area_lights;
 mod bad_input;
 mod determinism;
 mod dirty;
