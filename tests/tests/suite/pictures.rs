@@ -176,11 +176,32 @@ const LONG: [&str; 8] = ["--width", "320", "--height", "240", "--samples", "128"
 /// A line by which a picture is under way.
 const UNDER_WAY: &str = "render: 20 %";
 
+/// Has a small picture made by these workers: its bytes.
+fn picture_by(path: &Path, workers: &[&str], name: &str) -> Vec<u8> {
+    let small = ["--width", "120", "--height", "90", "--samples", "64", "--tone-map", "linear"];
+    render(path, workers, name, small, None::<fn()>).0
+}
+
 /// Has a picture made by these workers, and calls `disturb` when it is under way. Its bytes, and all that was said.
-fn picture_by(path: &Path, workers: &[&str], name: &str, disturb: impl FnOnce()) -> (Vec<u8>, String) {
+fn disturbed_picture_by(
+    path: &Path,
+    workers: &[&str],
+    name: &str,
+    disturb: impl FnOnce(),
+) -> (Vec<u8>, String) {
+    render(path, workers, name, LONG, Some(disturb))
+}
+
+fn render(
+    path: &Path,
+    workers: &[&str],
+    name: &str,
+    options: [&str; 8],
+    mut disturb: Option<impl FnOnce()>,
+) -> (Vec<u8>, String) {
     let output = path.with_file_name(name);
     let mut command = Command::new(binary("coordinator"));
-    command.arg("render").arg(path).arg("-o").arg(&output).args(LONG);
+    command.arg("render").arg(path).arg("-o").arg(&output).args(options);
     if workers.is_empty() {
         command.args(["--threads", "2"]);
     } else {
@@ -188,7 +209,6 @@ fn picture_by(path: &Path, workers: &[&str], name: &str, disturb: impl FnOnce())
     }
     let mut child =
         command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
-    let mut disturb = Some(disturb);
     let mut said = String::new();
     for line in BufReader::new(child.stderr.take().unwrap()).lines() {
         let line = line.unwrap();
@@ -210,13 +230,13 @@ fn whoever_computes_the_tiles_the_picture_has_the_same_bytes() {
     let (_folder, path) = lit("table");
     for format in ["exr", "png"] {
         let name = |of: &str| format!("{of}.{format}");
-        let (expected, _) = picture_by(&path, &[], &name("embedded"), || ());
+        let expected = picture_by(&path, &[], &name("embedded"));
         let one = WorkerProcess::start(2);
-        let (by_one, _) = picture_by(&path, &[&one.address], &name("one"), || ());
+        let by_one = picture_by(&path, &[&one.address], &name("one"));
         assert!(by_one == expected, "by one worker the {format} differs");
         let four = [1, 1, 1, 1].map(WorkerProcess::start);
         let addresses = four.each_ref().map(|worker| worker.address.as_str());
-        let (by_four, _) = picture_by(&path, &addresses, &name("four"), || ());
+        let by_four = picture_by(&path, &addresses, &name("four"));
         assert!(by_four == expected, "by four workers the {format} differs");
     }
 }
@@ -224,11 +244,11 @@ fn whoever_computes_the_tiles_the_picture_has_the_same_bytes() {
 #[test]
 fn a_killed_worker_changes_no_pixel() {
     let (_folder, path) = lit("table");
-    let (expected, _) = picture_by(&path, &[], "embedded.exr", || ());
+    let (expected, _) = disturbed_picture_by(&path, &[], "embedded.exr", || ());
     let (mut dies, lives) = (WorkerProcess::start(1), WorkerProcess::start(1));
     let addresses = [dies.address.clone(), lives.address.clone()];
     let (disturbed, said) =
-        picture_by(&path, &addresses.each_ref().map(String::as_str), "killed.exr", || dies.kill());
+        disturbed_picture_by(&path, &addresses.each_ref().map(String::as_str), "killed.exr", || dies.kill());
     assert!(said.contains("lost a worker"), "{said}");
     assert!(disturbed == expected, "with a worker killed the picture differs");
 }

@@ -58,9 +58,16 @@ fn both_kinds_of_rows_light_a_room_alike() {
     let report = by_receivers.report;
     assert!(report.balance.relative_imbalance().abs() < 0.01, "{:?}", report.balance);
     assert!(report.error.total > 0.0 && report.error.total < 0.05, "{:?}", report.error);
-    // More rays, less noise: by the three quarters' power, or half at least.
-    let finer = baked(&scene, &fine(RowStrategy::Gather).with_rays(8192.0)).report.error.visibility;
-    assert!(finer < 0.5 * report.error.visibility, "{finer} after {}", report.error.visibility);
+}
+
+/// By the three quarters' power of the number of rays, or half at least.
+#[test]
+fn more_rays_make_less_noise() {
+    let scene = imported(&room_with_ball(2).glb());
+    let coarse = BakeSettings { rows: RowStrategy::Gather, mesh_error: 0.02, ..BakeSettings::default() };
+    let noise = |rays: f64| baked(&scene, &coarse.clone().with_rays(rays)).report.error.visibility;
+    let (few, many) = (noise(1024.0), noise(8192.0));
+    assert!(many < 0.5 * few, "{many} after {few}");
 }
 
 #[test]
