@@ -108,7 +108,7 @@ fn rows_are_those_of_parallel_rectangles_and_disks() {
     let place = DMat4::from_translation(DVec3::Y * height) * DMat4::from_rotation_x(-FRAC_PI_2);
     let receivers = receivers_on(&plate, 41);
     for shape in ["rect", "disk"] {
-        let builder = SceneBuilder::new().part("plate", &[plate.clone()], Material::grey(0.5));
+        let builder = SceneBuilder::new().part("plate", std::slice::from_ref(&plate), Material::grey(0.5));
         let scene = imported(&builder.light(lamp(shape), place).glb());
         let LightKind::Area(area) = scene.lights[0].kind else { panic!("{:?}", scene.lights) };
         let mut polygon = area.polygon();
