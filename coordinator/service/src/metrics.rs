@@ -13,11 +13,11 @@ use protocol::telemetry::Held;
 /// Counters and gauges of a service. A clone is another handle to the same metrics.
 #[derive(Debug, Clone, Default)]
 pub struct Metrics {
-    counters: Arc<Counters>,
+    inner: Arc<Inner>,
 }
 
 #[derive(Debug, Default)]
-struct Counters {
+struct Inner {
     queued: Gauge,
     running: Gauge,
     ended: Family<StateLabel, Counter>,
@@ -38,18 +38,8 @@ struct StateLabel {
 impl Metrics {
     /// Registers the metrics.
     pub fn register(&self, registry: &mut Registry) {
-        let Counters {
-            queued,
-            running,
-            ended,
-            submitted,
-            received,
-            fetched,
-            watchers,
-            uploads,
-            stored,
-            free,
-        } = self.counters.as_ref();
+        let Inner { queued, running, ended, submitted, received, fetched, watchers, uploads, stored, free } =
+            self.inner.as_ref();
         let registry = registry.sub_registry_with_prefix("halflight_service");
         registry.register("jobs_queued", "Jobs that wait", queued.clone());
         registry.register("jobs_running", "Jobs that run", running.clone());
@@ -65,13 +55,13 @@ impl Metrics {
 
     /// Sets the numbers of queued and running jobs.
     pub fn load(&self, (waiting, running): (usize, usize)) {
-        self.counters.queued.set(waiting as i64);
-        self.counters.running.set(running as i64);
+        self.inner.queued.set(waiting as i64);
+        self.inner.running.set(running as i64);
     }
 
     /// Counts an accepted job.
     pub fn submitted(&self) {
-        self.counters.submitted.inc();
+        self.inner.submitted.inc();
     }
 
     /// Counts a job that ended in this state.
@@ -81,34 +71,34 @@ impl Metrics {
             State::Failed => "failed",
             _ => "cancelled",
         };
-        self.counters.ended.get_or_create(&StateLabel { state }).inc();
+        self.inner.ended.get_or_create(&StateLabel { state }).inc();
     }
 
     /// Counts received bytes of scenes.
     pub fn received(&self, bytes: usize) {
-        self.counters.received.inc_by(bytes as u64);
+        self.inner.received.inc_by(bytes as u64);
     }
 
     /// Counts sent bytes of lit files.
     pub fn fetched(&self, bytes: usize) {
-        self.counters.fetched.inc_by(bytes as u64);
+        self.inner.fetched.inc_by(bytes as u64);
     }
 
     /// Counts a watcher while the result is held.
     #[must_use]
     pub fn watching(&self) -> Held {
-        Held::new(&self.counters.watchers)
+        Held::new(&self.inner.watchers)
     }
 
     /// Counts an upload while the result is held.
     #[must_use]
     pub fn uploading(&self) -> Held {
-        Held::new(&self.counters.uploads)
+        Held::new(&self.inner.uploads)
     }
 
     /// Sets the size of the data folder and the free space of its disk, in bytes.
     pub fn room(&self, taken: u64, free: u64) {
-        self.counters.stored.set(taken as i64);
-        self.counters.free.set(free as i64);
+        self.inner.stored.set(taken as i64);
+        self.inner.free.set(free as i64);
     }
 }
