@@ -41,16 +41,21 @@ impl Metrics {
         let Inner { queued, running, ended, submitted, received, fetched, watchers, uploads, stored, free } =
             self.inner.as_ref();
         let registry = registry.sub_registry_with_prefix("halflight_service");
-        registry.register("jobs_queued", "Jobs that wait", queued.clone());
-        registry.register("jobs_running", "Jobs that run", running.clone());
-        registry.register("jobs_ended", "Jobs that ended, by how", ended.clone());
-        registry.register("jobs_submitted", "Jobs taken in", submitted.clone());
-        registry.register_with_unit("uploads_received", "Bytes of scenes", Unit::Bytes, received.clone());
-        registry.register_with_unit("results_sent", "Bytes of lit files", Unit::Bytes, fetched.clone());
-        registry.register("watchers", "Clients that watch a job", watchers.clone());
-        registry.register("uploads", "Uploads under way", uploads.clone());
-        registry.register_with_unit("data", "Files of the data folder", Unit::Bytes, stored.clone());
-        registry.register_with_unit("disk_free", "Room on its disk", Unit::Bytes, free.clone());
+        registry.register("jobs_queued", "Queued jobs", queued.clone());
+        registry.register("jobs_running", "Running jobs", running.clone());
+        registry.register("jobs_ended", "Ended jobs, by state", ended.clone());
+        registry.register("jobs_submitted", "Accepted jobs", submitted.clone());
+        registry.register_with_unit(
+            "uploads_received",
+            "Received bytes of scenes",
+            Unit::Bytes,
+            received.clone(),
+        );
+        registry.register_with_unit("results_sent", "Sent bytes of lit files", Unit::Bytes, fetched.clone());
+        registry.register("watchers", "Clients watching a job", watchers.clone());
+        registry.register("uploads", "Uploads in progress", uploads.clone());
+        registry.register_with_unit("data", "Size of the data folder", Unit::Bytes, stored.clone());
+        registry.register_with_unit("disk_free", "Free space of its disk", Unit::Bytes, free.clone());
     }
 
     /// Sets the numbers of queued and running jobs.
