@@ -25,7 +25,7 @@ const SHOWN_URI: usize = 80;
 const WITHOUT_FOLDER: &str = "a scene that did not come from a file may not refer to files";
 
 /// Reads a whole file, or says that it is longer than `limit`. Never allocates for more than that.
-pub fn read_file(path: &Path, limit: u64) -> io::Result<Option<Vec<u8>>> {
+pub(crate) fn read_file(path: &Path, limit: u64) -> io::Result<Option<Vec<u8>>> {
     let mut bytes = Vec::new();
     File::open(path)?.take(limit.saturating_add(1)).read_to_end(&mut bytes)?;
     Ok((bytes.len() as u64 <= limit).then_some(bytes))
@@ -35,7 +35,7 @@ pub fn read_file(path: &Path, limit: u64) -> io::Result<Option<Vec<u8>>> {
 ///
 /// `folder` is where relative references start; without one, references to files are refused. `budget` is the number of
 /// bytes that external files may have together, out of `limit`.
-pub fn resolve(
+pub(crate) fn resolve(
     root: &Root,
     needed: impl Fn(usize) -> bool,
     mut blob: Option<Vec<u8>>,
@@ -76,7 +76,7 @@ pub fn resolve(
 }
 
 /// Bytes that were read from files beside the document.
-pub fn bytes_beside(root: &Root, buffers: &[Vec<u8>]) -> u64 {
+pub(crate) fn bytes_beside(root: &Root, buffers: &[Vec<u8>]) -> u64 {
     let is_beside = |uri: &Option<String>| uri.as_ref().is_some_and(|uri| !uri.starts_with("data:"));
     let beside = root.buffers.iter().zip(buffers).filter(|(own, _)| is_beside(&own.uri));
     beside.map(|(_, bytes)| bytes.len() as u64).sum()

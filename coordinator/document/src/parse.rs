@@ -33,7 +33,7 @@ pub const EXT_LIGHTS_AREA: &str = "EXT_lights_area";
 const GLB_HEADER: usize = 12;
 
 /// A document that is parsed, but not validated yet: compressed ones would not pass.
-pub struct Parsed<'a> {
+pub(crate) struct Parsed<'a> {
     /// The document.
     pub root: json::Root,
     /// Its JSON.
@@ -43,7 +43,7 @@ pub struct Parsed<'a> {
 }
 
 /// Parses GLB or JSON. Images are not decoded, buffers not resolved.
-pub fn parse(bytes: &[u8]) -> Result<Parsed<'_>, ImportProblem> {
+pub(crate) fn parse(bytes: &[u8]) -> Result<Parsed<'_>, ImportProblem> {
     check_container(bytes)?;
     let (json, blob) = if bytes.starts_with(b"glTF") {
         let glb = binary::Glb::from_slice(bytes).map_err(ImportProblem::from)?;
@@ -82,7 +82,7 @@ fn read_otherwise(json: &[u8], error: serde_json::Error) -> Result<json::Root, I
 }
 
 /// Validates a document, of which `scene` becomes the default scene.
-pub fn validate(mut root: json::Root, scene: Option<&str>) -> Result<Document, ImportProblem> {
+pub(crate) fn validate(mut root: json::Root, scene: Option<&str>) -> Result<Document, ImportProblem> {
     check_position_accessors(&root)?;
     scene_choice::choose(&mut root, scene)?;
     root.extensions_required.retain(|name| name != WEBP && name != EXT_LIGHTS_AREA);

@@ -15,7 +15,7 @@ const SHOWN_SCENES: usize = 20;
 ///
 /// # Errors
 /// When no scene, or more than one, is called so.
-pub fn choose(root: &mut Root, wanted: Option<&str>) -> Result<(), ImportProblem> {
+pub(crate) fn choose(root: &mut Root, wanted: Option<&str>) -> Result<(), ImportProblem> {
     let Some(wanted) = wanted else { return Ok(()) };
     let mut called =
         (0..root.scenes.len()).filter(|&index| root.scenes[index].name.as_deref() == Some(wanted));

@@ -17,7 +17,7 @@ use crate::means::{AreaMeans, Composed, Opacity};
 use document::texture::Mapping;
 
 /// Largest reflectance. At 1 light would never be absorbed and nothing would converge in a closed scene.
-pub const MAX_REFLECTANCE: f64 = 0.999;
+pub(crate) const MAX_REFLECTANCE: f64 = 0.999;
 
 /// A polygon that has no area on the image is sampled at the centres of so many triangles along each of its sides.
 const SAMPLES_ALONG_SIDE: usize = 4;

@@ -14,7 +14,7 @@ use super::storage::Storage;
 use crate::error::ImportProblem;
 
 /// Decodes every compressed primitive.
-pub fn decode(storage: &mut Storage, extensions: &Extensions) -> Result<(), ImportProblem> {
+pub(super) fn decode(storage: &mut Storage, extensions: &Extensions) -> Result<(), ImportProblem> {
     // Primitives that share their data share their accessors too; each is decoded once.
     let mut by_view: BTreeMap<usize, Vec<(usize, usize, &CompressedPrimitive)>> = BTreeMap::new();
     for (&(mesh, primitive), compressed) in &extensions.primitives {

@@ -25,7 +25,7 @@ pub(crate) struct Extensions {
 /// A view that is compressed by meshoptimizer's codecs.
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
-pub struct CompressedView {
+pub(crate) struct CompressedView {
     pub buffer: usize,
     #[serde(default)]
     pub byte_offset: usize,
@@ -40,7 +40,7 @@ pub struct CompressedView {
 /// Which codec.
 #[derive(Deserialize, Clone, Copy, PartialEq, Eq)]
 #[serde(rename_all = "UPPERCASE")]
-pub enum Mode {
+pub(crate) enum Mode {
     Attributes,
     Triangles,
     Indices,
@@ -49,7 +49,7 @@ pub enum Mode {
 /// What was done to the elements before they were compressed.
 #[derive(Deserialize, Clone, Copy, Default, PartialEq, Eq)]
 #[serde(rename_all = "UPPERCASE")]
-pub enum Filter {
+pub(crate) enum Filter {
     #[default]
     None,
     Octahedral,
@@ -61,7 +61,7 @@ pub enum Filter {
 /// A primitive that is compressed by Draco.
 #[derive(Deserialize, Clone)]
 #[serde(rename_all = "camelCase")]
-pub struct CompressedPrimitive {
+pub(crate) struct CompressedPrimitive {
     pub buffer_view: usize,
     /// Identifiers in the compressed data, by the names of the primitive's attributes.
     pub attributes: BTreeMap<String, u32>,
@@ -113,7 +113,7 @@ impl Extensions {
 }
 
 /// Takes the extensions' objects out of a document in which they are undone.
-pub fn remove(root: &mut Root) {
+pub(super) fn remove(root: &mut Root) {
     for primitive in root.meshes.iter_mut().flat_map(|mesh| &mut mesh.primitives) {
         clean(&mut primitive.extensions, |extensions| &mut extensions.others);
     }

@@ -14,7 +14,7 @@ use crate::error::ImportProblem;
 const NODE_BYTES: usize = 1024;
 
 /// Gives the nodes' meshes to children in the places of the instances.
-pub fn place(storage: &mut Storage, extensions: &Extensions) -> Result<(), ImportProblem> {
+pub(super) fn place(storage: &mut Storage, extensions: &Extensions) -> Result<(), ImportProblem> {
     for (&index, attributes) in &extensions.instances {
         let Some(node) = storage.root.nodes.get(index) else { continue };
         let (Some(mesh), name) = (node.mesh, node.name.clone()) else { continue };

@@ -11,7 +11,7 @@ use super::storage::Storage;
 use crate::error::ImportProblem;
 
 /// Puts the decoded bytes in place of every compressed view's.
-pub fn decode(storage: &mut Storage, extensions: &Extensions) -> Result<(), ImportProblem> {
+pub(super) fn decode(storage: &mut Storage, extensions: &Extensions) -> Result<(), ImportProblem> {
     for (&index, compressed) in &extensions.views {
         let damaged = |detail: &str| ImportProblem::Undecodable {
             place: format!("buffer view {index}, compressed by meshoptimizer"),
@@ -112,7 +112,7 @@ fn elements<const WORDS: usize>(source: &[u8], count: usize) -> meshopt::Result<
 }
 
 /// Elements of 1 to 64 words.
-pub fn attributes(source: &[u8], count: usize, words: usize) -> meshopt::Result<Vec<u8>> {
+pub(super) fn attributes(source: &[u8], count: usize, words: usize) -> meshopt::Result<Vec<u8>> {
     macro_rules! sizes {
         ($($words:literal)*) => {
             match words {

@@ -31,7 +31,7 @@ use self::storage::Storage;
 use super::error::ImportProblem;
 
 /// Extensions that are undone here.
-pub const UNDONE: [&str; 5] = [
+pub(crate) const UNDONE: [&str; 5] = [
     "EXT_meshopt_compression",
     "KHR_meshopt_compression",
     "KHR_draco_mesh_compression",
@@ -41,7 +41,7 @@ pub const UNDONE: [&str; 5] = [
 
 /// What decoding may take.
 #[derive(Clone, Copy)]
-pub struct Limits {
+pub(crate) struct Limits {
     /// Bytes that may still be added, out of `max_bytes`.
     pub bytes: u64,
     /// Most bytes of all, for messages.
@@ -51,7 +51,7 @@ pub struct Limits {
 }
 
 /// Undoes the extensions of a document that is not validated yet. What is decoded goes to a buffer of its own.
-pub fn undo(
+pub(crate) fn undo(
     root: &mut Root,
     buffers: &mut Vec<Vec<u8>>,
     extensions: &Extensions,
@@ -78,7 +78,7 @@ pub fn undo(
 }
 
 /// Bakes morph targets and skins of the default scene's nodes into meshes of their own.
-pub fn pose(
+pub(crate) fn pose(
     document: Document,
     buffers: &mut Vec<Vec<u8>>,
     limits: Limits,

@@ -17,7 +17,7 @@ use crate::placement::world_matrices;
 const SHOWN_NODES: usize = 5;
 
 /// A node whose mesh has morph targets or a skin.
-pub struct PosedNode {
+pub(super) struct PosedNode {
     node: usize,
     label: String,
     mesh: usize,
@@ -33,7 +33,7 @@ struct PosedSkin {
 }
 
 /// The nodes of the default scene that have a pose, and a warning each for morph targets and skins.
-pub fn find(document: &Document, warnings: &mut Vec<String>) -> Result<Vec<PosedNode>, ImportProblem> {
+pub(super) fn find(document: &Document, warnings: &mut Vec<String>) -> Result<Vec<PosedNode>, ImportProblem> {
     // The walk costs little, but most files have neither.
     let morphs = |mesh: gltf::Mesh| mesh.primitives().any(|primitive| primitive.morph_targets().len() > 0);
     if document.skins().len() == 0 && !document.meshes().any(morphs) {
@@ -90,7 +90,7 @@ fn list(labels: &[String]) -> String {
 }
 
 /// Gives the node a mesh of its own, in its pose.
-pub fn bake(storage: &mut Storage, posed: &PosedNode) -> Result<(), ImportProblem> {
+pub(super) fn bake(storage: &mut Storage, posed: &PosedNode) -> Result<(), ImportProblem> {
     let mut mesh = storage.root.meshes[posed.mesh].clone();
     for (index, primitive) in mesh.primitives.iter_mut().enumerate() {
         bake_primitive(storage, posed, primitive, &|| format!("{}, primitive {index}", posed.label))?;

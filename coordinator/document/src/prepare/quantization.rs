@@ -13,10 +13,10 @@ use super::values;
 use crate::error::ImportProblem;
 
 /// Name of the extension.
-pub const NAME: &str = "KHR_mesh_quantization";
+pub(super) const NAME: &str = "KHR_mesh_quantization";
 
 /// Turns every accessor that only this extension allows into floats.
-pub fn undo(storage: &mut Storage) -> Result<(), ImportProblem> {
+pub(super) fn undo(storage: &mut Storage) -> Result<(), ImportProblem> {
     // Those of several primitives are converted once.
     let mut accessors: BTreeMap<u32, String> = BTreeMap::new();
     for primitive in storage.root.meshes.iter().flat_map(|mesh| &mesh.primitives) {

@@ -12,7 +12,7 @@ use crate::error::ImportProblem;
 const ALIGNMENT: usize = 4;
 
 /// A document whose decoded parts go to a new last buffer.
-pub struct Storage<'a> {
+pub(super) struct Storage<'a> {
     /// The document.
     pub root: &'a mut Root,
     /// What decoding may still take.
@@ -22,12 +22,12 @@ pub struct Storage<'a> {
 }
 
 impl<'a> Storage<'a> {
-    pub fn new(root: &'a mut Root, buffers: &'a mut Vec<Vec<u8>>, limits: Limits) -> Self {
+    pub(super) fn new(root: &'a mut Root, buffers: &'a mut Vec<Vec<u8>>, limits: Limits) -> Self {
         Self { root, limits, buffers, bytes: Vec::new() }
     }
 
     /// Adds the buffer to the document, if there is anything in it.
-    pub fn finish(self) {
+    pub(super) fn finish(self) {
         if self.bytes.is_empty() {
             return;
         }
@@ -42,20 +42,20 @@ impl<'a> Storage<'a> {
     }
 
     /// Takes bytes out of the limit, before they are allocated.
-    pub fn charge(&mut self, bytes: Option<usize>) -> Result<(), ImportProblem> {
+    pub(super) fn charge(&mut self, bytes: Option<usize>) -> Result<(), ImportProblem> {
         let left = bytes.and_then(|bytes| self.limits.bytes.checked_sub(bytes as u64));
         self.limits.bytes = left.ok_or(ImportProblem::TooLarge { limit: self.limits.max_bytes })?;
         Ok(())
     }
 
     /// A part of a buffer, the new one included.
-    pub fn part(&self, buffer: usize, offset: usize, length: usize) -> Option<&[u8]> {
+    pub(super) fn part(&self, buffer: usize, offset: usize, length: usize) -> Option<&[u8]> {
         let bytes = if buffer == self.buffers.len() { &self.bytes } else { self.buffers.get(buffer)? };
         bytes.get(offset..offset.checked_add(length)?)
     }
 
     /// The bytes of a view.
-    pub fn view(&self, view: &View) -> Option<&[u8]> {
+    pub(super) fn view(&self, view: &View) -> Option<&[u8]> {
         let offset = view.byte_offset.map_or(0, |offset| offset.0);
         self.part(
             view.buffer.value(),
@@ -65,7 +65,12 @@ impl<'a> Storage<'a> {
     }
 
     /// Stores bytes, whose room is charged already, and gives the view that they are.
-    pub fn store(&mut self, bytes: &[u8], stride: Option<Stride>, target: Option<Checked<Target>>) -> View {
+    pub(super) fn store(
+        &mut self,
+        bytes: &[u8],
+        stride: Option<Stride>,
+        target: Option<Checked<Target>>,
+    ) -> View {
         self.bytes.resize(self.bytes.len().next_multiple_of(ALIGNMENT), 0);
         let offset = self.bytes.len();
         self.bytes.extend_from_slice(bytes);
@@ -82,7 +87,7 @@ impl<'a> Storage<'a> {
     }
 
     /// An accessor of vertex attributes made of floats, `width` to each vertex, with bounds. Charges for itself.
-    pub fn floats(&mut self, values: &[f32], width: usize) -> Result<Accessor, ImportProblem> {
+    pub(super) fn floats(&mut self, values: &[f32], width: usize) -> Result<Accessor, ImportProblem> {
         self.charge(values.len().checked_mul(4))?;
         let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
         let view = self.store(&bytes, None, Some(Valid(Target::ArrayBuffer)));

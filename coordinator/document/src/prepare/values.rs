@@ -8,7 +8,7 @@ use super::storage::Storage;
 use crate::error::ImportProblem;
 
 /// Rows of numbers.
-pub struct Values {
+pub(super) struct Values {
     /// Numbers to each element.
     pub width: usize,
     /// The elements, one after another.
@@ -17,18 +17,18 @@ pub struct Values {
 
 impl Values {
     /// The elements.
-    pub fn rows(&self) -> std::slice::ChunksExact<'_, f32> {
+    pub(super) fn rows(&self) -> std::slice::ChunksExact<'_, f32> {
         self.numbers.chunks_exact(self.width)
     }
 
     /// Number of elements.
-    pub fn len(&self) -> usize {
+    pub(super) fn len(&self) -> usize {
         self.numbers.len() / self.width
     }
 }
 
 /// Reads an accessor whole. `what` names it in messages.
-pub fn read(
+pub(super) fn read(
     storage: &mut Storage,
     index: Index<Accessor>,
     what: &dyn Fn() -> String,

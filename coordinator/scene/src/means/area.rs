@@ -49,7 +49,7 @@ pub struct AreaMeans<R> {
 }
 
 /// Plain values, row by row.
-pub struct Grid {
+pub(super) struct Grid {
     size: [u32; 2],
     values: Vec<DVec4>,
 }

@@ -8,5 +8,5 @@
 mod area;
 mod composed;
 
-pub use area::{AreaMeans, Raster};
-pub use composed::{Composed, Dimming, Opacity};
+pub(crate) use area::{AreaMeans, Raster};
+pub(crate) use composed::{Composed, Dimming, Opacity};
