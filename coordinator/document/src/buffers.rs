@@ -12,29 +12,29 @@ use percent_encoding::percent_decode_str;
 
 use super::error::ImportProblem;
 
-/// Writers differ in whether they pad; both decode to one thing.
+/// Padding is optional, because writers differ.
 const BASE64: GeneralPurpose = GeneralPurpose::new(
     &alphabet::STANDARD,
     GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent),
 );
 
-/// Longest part of a URI that a message repeats.
+/// Characters of a URI that a message shows.
 const SHOWN_URI: usize = 80;
 
 /// Why documents from memory may not refer to files.
 const WITHOUT_FOLDER: &str = "a scene that did not come from a file may not refer to files";
 
-/// Reads a whole file, or says that it is longer than `limit`. Never allocates for more than that.
+/// Reads a whole file; `None` if it is longer than `limit` bytes, which it never allocates.
 pub(crate) fn read_file(path: &Path, limit: u64) -> io::Result<Option<Vec<u8>>> {
     let mut bytes = Vec::new();
     File::open(path)?.take(limit.saturating_add(1)).read_to_end(&mut bytes)?;
     Ok((bytes.len() as u64 <= limit).then_some(bytes))
 }
 
-/// Resolves the buffers of the document that are needed (others stay empty), each cut to the length that it announces.
+/// Reads the buffers that are needed, each cut to its declared length; the others stay empty.
 ///
-/// `folder` is where relative references start; without one, references to files are refused. `budget` is the number of
-/// bytes that external files may have together, out of `limit`.
+/// Relative references start at `folder`; without one, references to files are refused. External files together may have
+/// `budget` bytes; `limit` is the number that messages state.
 pub(crate) fn resolve(
     root: &Root,
     needed: impl Fn(usize) -> bool,
@@ -75,7 +75,7 @@ pub(crate) fn resolve(
     Ok(buffers)
 }
 
-/// Bytes that were read from files beside the document.
+/// Bytes of the buffers that were read from files beside the document.
 pub(crate) fn bytes_beside(root: &Root, buffers: &[Vec<u8>]) -> u64 {
     let is_beside = |uri: &Option<String>| uri.as_ref().is_some_and(|uri| !uri.starts_with("data:"));
     let beside = root.buffers.iter().zip(buffers).filter(|(own, _)| is_beside(&own.uri));

@@ -1,4 +1,4 @@
-//! What can be wrong with a file, in words that name the place and the cure.
+//! Import errors. Each message names the place in the file and the cure.
 
 use std::io;
 
@@ -9,7 +9,7 @@ use gltf::json::validation::Error as Fault;
 #[derive(Debug, thiserror::Error)]
 #[error("{file}: {problem}")]
 pub struct ImportError {
-    /// The file, or what stands for it where the bytes came from elsewhere.
+    /// The file, or a name for bytes that did not come from one.
     pub file: String,
     /// What is wrong with it.
     pub problem: Box<ImportProblem>,
@@ -29,7 +29,7 @@ pub enum ImportProblem {
     /// The file cannot be opened or read.
     #[error("cannot be read: {0}; check the path and the permissions")]
     Unreadable(io::Error),
-    /// File and external buffers together exceed [`super::ImportOptions::max_bytes`].
+    /// File and external buffers together exceed [`super::ReadOptions::max_bytes`].
     #[error(
         "is larger than the limit of {limit} bytes, external buffers included; raise the limit or split the scene"
     )]
@@ -75,7 +75,7 @@ pub enum ImportProblem {
     /// Compressed, quantized, instanced or posed geometry that does not hold what it should.
     #[error("{place}: cannot be decoded: {detail}; the file is damaged, export it again")]
     Undecodable {
-        /// What stands where.
+        /// The extension or attribute, and the node or buffer view.
         place: String,
         /// What is wrong.
         detail: String,
@@ -87,22 +87,22 @@ pub enum ImportProblem {
     ExternalFile {
         /// Index of the buffer.
         buffer: usize,
-        /// Reference as it stands in the file.
+        /// The reference in the file.
         uri: String,
         /// What the system says.
         error: io::Error,
     },
-    /// A reference that is not followed, for safety.
+    /// A reference that is refused for safety.
     #[error("buffer {buffer}: `{uri}` is not read: {why}; export as .glb, which holds its buffers itself")]
     RefusedUri {
         /// Index of the buffer.
         buffer: usize,
-        /// Reference as it stands in the file, shortened.
+        /// The reference in the file, shortened.
         uri: String,
         /// Why it is not followed.
         why: &'static str,
     },
-    /// A buffer that refers to nothing.
+    /// A buffer without data.
     #[error(
         "buffer {buffer} has no data: no uri, and no binary chunk in the file; export the scene again as .glb"
     )]
@@ -110,10 +110,8 @@ pub enum ImportProblem {
         /// Index of the buffer.
         buffer: usize,
     },
-    /// Fewer bytes than announced.
-    #[error(
-        "buffer {buffer} has {actual} bytes of the {declared} that it announces; copy or export it again"
-    )]
+    /// Fewer bytes than declared.
+    #[error("buffer {buffer} has {actual} of its {declared} bytes; copy or export it again")]
     BufferTooShort {
         /// Index of the buffer.
         buffer: usize,
@@ -122,20 +120,20 @@ pub enum ImportProblem {
         /// Length found.
         actual: u64,
     },
-    /// No scene of the name or index that was asked for.
+    /// No scene of the requested name or index.
     #[error("has no scene `{wanted}`, but {scenes}; choose one of these with --scene")]
     NoSuchScene {
-        /// What was asked for.
+        /// Requested name or index.
         wanted: String,
-        /// The scenes that there are.
+        /// The scenes of the file.
         scenes: String,
     },
-    /// Several scenes of the name that was asked for.
+    /// Several scenes of the requested name.
     #[error("has several scenes `{wanted}` among {scenes}; choose one by its index with --scene")]
     AmbiguousScene {
-        /// What was asked for.
+        /// Requested name or index.
         wanted: String,
-        /// The scenes that there are.
+        /// The scenes of the file.
         scenes: String,
     },
     /// A node that is its own ancestor, or has two parents.
@@ -226,7 +224,7 @@ pub enum ImportProblem {
         /// Index of the vertex.
         vertex: usize,
     },
-    /// More triangles than [`super::ImportOptions::max_triangles`].
+    /// More triangles than [`super::ReadOptions::max_triangles`].
     #[error(
         "{place}: the scene has more than {limit} triangles up to here; raise the limit or simplify the scene"
     )]
@@ -236,7 +234,7 @@ pub enum ImportProblem {
         /// The limit.
         limit: usize,
     },
-    /// A material or light factor that means nothing.
+    /// A material or light factor out of range.
     #[error("{place}: {factor} is {value}; it must be {expected}")]
     Factor {
         /// Material or light.
@@ -248,28 +246,28 @@ pub enum ImportProblem {
         /// What is allowed.
         expected: &'static str,
     },
-    /// A light that is not as its extension says.
+    /// A light that breaks the rules of its extension.
     #[error("{place}: {detail}; correct its {extension} light and export again")]
     Light {
         /// The light's node.
         place: String,
         /// The extension.
         extension: &'static str,
-        /// What is wrong.
+        /// The fault.
         detail: String,
     },
-    /// A node that squeezes its mesh flat: no coordinates of its own could hold refined positions.
+    /// A node that scales its mesh to zero: its coordinates cannot hold refined positions.
     #[error("has {primitive} under a node with a scale of zero; give it a small scale in place of zero")]
     FlatNode {
         /// Node and primitive.
         primitive: String,
     },
-    /// Nothing to light.
+    /// No triangle has an area.
     #[error(
         "has no triangles with an area in its scene; add a mesh, and check that its nodes are in the default scene and are not scaled to zero"
     )]
     NoTriangles,
-    /// Nothing that gives light.
+    /// No light source.
     #[error(
         "has no light: no emissive material in use and no light; give a material an emissiveFactor, add a KHR_lights_punctual light, or give --sky"
     )]

@@ -1,6 +1,4 @@
-//! The images that materials in use need, decoded in parallel, each once.
-//!
-//! An image that cannot be read is worth a warning, not an error: the factors alone count where it is used.
+//! Images of the materials in use, decoded in parallel, each once. One that cannot be read is a warning, not an error.
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
@@ -13,22 +11,22 @@ use crate::PlainDocument;
 use crate::buffers::read_uri;
 use crate::texture::{self, Image};
 
-/// Most bytes of the texels of all images together: with what a mean over a polygon takes, half as much again.
+/// Most bytes of the texels of all images together. Sums for means over polygons take half as much again.
 const MOST_BYTES: u64 = 2 << 30;
 
-/// Most bytes of texels for each byte that a file may have: where files must be small, what they unfold to must be, too.
+/// Most bytes of texels per byte that a file may have, so that small files cannot unfold to large images.
 const BYTES_PER_FILE_BYTE: u64 = 64;
 
 /// Decoded images by their index.
 pub type Images = BTreeMap<usize, Arc<Image>>;
 
-/// The image that a texture shows: that of EXT_texture_webp where it has one, else its own.
+/// Index of a texture's image: that of EXT_texture_webp if it has one, else its own.
 pub fn image_of(texture: &gltf::Texture) -> Option<usize> {
     let webp = texture.extension_value("EXT_texture_webp").and_then(|webp| webp.get("source")?.as_u64());
     webp.map(|index| index as usize).or_else(|| texture.source().map(|image| image.index()))
 }
 
-/// Decodes these images, as far as that can be done.
+/// Decodes these images; those that cannot be decoded become warnings.
 pub fn decode(file: &PlainDocument, needed: &BTreeSet<usize>, warnings: &mut Vec<String>) -> Images {
     let images = &file.document.as_json().images;
     let mut budget = file.bytes_left;

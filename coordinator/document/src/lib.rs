@@ -7,12 +7,12 @@
 //! | module | what lives there |
 //! |---|---|
 //! | `parse` | bytes to a validated document |
-//! | `scene_choice` | which of its scenes is meant |
+//! | `scene_choice` | one of its scenes chosen |
 //! | `buffers` | its buffers, from the file or next to it |
 //! | `prepare` | compressed, quantized, instanced or posed geometry made plain |
-//! | [`placement`], [`nodes`] | where its nodes stand |
-//! | [`accessors`] | checks of vertex data before they are read |
-//! | [`images`], [`texture`] | its images decoded, and looked up |
+//! | [`placement`], [`nodes`] | world transforms of its nodes |
+//! | [`accessors`] | vertex data checked before it is read |
+//! | [`images`], [`texture`] | its images decoded and sampled |
 //! | `error` | why a file cannot be read |
 //!
 //! Files are not trusted: whatever the bytes, the answer is a document or an [`ImportProblem`].
@@ -39,27 +39,27 @@ use parse::Parsed;
 pub use parse::{EXT_LIGHTS_AREA, require_again, warn_ignored_extensions};
 use prepare::{Extensions, Limits};
 
-/// How the numbers of a file's lights are meant.
+/// Unit of a file's light intensities.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum LightUnit {
-    /// As their extensions say: candela for point and spot lights, lux for directional ones, cd/m^2 for area lights. They are taken as they are: in
-    /// whatever unit they are meant, irradiance comes out in the one that belongs to it.
+    /// Candela for point and spot lights, lux for directional ones, cd/m^2 for area lights, as their extensions say. The numbers are
+    /// taken as they are.
     #[default]
     Candela,
-    /// Radiant watts for point and spot lights, as some exporters write them: over 4 pi they are an intensity in W/sr, that of a
-    /// spot light too, whose cone only cuts it off. Directional and area lights are taken as W/m^2 and W/(m^2 sr), as they are.
+    /// Radiant watts for point and spot lights, as some exporters write them: divided by 4 pi they are W/sr, for a spot light too,
+    /// whose cone only masks it. Directional lights are W/m^2, area lights W/(m^2 sr).
     Watt,
 }
 
-/// Which part of a file is meant, and limits for files that are not trusted or too large for the machine.
+/// Which scene of a file to read, and limits of size.
 #[derive(Debug, Clone)]
 pub struct ReadOptions {
     /// Name or index of the scene [default: the file's default scene, or its first].
     pub scene: Option<String>,
-    /// Most bytes of the file and its external buffers together [default: 4 GiB].
+    /// Most bytes of the file and the files it refers to, together [default: 4 GiB].
     pub max_bytes: u64,
-    /// Most triangles in the scene, counted once for every node that shows them [default: 50 million].
+    /// Most triangles in the scene; a mesh counts once per node [default: 50 million].
     pub max_triangles: usize,
 }
 

@@ -6,7 +6,7 @@ use gltf::{Document, Node};
 use super::error::ImportProblem;
 use crate::placement::local_matrix;
 
-/// A node of the default scene and where it stands.
+/// A node of the default scene with its world transform.
 pub struct PlacedNode<'a> {
     /// The node.
     pub node: Node<'a>,

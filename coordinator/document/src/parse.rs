@@ -11,7 +11,7 @@ use serde_json::Value;
 use super::error::ImportProblem;
 use super::{prepare, scene_choice};
 
-/// Extensions that change nothing here, or are understood.
+/// Extensions that are supported, or do not affect the light.
 const UNDERSTOOD: [&str; 8] = [
     WEBP,
     EXT_LIGHTS_AREA,
@@ -23,7 +23,7 @@ const UNDERSTOOD: [&str; 8] = [
     "KHR_texture_transform",
 ];
 
-/// Textures with an image in WebP: read here, but not known to the crate, whose validation refuses a document that requires it.
+/// Supported here, but unknown to the `gltf` crate, whose validation refuses documents that require it.
 const WEBP: &str = "EXT_texture_webp";
 
 /// Area lights: a draft, not known to the crate either.
@@ -32,7 +32,7 @@ pub const EXT_LIGHTS_AREA: &str = "EXT_lights_area";
 /// Smallest GLB: its header.
 const GLB_HEADER: usize = 12;
 
-/// A document that is parsed, but not validated yet: compressed ones would not pass.
+/// A parsed document, not validated yet: compressed ones would not pass.
 pub(crate) struct Parsed<'a> {
     /// The document.
     pub root: json::Root,
@@ -57,8 +57,8 @@ pub(crate) fn parse(bytes: &[u8]) -> Result<Parsed<'_>, ImportProblem> {
     Ok(Parsed { root, json, blob })
 }
 
-/// A document that the crate does not read: of another version, or with a scene that states no nodes, as the specification
-/// allows and the crate does not.
+/// Parses a document that the crate refuses: of another version, or with a scene without `nodes`, which the specification
+/// allows.
 fn read_otherwise(json: &[u8], error: serde_json::Error) -> Result<json::Root, ImportProblem> {
     #[derive(Deserialize)]
     struct Asset {
@@ -81,7 +81,7 @@ fn read_otherwise(json: &[u8], error: serde_json::Error) -> Result<json::Root, I
     json::Root::deserialize(document).map_err(|_| failed())
 }
 
-/// Validates a document, of which `scene` becomes the default scene.
+/// Validates a document and makes `scene` its default scene.
 pub(crate) fn validate(mut root: json::Root, scene: Option<&str>) -> Result<Document, ImportProblem> {
     check_position_accessors(&root)?;
     scene_choice::choose(&mut root, scene)?;
@@ -89,7 +89,7 @@ pub(crate) fn validate(mut root: json::Root, scene: Option<&str>) -> Result<Docu
     Document::from_json(root).map_err(ImportProblem::from)
 }
 
-/// Says again what is required: these, and WebP where a texture has no other image.
+/// Restores required extensions after validation: these, and WebP if a texture has no other image.
 pub fn require_again(root: &mut json::Root, required: Vec<String>) {
     root.extensions_required.extend(required);
     let is_empty = |texture: &json::Texture| texture.source.value() == u32::MAX as usize;
@@ -98,7 +98,7 @@ pub fn require_again(root: &mut json::Root, required: Vec<String>) {
     }
 }
 
-/// One warning for all extensions that are in use and ignored.
+/// Adds one warning that lists the extensions in use that are ignored.
 pub fn warn_ignored_extensions(root: &json::Root, warnings: &mut Vec<String>) {
     let ignored: Vec<&str> =
         root.extensions_used.iter().map(String::as_str).filter(|name| !UNDERSTOOD.contains(name)).collect();
@@ -151,7 +151,7 @@ fn check_required_extensions(root: &json::Root) -> Result<(), ImportProblem> {
     }
 }
 
-/// The crate's validation follows the index of POSITION without a look at its range.
+/// The crate's validation follows the index of POSITION without checking its range.
 fn check_position_accessors(root: &json::Root) -> Result<(), ImportProblem> {
     for (mesh, primitive, attributes) in root.meshes.iter().enumerate().flat_map(|(mesh, value)| {
         value

@@ -1,4 +1,4 @@
-//! Where the nodes of a glTF document stand, in f64.
+//! Transforms of nodes, in f64.
 
 use glam::{DMat4, DQuat, DVec3};
 use gltf::scene::Transform;

@@ -1,4 +1,4 @@
-//! Which of a document's scenes is baked.
+//! The choice of a document's scene.
 
 use gltf::json::{Index, Root};
 
@@ -7,14 +7,12 @@ use super::error::ImportProblem;
 /// Most scenes that a message lists.
 const SHOWN_SCENES: usize = 20;
 
-/// Makes the chosen scene the document's default one, so that everything that reads or shows the document afterwards means
-/// the same scene. Nodes, meshes and lights of the others stay in the document.
+/// Makes the chosen scene the document's default, for all who read it afterwards. Other scenes stay in the document.
 ///
-/// `wanted` is a name, or an index from 0; a scene that is called like a number counts before the index. Without a choice
-/// the document stays as it is.
+/// `wanted` is a name or an index from 0; names go first. `None` changes nothing.
 ///
 /// # Errors
-/// When no scene, or more than one, is called so.
+/// When no scene, or more than one, has the name.
 pub(crate) fn choose(root: &mut Root, wanted: Option<&str>) -> Result<(), ImportProblem> {
     let Some(wanted) = wanted else { return Ok(()) };
     let mut called =

@@ -1,4 +1,4 @@
-//! The way out: lit files and pictures.
+//! Output: lit files and pictures of them.
 //!
 //! In: a lit mesh and the scene that it belongs to, or a lit file. Out: lit glTF, PLY, PNG and EXR. It must not know workers, jobs or
 //! how light was computed. Begin reading at [`export`](mod@export).

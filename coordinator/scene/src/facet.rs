@@ -12,8 +12,7 @@ pub struct Facet {
     pub normal: DVec3,
     /// Counter-clockwise seen from the lit side.
     pub corners: Vec<Corner>,
-    /// The triangles that it is made of, as the primitive's vertex indices, in the facet's winding: for the exporter, which
-    /// interpolates the other vertex attributes in them.
+    /// The input's triangles that it joins, in the facet's winding. The exporter interpolates vertex attributes in them.
     pub triangles: Vec<SourceTriangle>,
 }
 
@@ -35,7 +34,7 @@ impl Facet {
 pub struct Corner {
     /// Position in the frame.
     pub position: DVec3,
-    /// Unit normal: the facet's, or the smooth one of the file where that differs.
+    /// Unit normal: the file's smooth normal, or the facet's.
     pub normal: DVec3,
 }
 

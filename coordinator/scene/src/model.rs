@@ -1,4 +1,4 @@
-//! The scene between import and export: surfaces made of flat convex facets, with their reflectance and exitance.
+//! The scene between import and export: surfaces of flat convex facets, with reflectance and exitance.
 //!
 //! Positions are in the *frame*: the scene centred and scaled by a power of two (see [`Frame`]), in f64. Colours are
 //! linear RGB.
@@ -16,7 +16,7 @@ use crate::report::ImportReport;
 /// An imported scene.
 #[derive(Debug, Clone)]
 pub struct Scene {
-    /// What the exporter copies from.
+    /// The input document, which the exporter copies.
     pub source: SourceDocument,
     /// One per node, primitive and lit side.
     pub surfaces: Vec<Surface>,
@@ -24,11 +24,11 @@ pub struct Scene {
     pub lights: Vec<Light>,
     /// Radiance of the sky, the same from all directions, below the horizon too; zero for none.
     pub sky: DVec3,
-    /// How frame coordinates relate to the file's.
+    /// Transform between the file's coordinates and the frame.
     pub frame: Frame,
     /// Number of planes; plane ids are below it.
     pub plane_count: u32,
-    /// What import changed or left out, in words for the user.
+    /// Warnings on what the import changed or left out.
     pub warnings: Vec<String>,
     /// What the bake models of the file, and what it ignores.
     pub import_report: ImportReport,
@@ -43,7 +43,7 @@ pub struct SourceDocument {
     pub root: gltf::json::Root,
     /// The bytes of every buffer.
     pub buffers: Vec<Vec<u8>>,
-    /// Where the files lie that the document names; `None` where it did not come from a file.
+    /// Folder of the file; `None` for a document from memory.
     pub folder: Option<PathBuf>,
 }
 
@@ -97,11 +97,11 @@ pub struct Surface {
     pub reflectance: DVec3,
     /// Emitted exitance, pi x radiance, in W/m^2 or the scene's light unit: the mean over its area, times its opacity.
     pub exitance: DVec3,
-    /// Mean part of the light that it takes, in [0, 1]; the other part passes through.
+    /// Mean opacity, in [0, 1]; the rest of the light passes through.
     pub opacity: f64,
-    /// What varies over it; none where it is uniform.
+    /// What varies over it; `None` if it is uniform.
     pub appearance: Option<Arc<Appearance>>,
-    /// Its flat convex pieces. Together they cover the surface's triangles exactly, without overlap.
+    /// Flat convex pieces that cover the surface's triangles exactly, without overlap.
     pub facets: Vec<Facet>,
 }
 

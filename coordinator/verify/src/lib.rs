@@ -1,4 +1,4 @@
-//! What measures a bake, and shares nothing with it: an independent importer, a path tracer, scores and studies.
+//! Verification of bakes by independent means: an importer, a path tracer, scores and studies.
 //!
 //! In: scene files, lit files, references. Out: path-traced references, errors against them, tables and plots. It must not know the
 //! bake, nor the bake's import, so that a fault of one cannot hide in the other; both only read files through [`document`]. Begin

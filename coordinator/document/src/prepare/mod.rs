@@ -30,7 +30,7 @@ pub(crate) use self::extensions::Extensions;
 use self::storage::Storage;
 use super::error::ImportProblem;
 
-/// Extensions that are undone here.
+/// Extensions that are decoded here and removed.
 pub(crate) const UNDONE: [&str; 5] = [
     "EXT_meshopt_compression",
     "KHR_meshopt_compression",
@@ -39,7 +39,7 @@ pub(crate) const UNDONE: [&str; 5] = [
     "EXT_mesh_gpu_instancing",
 ];
 
-/// What decoding may take.
+/// Limits of decoding.
 #[derive(Clone, Copy)]
 pub(crate) struct Limits {
     /// Bytes that may still be added, out of `max_bytes`.

@@ -5,14 +5,14 @@ use gltf::texture::{Info, TextureTransform};
 
 use super::Sampler;
 
-/// Which texture coordinates a texture takes, what is done with them, and how the image is continued.
+/// The texture coordinates of a texture, their transform, and its sampler.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Mapping {
     /// The set: n of TEXCOORD_n.
     pub set: u32,
     /// KHR_texture_transform: from the file's coordinates to those on the image.
     pub transform: DAffine2,
-    /// How the image is continued and interpolated.
+    /// Wrapping and filtering.
     pub sampler: Sampler,
 }
 
@@ -23,7 +23,7 @@ impl Mapping {
         Self::of(&info.texture(), info.tex_coord(), info.texture_transform())
     }
 
-    /// The mapping of a texture that takes this set unless the transform says another. Transforms that are not finite do not count.
+    /// The mapping of a texture with this set, unless the transform names another. Transforms that are not finite are ignored.
     #[must_use]
     pub fn of(texture: &gltf::Texture, set: u32, transform: Option<TextureTransform>) -> Self {
         let sampler = Sampler::new(&texture.sampler());

@@ -1,11 +1,11 @@
-//! Images: decoding them, and looking up a point.
+//! Images, decoded and sampled at points.
 //!
 //! | file | what it does |
 //! |---|---|
 //! | `image` | PNG, JPEG and WebP to texels, within bounds of size and memory |
 //! | `encoding` | sRGB to linear |
-//! | `sampler` | what lies outside of an image, and between its texels |
-//! | `mapping` | from a vertex's texture coordinates to places on the image |
+//! | `sampler` | wrapping and filtering |
+//! | `mapping` | texture coordinates to places on the image |
 //!
 //! Texture coordinates are as in glTF: (0, 0) is the upper left corner of the image, (1, 1) the lower right one, whatever its size.
 

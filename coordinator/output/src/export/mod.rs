@@ -1,40 +1,28 @@
-//! The way out: the input scene with refined geometry and light at its vertices, as `.glb` or `.gltf`, or the lit mesh alone as
-//! `.ply`.
+//! The lit scene as `.glb` or `.gltf`, or the lit mesh alone as `.ply`.
 //!
-//! Everything of the input document is kept except what the light replaces:
+//! The output is the input document with refined geometry and light per vertex:
 //!
-//! - A mesh of a lit node becomes a mesh of that node alone, in the node's coordinates: two nodes of one mesh are lit
-//!   differently. Primitives without a lit surface (points, lines) stay in it as they are.
-//! - Both sides of a `doubleSided` primitive become a primitive each, with single-sided materials, because their light
-//!   differs.
-//! - Per vertex there are `COLOR_0` (irradiance x exposure x the input's `COLOR_0`, clamped to [0, 1], linear, with its alpha),
-//!   `_IRRADIANCE` (irradiance as it is, without exposure or clamp), `_IRRADIANCE_NAME` for the part of each light group,
-//!   `_UNSHOT` (radiosity still to be shot) while the bake is under way,
-//!   `_COLOR_0` (the input's `COLOR_0`) and the input's other attributes, interpolated. `JOINTS`, `WEIGHTS` and morph targets
-//!   end here: the light is that of the pose that it was computed with.
-//! - Materials become `KHR_materials_unlit`, so that a viewer shows `COLOR_0` x base colour, which is radiosity x exposure, and
-//!   no light of its own. `COLOR_0` of a metal also holds the factor 1 - metallicFactor. Where a texture says what is metal it
-//!   does not: base colour is shown whole, as no value at vertices follows a texture.
-//! - Emissive materials stay lit where they emit more than they reflect: an unlit one would not show its glow, and
-//!   `KHR_materials_emissive_strength` may not share a material with it. What glows less than it reflects becomes unlit.
+//! - Each lit node gets a mesh of its own, because two nodes of one mesh are lit differently; each side of a `doubleSided`
+//!   primitive becomes a primitive. Points and lines stay.
+//! - Vertices have `COLOR_0` (irradiance x exposure x the input's `COLOR_0`, clamped to [0, 1], linear), `_IRRADIANCE` (neither
+//!   exposed nor clamped), `_IRRADIANCE_NAME` per light group, `_UNSHOT` during a bake, `_COLOR_0` (the input's `COLOR_0`), and
+//!   the input's other attributes, interpolated. `JOINTS`, `WEIGHTS` and morph targets are dropped.
+//! - Materials become `KHR_materials_unlit`: a viewer shows `COLOR_0` x base colour, radiosity x exposure. `COLOR_0` includes
+//!   1 - metallicFactor, except where a texture states the metal. Materials that emit more than they reflect stay lit, as an
+//!   unlit one shows no emission; extensions of unlit materials move to `extras.halflight.extensions`.
+//! - Image files are embedded, except for a `.gltf` in the input's own folder.
 //!
-//! - Files that images name go into the output's buffer as they are, for the output may lie elsewhere; not for a `.gltf` in
-//!   the input's own folder.
-//!
-//! What stays keeps its place: nodes, cameras, lights, textures, images, samplers and meshes their index, buffer views their
-//! bytes. The first lit mesh of a mesh takes its place, and the lit counterpart of a material that of the material. So what
-//! extensions name that nobody here knows is still there. Accessors and buffer views may move when others go, but not below
-//! an index that an unknown extension might mean. Extensions of an unlit material, which may have none, are kept in its
-//! `extras.halflight.extensions`.
+//! Nodes, cameras, lights, textures, images, samplers and meshes keep their indices and buffer views their bytes, so that
+//! unknown extensions still refer to the right things. Accessors and buffer views move only if no unknown extension can mean them.
 //!
 //! | module | what lives there |
 //! |---|---|
 //! | `attributes` | the input's vertex attributes at new vertices |
 //! | `refined` | the vertices of one lit side of one primitive |
-//! | `exposure` | the brightness that suits the scene |
-//! | `extensions` | extensions that nothing here knows |
+//! | `exposure` | automatic exposure |
+//! | `extensions` | unknown extensions |
 //! | `images` | images beside the input |
-//! | `layers` | names of the attributes that hold parts of the light |
+//! | `layers` | attribute names of light groups |
 //! | `materials` | materials that show the light |
 //! | `document` | nodes, meshes and primitives of the output |
 //! | `ply` | the lit mesh as PLY |
@@ -63,29 +51,27 @@ use scene::Scene;
 
 use crate::files::FileError;
 
-/// Which vertices the triangles of the output share.
+/// Vertex sharing in the output.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Domain {
-    /// Those whose attributes are all the same: few vertices, and light without a crease where it is smooth.
+    /// Triangles share identical vertices.
     #[default]
     Vertex,
-    /// None: every corner of a triangle is a vertex of its own, so that tools that merge or edit vertices keep what differs
-    /// from face to face.
+    /// Three vertices per triangle, so that tools that merge or edit vertices keep differences between faces.
     Corner,
 }
 
 /// How to write the lit scene.
 #[derive(Debug, Clone)]
 pub struct ExportSettings {
-    /// `COLOR_0` per unit of irradiance; `None` chooses one that suits the scene, so that the 95th percentile of the
-    /// reflecting surface's irradiance becomes 1.
+    /// `COLOR_0` per unit of irradiance; `None` maps the 95th percentile of the irradiance on reflecting surfaces to 1.
     pub exposure: Option<f64>,
     /// Unit of the irradiance, such as `W/m^2`: written, not interpreted.
     pub unit: String,
-    /// Which vertices triangles share.
+    /// Vertex sharing.
     pub domain: Domain,
-    /// An object whose members go to `asset.extras.halflight` beside `exposure` and `unit`. Anything else becomes its
-    /// member `settings`, null nothing.
+    /// An object whose members go to `asset.extras.halflight`, beside `exposure` and `unit`. Other values become its member
+    /// `settings`; null is left out.
     pub extras: serde_json::Value,
 }
 
@@ -105,24 +91,24 @@ impl Default for ExportSettings {
 pub struct Exported {
     /// The exposure used.
     pub exposure: f64,
-    /// Vertices of the lit primitives. More than the mesh has where the input's attributes jump.
+    /// Vertices of the lit primitives; more than the mesh has where the input's attributes are discontinuous.
     pub vertices: usize,
     /// Triangles of the lit primitives.
     pub triangles: usize,
-    /// What of the input the output lacks, in words for the user.
+    /// Warnings on parts of the input that the output lacks.
     pub warnings: Vec<String>,
 }
 
 /// Why the lit scene cannot be written.
 #[derive(Debug, thiserror::Error)]
 pub enum ExportError {
-    /// The output's name does not say which format is meant.
+    /// The output's name has no known ending.
     #[error("output {0} must end in .glb, .gltf or .ply")]
     Extension(PathBuf),
     /// The output cannot be written.
     #[error(transparent)]
     File(#[from] FileError),
-    /// An exposure that would make every vertex black, or worse.
+    /// An exposure that is not positive and finite.
     #[error("exposure must be a positive number, not {0}")]
     Exposure(f64),
     /// A value is NaN, infinite, or too large for an f32.
@@ -169,10 +155,10 @@ pub fn check_writable(path: &Path) -> Result<(), ExportError> {
     write::check(path)
 }
 
-/// Finds out whether each group of lights would have an attribute of its own: to be asked before a long bake.
+/// Checks, before a long bake, that each light group has an attribute name of its own.
 ///
 /// # Errors
-/// When two would have the same, for their names differ only in what an attribute's name cannot say.
+/// When two names differ only in characters that attribute names cannot have.
 pub fn check_group_names(groups: &[LightGroup]) -> Result<(), ExportError> {
     layers::check(&groups.iter().map(|group| group.name.as_str()).collect::<Vec<_>>())
 }

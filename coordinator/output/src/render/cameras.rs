@@ -1,4 +1,4 @@
-//! Cameras of a file, and those that are asked for.
+//! Cameras of a file and of the user.
 
 use glam::{DAffine3, DVec3};
 use gltf::camera::Projection as FileProjection;
@@ -7,7 +7,7 @@ use kernel::picture::{Camera, Projection};
 use scene::Frame;
 use scene::LitDocument;
 
-/// A camera of a file, where one of its nodes puts it.
+/// A camera of a file, placed by a node.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FileCamera {
     /// Names of its node and of itself.
@@ -23,31 +23,31 @@ enum Lens {
     Orthographic { half: [f64; 2], near: f64 },
 }
 
-/// Which camera to take.
+/// A user's choice of camera.
 #[derive(Debug, Clone, PartialEq)]
 pub enum CameraChoice {
-    /// The first of the file, or one that shows the scene.
+    /// The first of the file, or an automatic view.
     Any,
-    /// One of the file: its name, that of its node, or its number in the order of the nodes.
+    /// A camera of the file, by its name, its node's name, or its index in the order of the nodes.
     OfFile(String),
-    /// One of its own.
+    /// A camera given by its position and target.
     LookAt(LookAt),
 }
 
-/// A camera from a point to another.
+/// A perspective camera given by its position and target.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LookAt {
-    /// Where it is, in the file's coordinates.
+    /// Position, in the file's coordinates.
     pub eye: DVec3,
-    /// The point in the middle of the picture.
+    /// Point in the middle of the picture.
     pub target: DVec3,
-    /// What is up.
+    /// Direction that is up in the picture.
     pub up: DVec3,
     /// Angle from the bottom to the top of the picture, in radians.
     pub height_angle: f64,
 }
 
-/// Why there is no camera.
+/// Why a camera cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum CameraError {
     /// No camera has that name.
@@ -57,12 +57,12 @@ pub enum CameraError {
         format!("it has {}", known.join(", "))
     })]
     Unknown {
-        /// Name or number as it was given.
+        /// Requested name or index.
         name: String,
-        /// Those that there are.
+        /// Cameras of the file.
         known: Vec<String>,
     },
-    /// A camera that cannot see anything.
+    /// A camera with a degenerate transform or lens.
     #[error("{0} sees nothing: {1}")]
     Blind(String, &'static str),
 }
@@ -90,7 +90,7 @@ pub(super) fn read_cameras(document: &LitDocument) -> Vec<FileCamera> {
 }
 
 impl FileCamera {
-    /// Width over height that the camera is made for, where it says so.
+    /// Width over height, if the camera states it.
     #[must_use]
     pub fn aspect(&self) -> Option<f64> {
         let aspect = match self.lens {

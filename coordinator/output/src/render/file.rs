@@ -23,28 +23,28 @@ pub struct LitFile {
     pub frame: Frame,
     /// Its cameras, in the order of its nodes.
     pub cameras: Vec<FileCamera>,
-    /// Display value per unit of irradiance, where the file says so.
+    /// Display value per unit of irradiance, if the file states it.
     pub exposure: Option<f64>,
-    /// Radiance of the sky that it was lit with, where the file says so.
+    /// Radiance of the sky of its bake, if the file states it.
     pub sky: Option<DVec3>,
-    /// Where its light comes from.
+    /// The attribute that holds its light.
     pub light: LightOfFile,
-    /// What there is to say about it.
+    /// Warnings for the user.
     pub warnings: Vec<String>,
 }
 
-/// Where the light of a file is.
+/// The attribute that holds the light of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LightOfFile {
-    /// In `_IRRADIANCE`.
+    /// `_IRRADIANCE`.
     Irradiance,
-    /// In `COLOR_0`, clamped, with an exposure that the file states.
+    /// `COLOR_0`, clamped, with the exposure that the file states.
     ExposedColours,
-    /// Nowhere: its colours are shown as they are.
+    /// None: its colours are shown as they are.
     None,
 }
 
-/// Reads a lit file, or one that is not lit and then says so in a warning.
+/// Reads a lit file; one that is not lit gets a warning.
 ///
 /// # Errors
 /// When the file cannot be read, or has no triangles.
@@ -98,7 +98,7 @@ pub fn read_lit(path: &Path, options: &ReadOptions) -> Result<LitFile, ImportErr
     })
 }
 
-/// What the exporter wrote about the bake; null where there is nothing.
+/// The exporter's description of the bake, or null.
 fn halflight_extras(document: &LitDocument) -> Value {
     let extras = document.document.as_json().asset.extras.as_ref();
     let extras: Value =
@@ -114,7 +114,7 @@ fn sky(extras: &Value) -> Option<DVec3> {
     Some(DVec3::new(channel(0)?, channel(1)?, channel(2)?))
 }
 
-/// A primitive as it is shown.
+/// A primitive for the renderer.
 fn part(primitive: &LitPrimitive, appearance: &Appearance, light: LightOfFile, scale: f64) -> Part {
     let count = primitive.positions.len();
     let coordinates = |mapped: &Option<Mapped>| match mapped {

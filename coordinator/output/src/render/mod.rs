@@ -3,12 +3,12 @@
 //! | module | what lives there |
 //! |---|---|
 //! | `file` | a lit file as a picture's scene |
-//! | `materials` | what its materials show |
+//! | `materials` | its materials |
 //! | `images` | its images |
-//! | `cameras` | its cameras, and those that are asked for |
-//! | `view` | a view where nobody asks for one |
+//! | `cameras` | its cameras, and those of the user |
+//! | `view` | an automatic view |
 //! | `tiles` | the picture in tiles, computed by workers |
-//! | `exposure`, `tone` | from radiance to what a screen shows |
+//! | `exposure`, `tone` | radiance to display colours |
 //! | `write` | PNG and EXR |
 //!
 //! The radiance of a surface is reflectance x irradiance / pi + emission. How a file is read is the reverse of how

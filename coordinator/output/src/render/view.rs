@@ -1,4 +1,4 @@
-//! A view of a scene where nobody asks for one.
+//! An automatic view of a scene.
 //!
 //! Views from outside that hold the whole scene, and views from within it, are tried with few rays each. Best is the one that shows
 //! most: many primitives, each of them large, and light on them. A room whose walls have no backs is looked into
@@ -14,7 +14,7 @@ use kernel::picture::{Camera, PictureScene, Projection};
 
 use super::cameras::Basis;
 
-/// Rays from top to bottom of a view that is tried.
+/// Rays from top to bottom of a candidate view.
 const LINES: u32 = 24;
 
 /// Angle of view from bottom to top, from outside and from within.
@@ -26,10 +26,10 @@ const ELEVATIONS: [f64; 3] = [0.0, 0.35, 0.7];
 /// Space around the scene, relative.
 const MARGIN: f64 = 1.04;
 
-/// Views from within stand so far from the middle of the scene towards the sides of its box, and so high in it.
+/// Place of a view from within: part of the way from the box's centre to its sides, and of its height.
 const INSIDE: [f64; 2] = [0.84, 0.58];
 
-/// The view of a scene, for a picture of this aspect (width over height), that shows most of it.
+/// Chooses the view that shows most of a scene, for this aspect (width over height).
 #[must_use]
 pub fn choose_view(scene: &PictureScene, aspect: f64) -> Camera {
     let corners = scene.parts.iter().flat_map(|part| &part.positions).copied().map(DVec3::from_array);

@@ -1,4 +1,4 @@
-//! What a primitive looks like at a point: textures, colours of vertices, alpha.
+//! The material of a primitive at a point: textures, vertex colours, alpha.
 
 use std::collections::{BTreeSet, HashMap};
 use std::f64::consts::PI;
@@ -13,19 +13,19 @@ use super::PlainError;
 use super::source::PlainDocument;
 use document::texture::{Encoding, Image, Mapping, Sampler, decode};
 
-/// Largest reflectance, as the bake has it: at 1 light in a closed scene would never be absorbed.
+/// Largest reflectance, as in the bake: at 1, a closed scene would never absorb its light.
 pub(super) const MAX_REFLECTANCE: f64 = 0.999;
 
-/// What a primitive, or a point of it, is made of; linear RGB.
+/// The material of a primitive, or of a point of it; linear RGB.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlainMaterial {
     /// Diffuse reflectance, base colour x (1 - metallic), under 1.
     pub reflectance: DVec3,
     /// Emitted exitance, pi x emissive factor x strength, W/m^2.
     pub exitance: DVec3,
-    /// Whether the back is as the front; else it reflects and emits nothing.
+    /// Whether the back reflects and emits like the front, or not at all.
     pub double_sided: bool,
-    /// Part of the light that does not pass through: it meets what reflects and emits as the other numbers say.
+    /// Part of the light that does not pass through.
     pub opacity: f64,
 }
 
@@ -79,13 +79,13 @@ impl Layer {
 }
 
 impl PlainAppearance {
-    /// True where all points look alike.
+    /// Whether all points have the same material.
     pub(super) fn is_uniform(&self) -> bool {
         let textures = [&self.base_texture, &self.metallic_texture, &self.emissive_texture];
         self.colours.is_empty() && textures.iter().all(|texture| texture.is_none())
     }
 
-    /// What the primitive is made of at a point of one of its triangles, given by vertices and barycentric coordinates.
+    /// The material at a point of a triangle, given by its vertices and barycentric coordinates.
     pub(super) fn at(&self, vertices: [usize; 3], weights: DVec3) -> PlainMaterial {
         let white =
             |layer: &Option<Layer>| layer.as_ref().map_or(DVec4::ONE, |layer| layer.at(vertices, weights));
@@ -106,7 +106,7 @@ impl PlainAppearance {
         }
     }
 
-    /// What the factors alone say.
+    /// The material by its factors alone.
     pub(super) fn plain(&self) -> PlainMaterial {
         let bare = Self {
             base_texture: None,
@@ -126,7 +126,7 @@ pub(super) struct Appearances {
 }
 
 impl Appearances {
-    /// The appearance of a primitive with so many vertices.
+    /// Reads the appearance of a primitive with this number of vertices.
     pub(super) fn read(
         &mut self,
         document: &PlainDocument,
@@ -216,7 +216,7 @@ fn mapped<'a>(info: Option<gltf::texture::Info<'a>>) -> Option<(Texture<'a>, Map
     info.map(|info| (info.texture(), Mapping::new(&info)))
 }
 
-/// What a material is called in messages.
+/// A material's name in messages.
 pub(super) fn material_name(material: &Material<'_>) -> String {
     match (material.name(), material.index()) {
         (Some(name), _) => format!("material {name}"),

@@ -29,7 +29,7 @@ pub enum PlainError {
     /// The file cannot be read, or is no glTF with such a scene.
     #[error(transparent)]
     File(#[from] ImportError),
-    /// Vertex data lie outside their buffer, or do not have the type that they should.
+    /// Vertex data outside its buffer, or of the wrong type.
     #[error(
         "{path}: {what} of {node} cannot be read: it must lie inside its buffer, as float VEC3 or as indices of existing vertices"
     )]
@@ -41,7 +41,7 @@ pub enum PlainError {
         /// The attribute's name, or indices.
         what: &'static str,
     },
-    /// A position, material or light that means nothing.
+    /// A position, material or light out of range.
     #[error("{path}: {what} of {place} must be finite{}", if *.signed { "" } else { " and not negative" })]
     Factor {
         /// The file.

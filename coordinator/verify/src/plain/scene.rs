@@ -25,13 +25,13 @@ pub struct PlainScene {
     pub materials: Vec<PlainMaterial>,
     /// All triangles that have an area, each once.
     pub triangles: Vec<PlainTriangle>,
-    /// What is not the same all over a primitive; `None` where all of it looks like its material.
+    /// What varies over each primitive; `None` where it is uniform.
     pub appearances: Vec<Option<PlainAppearance>>,
     /// Lights that are no surface.
     pub lights: Vec<PlainLight>,
     /// Radiance of the sky, the same from all directions.
     pub sky: DVec3,
-    /// What is not modelled and was left out, in words for the user.
+    /// Warnings on what is not modelled.
     pub warnings: Vec<String>,
 }
 
@@ -47,7 +47,7 @@ pub struct PlainTriangle {
 }
 
 impl PlainTriangle {
-    /// Along the normal of the front, as long as the area is large.
+    /// Normal of the front, as long as the area.
     #[must_use]
     pub fn area_vector(&self) -> DVec3 {
         let [a, b, c] = self.corners;
@@ -60,7 +60,7 @@ impl PlainTriangle {
 pub struct PlainOptions {
     /// Name or index of the scene [default: the file's default scene, or its first].
     pub scene: Option<String>,
-    /// Meaning of the numbers of the file's lights.
+    /// Unit of the file's light intensities.
     pub light_unit: LightUnit,
     /// Radiance of a uniform sky.
     pub sky: DVec3,
@@ -75,7 +75,7 @@ impl PlainScene {
         Self::open_with(path, &PlainOptions::default())
     }
 
-    /// Reads a .glb or .gltf file as the options say.
+    /// Reads a .glb or .gltf file with options.
     ///
     /// # Errors
     /// As [`PlainScene::open`]; when there is no such scene.
@@ -120,7 +120,7 @@ impl PlainScene {
         Ok(scene)
     }
 
-    /// What a triangle is made of at a point of it, in the world.
+    /// The material at a point of a triangle, in the world.
     #[must_use]
     pub fn material_at(&self, triangle: &PlainTriangle, point: DVec3) -> PlainMaterial {
         match self.appearances.get(triangle.primitive) {
