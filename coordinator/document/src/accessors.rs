@@ -44,7 +44,7 @@ pub const INDICES: Format = Format {
     words: "SCALAR of unsigned integers",
 };
 
-/// What the checks need to know besides the accessor.
+/// Context of an accessor that is checked.
 pub struct Context<'a> {
     /// Node and primitive, for messages.
     pub place: &'a str,

@@ -11,7 +11,7 @@ use gltf::json::validation::Error as Fault;
 pub struct ImportError {
     /// The file, or a name for bytes that did not come from one.
     pub file: String,
-    /// What is wrong with it.
+    /// The fault.
     pub problem: Box<ImportProblem>,
 }
 
@@ -23,7 +23,7 @@ impl ImportError {
     }
 }
 
-/// What is wrong with a glTF. Places are given as `node "name"` or, without a name, `node 3`.
+/// A fault of a glTF file. Places are given as `node "name"` or, without a name, `node 3`.
 #[derive(Debug, thiserror::Error)]
 pub enum ImportProblem {
     /// The file cannot be opened or read.
@@ -49,13 +49,13 @@ pub enum ImportProblem {
     /// The file ends too early.
     #[error("is truncated: {detail}; copy or export it again")]
     Truncated {
-        /// What is missing.
+        /// The missing part.
         detail: String,
     },
     /// The container or the JSON is malformed.
     #[error("is not valid glTF: {detail}; check it with gltf-validator and export it again")]
     Malformed {
-        /// What the parser says.
+        /// The parser's message.
         detail: String,
     },
     /// An index in the JSON refers to nothing.
@@ -77,7 +77,7 @@ pub enum ImportProblem {
     Undecodable {
         /// The extension or attribute, and the node or buffer view.
         place: String,
-        /// What is wrong.
+        /// The fault.
         detail: String,
     },
     /// A buffer in a file of its own cannot be read.
@@ -89,7 +89,7 @@ pub enum ImportProblem {
         buffer: usize,
         /// The reference in the file.
         uri: String,
-        /// What the system says.
+        /// The operating system's error.
         error: io::Error,
     },
     /// A reference that is refused for safety.
@@ -159,7 +159,7 @@ pub enum ImportProblem {
         place: String,
         /// Index of the accessor.
         accessor: usize,
-        /// What it holds.
+        /// Attribute in it.
         attribute: String,
     },
     /// An accessor of a component type or shape that the attribute may not have.
@@ -171,7 +171,7 @@ pub enum ImportProblem {
         place: String,
         /// Index of the accessor.
         accessor: usize,
-        /// What it holds.
+        /// Attribute in it.
         attribute: String,
         /// Format found.
         found: String,
@@ -187,7 +187,7 @@ pub enum ImportProblem {
         place: String,
         /// Index of the accessor.
         accessor: usize,
-        /// What it holds.
+        /// Attribute in it.
         attribute: String,
     },
     /// Attributes of one primitive that differ in length.
@@ -243,7 +243,7 @@ pub enum ImportProblem {
         factor: &'static str,
         /// Its value.
         value: f32,
-        /// What is allowed.
+        /// The allowed range.
         expected: &'static str,
     },
     /// A light that breaks the rules of its extension.

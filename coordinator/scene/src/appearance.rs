@@ -1,4 +1,4 @@
-//! What varies over a surface: textures and vertex colours, and their means over polygons of it.
+//! Textures and vertex colours of a surface, and their means over its polygons.
 //!
 //! A [`Pattern`] is what a material's textures say; an [`Appearance`] joins it with the texture coordinates and colours of a
 //! primitive's vertices. Both are affine over a facet, so that a polygon of it is a polygon on the image.
@@ -19,7 +19,7 @@ use document::texture::Mapping;
 /// Largest reflectance. At 1 light would never be absorbed and nothing would converge in a closed scene.
 pub(crate) const MAX_REFLECTANCE: f64 = 0.999;
 
-/// A polygon that has no area on the image is sampled at the centres of so many triangles along each of its sides.
+/// Triangles along each side of a polygon without area on the image, which is sampled at their centres.
 const SAMPLES_ALONG_SIDE: usize = 4;
 
 /// Places on an image closer than this, in widths of the image, are one.
@@ -34,12 +34,12 @@ pub struct Layer {
     pub mapping: Mapping,
 }
 
-/// What the textures and factors of a material say.
+/// The textures and factors of a material.
 #[derive(Clone)]
 pub struct Pattern {
     /// Reflected part without its factor, with the opacity in it and as fourth value.
     pub reflecting: Option<Layer>,
-    /// What else dims the reflection, where it does not lie as the layer above does.
+    /// A texture that reduces the reflection and is mapped differently from the layer above.
     pub dimming: Option<Layer>,
     /// Emission without its factor.
     pub emitting: Option<Layer>,
@@ -49,7 +49,7 @@ pub struct Pattern {
     pub reflectance: DVec3,
     /// Factor of the emission: exitance.
     pub exitance: DVec3,
-    /// What alpha means.
+    /// Meaning of alpha.
     pub opacity: Opacity,
 }
 
@@ -68,7 +68,7 @@ impl VertexValues {
     }
 }
 
-/// What varies over the facets of a surface.
+/// A pattern with the vertex values of a surface.
 pub struct Appearance {
     pattern: Arc<Pattern>,
     vertices: VertexValues,

@@ -30,7 +30,7 @@ pub struct Scene {
     pub plane_count: u32,
     /// Warnings on what the import changed or left out.
     pub warnings: Vec<String>,
-    /// What the bake models of the file, and what it ignores.
+    /// Parts of the file that the bake models or ignores.
     pub import_report: ImportReport,
     /// Triangles dropped because they have no area.
     pub degenerate_triangles: usize,
@@ -99,7 +99,7 @@ pub struct Surface {
     pub exitance: DVec3,
     /// Mean opacity, in [0, 1]; the rest of the light passes through.
     pub opacity: f64,
-    /// What varies over it; `None` if it is uniform.
+    /// Its textures and vertex colours; `None` if it is uniform.
     pub appearance: Option<Arc<Appearance>>,
     /// Flat convex pieces that cover the surface's triangles exactly, without overlap.
     pub facets: Vec<Facet>,

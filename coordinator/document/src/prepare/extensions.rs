@@ -1,4 +1,4 @@
-//! The objects of the extensions, from a second and partial look at the JSON: the `gltf` crate drops what it does not know.
+//! The extensions' objects, read from the JSON a second time because the `gltf` crate drops unknown extensions.
 
 use std::collections::BTreeMap;
 
@@ -46,7 +46,7 @@ pub(crate) enum Mode {
     Indices,
 }
 
-/// What was done to the elements before they were compressed.
+/// Filter applied before compression.
 #[derive(Deserialize, Clone, Copy, Default, PartialEq, Eq)]
 #[serde(rename_all = "UPPERCASE")]
 pub(crate) enum Filter {

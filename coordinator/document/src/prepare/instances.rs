@@ -10,7 +10,7 @@ use super::storage::Storage;
 use super::values::{self, Values};
 use crate::error::ImportProblem;
 
-/// What a node is charged with against the limit of bytes.
+/// Bytes charged per node.
 const NODE_BYTES: usize = 1024;
 
 /// Gives the nodes' meshes to children in the places of the instances.

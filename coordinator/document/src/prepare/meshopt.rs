@@ -35,7 +35,7 @@ pub(super) fn decode(storage: &mut Storage, extensions: &Extensions) -> Result<(
     Ok(())
 }
 
-/// What the extension demands of its numbers.
+/// Checks the extension's limits of count, stride and filter.
 fn check(view: &CompressedView) -> Result<(), &'static str> {
     let stride = view.byte_stride;
     let fits = match view.mode {
@@ -96,7 +96,7 @@ fn long(indices: &[u32]) -> Vec<u8> {
     indices.iter().flat_map(|index| index.to_le_bytes()).collect()
 }
 
-/// An element of so many words: the decoder takes the size from the type.
+/// An element of `N` words; the decoder takes the size from the type.
 #[derive(Clone)]
 struct Element<const WORDS: usize>([u32; WORDS]);
 

@@ -50,7 +50,7 @@ pub(crate) struct Limits {
     pub max_triangles: usize,
 }
 
-/// Undoes the extensions of a document that is not validated yet. What is decoded goes to a buffer of its own.
+/// Decodes and removes the extensions of a document that is not validated yet. Decoded data goes to a new buffer.
 pub(crate) fn undo(
     root: &mut Root,
     buffers: &mut Vec<Vec<u8>>,

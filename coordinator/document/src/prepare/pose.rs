@@ -1,6 +1,5 @@
-//! Morph targets and skins in the pose that a viewer shows as long as nothing is animated: displacements weighted by the
-//! file's weights, vertices moved by the joints as their nodes stand. It is the pose that the file describes as it is; what its
-//! author calls the rest pose, without joints, may be another one, and would not meet the scene around it.
+//! Morph targets and skins, in the pose without animation: displacements weighted by the file's weights, vertices moved by the
+//! joints' nodes. The author's rest pose, without joints, may be another one that does not fit the scene around it.
 
 use glam::{DAffine3, DMat4, DVec3};
 use gltf::json::validation::Checked::Valid;

@@ -1,5 +1,5 @@
-//! KHR_mesh_quantization: vertex attributes of 8 and 16 bits become floats. What scales and shifts them, node transforms and
-//! texture transforms, is in the document already.
+//! KHR_mesh_quantization: vertex attributes of 8 and 16 bits become floats. Their scale and offset are in the
+//! transforms of nodes and textures already.
 
 use std::collections::BTreeMap;
 
@@ -52,7 +52,7 @@ pub(super) fn undo(storage: &mut Storage) -> Result<(), ImportProblem> {
     Ok(())
 }
 
-/// Whether the attribute is made of integers that glTF itself does not allow there.
+/// Whether the attribute has integers that glTF allows only with the extension.
 fn is_quantized(semantic: &Semantic, accessor: &Accessor) -> bool {
     let Valid(GenericComponentType(component)) = accessor.component_type else { return false };
     let small =

@@ -15,7 +15,7 @@ const ALIGNMENT: usize = 4;
 pub(super) struct Storage<'a> {
     /// The document.
     pub root: &'a mut Root,
-    /// What decoding may still take.
+    /// What is left of the limits.
     pub limits: Limits,
     buffers: &'a mut Vec<Vec<u8>>,
     bytes: Vec<u8>,
@@ -86,7 +86,7 @@ impl<'a> Storage<'a> {
         }
     }
 
-    /// An accessor of vertex attributes made of floats, `width` to each vertex, with bounds. Charges for itself.
+    /// Adds a float accessor of vertex attributes, `width` numbers per vertex, with bounds. Charges for itself.
     pub(super) fn floats(&mut self, values: &[f32], width: usize) -> Result<Accessor, ImportProblem> {
         self.charge(values.len().checked_mul(4))?;
         let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
@@ -114,7 +114,7 @@ impl<'a> Storage<'a> {
     }
 }
 
-/// Least and largest value of each component. What is not finite is found, and reported, when the positions are read.
+/// Smallest and largest value of each component. Values that are not finite are reported when positions are read.
 fn bounds(values: &[f32], width: usize) -> (Value, Value) {
     let (mut low, mut high) = (vec![f32::MAX; width], vec![f32::MIN; width]);
     for row in values.chunks_exact(width) {

@@ -1,4 +1,4 @@
-//! What the numbers of a texel mean.
+//! Encoding of stored colours.
 
 use std::sync::LazyLock;
 

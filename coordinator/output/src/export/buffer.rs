@@ -20,7 +20,7 @@ pub(super) struct NewData {
 }
 
 impl NewData {
-    /// For a document with so many buffers.
+    /// For a document with this number of buffers.
     pub(super) fn new(buffers: usize) -> Self {
         Self { buffer: Index::new(buffers as u32), bytes: Vec::new() }
     }

@@ -30,7 +30,7 @@ pub(super) struct Assembled {
     pub(super) vertices: usize,
     /// Triangles of the lit primitives.
     pub(super) triangles: usize,
-    /// What could not be kept, in words for the user.
+    /// Warnings on what could not be kept.
     pub(super) warnings: Vec<String>,
 }
 
@@ -87,7 +87,7 @@ struct Assembler<'a> {
     lit: &'a LitMesh,
     exposure: f64,
     domain: Domain,
-    /// What the lit mesh has beside the whole light.
+    /// Light groups and unshot radiosity of the lit mesh.
     parts: Parts<'a>,
     /// The input, to read from while the output changes.
     document: gltf::Document,

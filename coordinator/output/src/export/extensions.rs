@@ -20,10 +20,9 @@ const HARMLESS: [&str; 7] = [
     "MSFT_texture_dds",
 ];
 
-/// So many accessors and buffer views of the input stay in their places, whether anything known uses them or not.
+/// Number of the input's first accessors and buffer views that must keep their indices.
 ///
-/// What an unknown extension says may be the index of an accessor or of a buffer view, so none moves up to the largest whole
-/// number that occurs in one.
+/// Any whole number in an unknown extension may be the index of one, so those up to the largest such number stay.
 ///
 /// # Errors
 /// When the document cannot be expressed in JSON.

@@ -1,4 +1,4 @@
-//! Images beside the input, of which the output's folder knows nothing.
+//! Image files beside the input, embedded in the output.
 
 use std::path::Path;
 
@@ -23,11 +23,9 @@ const SIGNATURES: [(&str, usize, &[u8]); 6] = [
 /// Longest part of a URI that a warning repeats.
 const SHOWN: usize = 80;
 
-/// Puts the files that the document's images name into its buffer, byte for byte, so that the output needs none of them; into
-/// that of a `.glb` data URIs too, which have no place there.
+/// Embeds the document's image files in its buffer, byte for byte; for a `.glb`, data URIs too.
 ///
-/// Files stay where they are for a `.gltf` in the input's own folder: there the names lead to them. What cannot be read stays a
-/// name, and a warning says so.
+/// A `.gltf` in the input's own folder keeps its references. Images that cannot be read stay references, with a warning.
 pub(super) fn embed(
     root: &mut Root,
     source: &SourceDocument,

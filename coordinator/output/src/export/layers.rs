@@ -49,7 +49,7 @@ pub(super) fn check(groups: &[&str]) -> Result<(), ExportError> {
     Ok(())
 }
 
-/// What the output says about its layers: name, attribute and lights of each.
+/// The description of the layers: name, attribute and lights of each.
 pub(super) fn describe(lit: &LitMesh) -> Result<Value, ExportError> {
     let semantics = semantics(lit)?;
     let entry = |(layer, semantic): (&bake::lit::LitLayer, &Semantic)| json!({"name": layer.name, "attribute": semantic.to_string(), "lights": layer.lights});

@@ -86,7 +86,7 @@ impl Default for ExportSettings {
     }
 }
 
-/// What was written.
+/// Summary of a written file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Exported {
     /// The exposure used.

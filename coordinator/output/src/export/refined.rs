@@ -21,7 +21,7 @@ pub(super) struct RefinedPrimitive {
     /// `COLOR_0`: of four components where the input's has four, else of three.
     pub(super) colours: Vec<f32>,
     pub(super) irradiances: Vec<[f32; 3]>,
-    /// What the lit mesh has beside the whole light.
+    /// Light groups and unshot radiosity of the lit mesh.
     pub(super) parts: Vec<Vec<[f32; 3]>>,
     /// Name, components per vertex and components of every further attribute.
     pub(super) further: Vec<(Semantic, usize, Vec<f32>)>,

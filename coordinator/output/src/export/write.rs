@@ -11,7 +11,7 @@ use percent_encoding::{AsciiSet, CONTROLS, utf8_percent_encode};
 use super::ExportError;
 use crate::files::{self, FileError};
 
-/// What a file name may hold and a relative URI may not.
+/// Characters of a file name that a relative URI must escape.
 const NOT_IN_URI: &AsciiSet = &CONTROLS
     .add(b' ')
     .add(b'"')
@@ -30,7 +30,7 @@ const NOT_IN_URI: &AsciiSet = &CONTROLS
     .add(b'|')
     .add(b'}');
 
-/// What kinds of files there are.
+/// Formats of the output.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Format {
     Glb,
@@ -87,7 +87,7 @@ fn files(path: &Path) -> Result<Vec<PathBuf>, ExportError> {
     })
 }
 
-/// What the path's extension says.
+/// The format of the path's extension.
 pub(super) fn format(path: &Path) -> Result<Format, ExportError> {
     let extension = path.extension().map(|extension| extension.to_ascii_lowercase());
     match extension.as_ref().and_then(|extension| extension.to_str()) {

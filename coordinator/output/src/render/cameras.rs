@@ -127,7 +127,7 @@ impl FileCamera {
         Ok(basis.camera(frame.to_frame(eye), projection, near.max(0.0) / frame.scale))
     }
 
-    /// What it is called in messages.
+    /// Its name in messages.
     #[must_use]
     pub fn label(&self) -> String {
         self.names.first().map_or_else(|| "without a name".to_owned(), |name| format!("{name:?}"))

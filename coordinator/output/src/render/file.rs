@@ -160,8 +160,7 @@ fn part(primitive: &LitPrimitive, appearance: &Appearance, light: LightOfFile, s
     }
 }
 
-/// What multiplies base colour at the vertices: what the file's colours were before they were light. Where nobody has kept it there
-/// is only the alpha.
+/// The factor of base colour per vertex: the file's colours before it was lit, or only their alpha if these are lost.
 fn tint(primitive: &LitPrimitive) -> Vec<[f32; 4]> {
     let can_be = |value: f32| if value.is_finite() { value.max(0.0) } else { 1.0 };
     match (&primitive.tint, &primitive.colours) {

@@ -1,4 +1,4 @@
-//! What materials show.
+//! Materials of pictures.
 
 use gltf::Material;
 use gltf::material::AlphaMode;
@@ -11,7 +11,7 @@ use document::texture::{self, Filter, Mapping};
 /// glTF's cutoff where a file states none.
 const DEFAULT_CUTOFF: f32 = 0.5;
 
-/// How a material looks.
+/// A material as pictures show it.
 #[derive(Debug, Clone)]
 pub(super) struct Appearance {
     /// Base colour and opacity.

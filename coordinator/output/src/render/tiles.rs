@@ -20,7 +20,7 @@ const MOST_UNDER_WAY: usize = 512;
 /// Most pixels of a picture: 3 GiB of radiance.
 const MOST_PIXELS: u64 = 1 << 28;
 
-/// What a picture should be.
+/// Settings of a picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TileSettings {
     /// Where it is taken from.

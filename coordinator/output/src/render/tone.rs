@@ -7,7 +7,7 @@ use super::Picture;
 /// How radiance beyond what a screen shows is brought down to it.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum ToneMap {
-    /// What is brighter than white is white: what viewers show of a lit file.
+    /// Clamps at white, as viewers of a lit file do.
     #[default]
     Linear,
     /// Luminance by equation 4 of Reinhard, Stark, Shirley, Ferwerda, *Photographic Tone Reproduction for Digital Images* (2002):
@@ -46,8 +46,8 @@ impl ToneMap {
     }
 }
 
-/// What a pixel of this radiance shows before tone mapping: pi x radiance x exposure, as `COLOR_0` x base colour is for a surface
-/// that only reflects.
+/// Display colour of a radiance before tone mapping: pi x radiance x exposure, which is `COLOR_0` x base colour for a surface that
+/// only reflects.
 #[must_use]
 pub fn display_colour(radiance: [f32; 3], exposure: f64) -> DVec3 {
     DVec3::from_array(radiance.map(f64::from)) * (PI * exposure)

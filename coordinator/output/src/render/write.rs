@@ -12,14 +12,14 @@ use glam::DVec3;
 use super::tone::srgb_byte;
 use super::{Picture, ToneMap};
 
-/// What is written about a picture beside its pixels.
+/// Metadata of a picture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Caption {
     /// Display value per unit of irradiance on white: a PNG shows pi x radiance x exposure.
     pub exposure: f64,
-    /// What of the radiance beyond that is shown.
+    /// Tone mapping.
     pub tone_map: ToneMap,
-    /// The camera, in words.
+    /// Description of the camera.
     pub camera: String,
     /// Rays for each pixel.
     pub samples: u32,

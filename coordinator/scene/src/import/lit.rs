@@ -22,7 +22,7 @@ use document::{PlainDocument, ReadOptions, nodes};
 pub struct LitDocument {
     /// The document: materials, cameras, textures.
     pub document: Document,
-    /// The images that its materials show, as far as they can be had, by their index.
+    /// Decoded images of its materials, by index; those that cannot be read are missing.
     pub images: Images,
     /// All triangles of the scene.
     pub primitives: Vec<LitPrimitive>,
@@ -30,7 +30,7 @@ pub struct LitDocument {
     pub cameras: Vec<(usize, DAffine3)>,
     /// How frame coordinates relate to the file's.
     pub frame: Frame,
-    /// What was left out, in words for the user.
+    /// Warnings on what was left out.
     pub warnings: Vec<String>,
 }
 

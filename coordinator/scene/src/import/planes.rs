@@ -1,7 +1,7 @@
-//! Which facets of the scene lie in one plane.
+//! Planes of facets.
 //!
-//! Polygons of one plane neither see nor block each other, so what is coplanar but for rounding must get one number, also
-//! across surfaces: tiles of a floor, a rug on it, both sides of a sheet.
+//! Polygons of one plane neither see nor block each other, so facets that are coplanar up to rounding must get one number,
+//! also across surfaces: tiles of a floor, a rug on it, both sides of a sheet.
 
 use std::collections::HashMap;
 use std::hash::BuildHasher;

@@ -82,7 +82,7 @@ impl VertexAttributes {
     }
 }
 
-/// Whether the primitive is made of triangles, rather than points or lines.
+/// Whether the primitive has triangles, not points or lines.
 pub(super) fn has_triangles(primitive: &Primitive) -> bool {
     matches!(primitive.mode(), Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)
 }

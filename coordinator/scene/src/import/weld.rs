@@ -9,9 +9,8 @@ use smallvec::SmallVec;
 use super::PlacedPrimitive;
 use super::triangles::to_world;
 
-/// Gives every vertex the place of the first one, in the order of the file, that is no farther away than `distance`, world
-/// units. Places do not wander: who joins one is near the place itself, not just near another who joined it. What else a
-/// vertex has, its normal and texture coordinates, stays its own.
+/// Moves every vertex to the first one, in the order of the file, within `distance` (world units). Places do not drift: a
+/// vertex joins a place, not another vertex that joined it. Normals and texture coordinates stay.
 pub(super) fn weld(primitives: &mut [PlacedPrimitive], distance: f64) {
     let mut places = Places { distance, places: Vec::new(), cells: HashMap::default() };
     for placed in primitives {

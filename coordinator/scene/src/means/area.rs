@@ -24,17 +24,17 @@ pub trait Raster: Sync {
 /// Texels between places with known sums.
 const BLOCK: usize = 16;
 
-/// Texels that an outline may pass before a coarser image takes the place of the image. What that costs in accuracy lies along the
-/// outline: some texels of thousands that lie side by side in the polygon.
+/// Texels that an outline may cross before a coarser image is used. The error lies along the outline only, some texels of the
+/// thousands inside.
 const MOST_PASSED: f64 = 16_384.0;
 
-/// A texel of the coarser image is so many texels wide and high.
+/// Width and height, in texels, of a texel of the coarser image.
 const COARSER: u32 = 8;
 
 /// Height over extent, and height in texels, below which a polygon has no area to speak of.
 const LEAST_HEIGHT: f64 = 1e-7;
 
-/// Places farther away than this, in texels, are not told from each other.
+/// Places farther away than this, in texels, are not distinguished.
 const FARTHEST: f64 = (1_u64 << 40) as f64;
 
 /// An image with what it takes to have its mean over polygons.
@@ -219,7 +219,7 @@ struct Walk<'a, R> {
     origin: i64,
 }
 
-/// What is known of a row where the walk is.
+/// Sums of a row at the place of the walk.
 #[derive(Clone, Copy)]
 struct RowSum {
     row: u32,
@@ -230,7 +230,7 @@ struct RowSum {
 }
 
 impl RowSum {
-    /// F, so many texels from the left end of the cell.
+    /// F at `part` texels from the left end of the cell.
     fn at(&self, part: f64) -> DVec4 {
         let [left, right] = self.values;
         self.before + left * part + (right - left) * (part * part / 2.0)
@@ -305,7 +305,7 @@ impl<R: Raster> Walk<'_, R> {
         self.means.raster.texel(self.sampler.wrap_u.texel(column, width), row)
     }
 
-    /// What is known of a row at a column.
+    /// Sums of a row at a column.
     fn row_sum(&self, row: i64, column: i64) -> RowSum {
         let row = self.sampler.wrap_v.texel(row, self.means.raster.size()[1]);
         let values = self.values(column, row);

@@ -7,12 +7,12 @@ use glam::{DVec3, DVec4};
 use super::Raster;
 use document::texture::{Encoding, Image};
 
-/// What alpha means.
+/// Meaning of alpha.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Opacity {
     /// Nothing: all of the surface is there.
     Opaque,
-    /// What is below the cutoff is not there, the rest is: decided for each texel.
+    /// Texels below the cutoff are holes, the others opaque.
     Mask {
         /// Multiplies alpha.
         factor: f64,
@@ -38,7 +38,7 @@ impl Opacity {
     }
 }
 
-/// What takes a part of the diffuse reflection away.
+/// A texture that reduces diffuse reflection.
 #[derive(Debug, Clone)]
 pub enum Dimming {
     /// The blue channel of a metallic-roughness texture, times a factor, is the metal's part.
@@ -54,7 +54,7 @@ impl Dimming {
         }
     }
 
-    /// What is left to diffuse reflection.
+    /// The part of the light left to diffuse reflection.
     fn rest(&self, [red, green, blue, _]: [u8; 4]) -> f64 {
         match self {
             Self::Metal(_, factor) => 1.0 - factor * Encoding::Linear.decode(blue),
@@ -85,16 +85,16 @@ impl Dimming {
 pub struct Composed {
     /// In sRGB; white where there is none.
     pub colour: Option<Arc<Image>>,
-    /// What is taken away from the colour.
+    /// Reduces the colour.
     pub dimming: Option<Dimming>,
     /// Its alpha is that of the surface; 1 where there is none.
     pub alpha: Option<Arc<Image>>,
-    /// What alpha means.
+    /// Meaning of alpha.
     pub opacity: Opacity,
 }
 
 impl Composed {
-    /// True where both are made of the same images in the same way.
+    /// Whether both have the same images and factors.
     #[must_use]
     pub fn is(&self, other: &Self) -> bool {
         let same = |a: &Option<Arc<Image>>, b: &Option<Arc<Image>>| match (a, b) {

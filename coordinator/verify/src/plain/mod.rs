@@ -48,7 +48,7 @@ pub enum PlainError {
         path: PathBuf,
         /// Node or material.
         place: String,
-        /// What is wrong with it.
+        /// The factor.
         what: &'static str,
         /// Whether it may be negative.
         signed: bool,

@@ -25,7 +25,7 @@ pub struct PlainScene {
     pub materials: Vec<PlainMaterial>,
     /// All triangles that have an area, each once.
     pub triangles: Vec<PlainTriangle>,
-    /// What varies over each primitive; `None` where it is uniform.
+    /// Textures and vertex colours of each primitive; `None` where it is uniform.
     pub appearances: Vec<Option<PlainAppearance>>,
     /// Lights that are no surface.
     pub lights: Vec<PlainLight>,

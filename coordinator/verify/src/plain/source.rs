@@ -183,7 +183,7 @@ pub(crate) fn label(node: &Node) -> String {
     node.name().map_or_else(|| format!("node {}", node.index()), |name| format!("node {name}"))
 }
 
-/// Whether a primitive is made of triangles, rather than points or lines.
+/// Whether a primitive has triangles, not points or lines.
 pub(super) fn has_triangles(primitive: &Primitive<'_>) -> bool {
     matches!(primitive.mode(), Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)
 }

@@ -26,7 +26,7 @@ pub enum ReferenceFileError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the operating system says.
+        /// The operating system's error.
         error: io::Error,
     },
     /// The first line is not the one that this format has.

@@ -1,7 +1,6 @@
 //! Path-traced references: the radiosity at points of a scene's surfaces, with standard errors.
 //!
-//! What a bake is measured against. Nothing here is shared with it: no import, mesh, form factor or visibility of the
-//! solver, only triangles and rays.
+//! Bakes are measured against these references, which share no import, mesh, form factor or visibility with the solver.
 //!
 //! | module | job |
 //! |---|---|
@@ -97,7 +96,7 @@ pub enum ReferenceError {
     NoLight,
     /// The other reference has points that the scene does not have.
     #[error(
-        "point {point} of {reference} lies on no side of primitive {primitive} that reflects: use the scene that the reference was made of"
+        "point {point} of {reference} lies on no side of primitive {primitive} that reflects: use the scene of the reference"
     )]
     OffScene {
         /// The other reference.

@@ -55,8 +55,7 @@ impl<'a> Tracer<'a> {
         shines.then_some(Self { scene, solid, lights })
     }
 
-    /// The radiosity at a place from [`GROUPS`] groups of so many paths each; `index` tells its random numbers from those of
-    /// other places.
+    /// The radiosity at a place, from [`GROUPS`] groups of `paths` paths each; `index` makes its random numbers its own.
     pub(super) fn point(&self, place: &Place, index: u64, paths: u32, seed: u64) -> ReferencePoint {
         let material = super::places::material(self.scene, &self.solid, place);
         let groups = [(); GROUPS as usize].map({
@@ -77,7 +76,7 @@ impl<'a> Tracer<'a> {
         ReferencePoint { place: *place, radiosity: mean, standard_error }
     }
 
-    /// What one path says of the reflected radiosity at a place.
+    /// The estimate of one path of the reflected radiosity at a place.
     fn gather(&self, place: &Place, reflectance: DVec3, path: Path) -> DVec3 {
         let mut gathered = DVec3::ZERO;
         // The part of irradiance at the present surface that becomes radiosity at the place.

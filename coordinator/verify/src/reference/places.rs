@@ -75,14 +75,14 @@ pub fn locate(scene: &PlainScene, places: &[Place]) -> Vec<Option<Place>> {
         .collect()
 }
 
-/// What the surface is made of at these places, each on a side of its primitive; without its textures where none is near.
+/// The materials at these places, each on a side of its primitive; without textures where no triangle is near.
 #[must_use]
 pub fn materials(scene: &PlainScene, places: &[Place]) -> Vec<PlainMaterial> {
     let solid = Solid::new(scene);
     places.iter().map(|place| material(scene, &solid, place)).collect()
 }
 
-/// What the surface is made of at a place.
+/// The material at a place.
 pub(super) fn material(scene: &PlainScene, solid: &Solid<'_>, place: &Place) -> PlainMaterial {
     let plain = scene.materials[place.primitive];
     if !matches!(scene.appearances.get(place.primitive), Some(Some(_))) {

@@ -38,11 +38,11 @@ pub(super) struct Triangle {
     pub(super) corners: [DVec3; 3],
     /// Unit normal of the front.
     pub(super) normal: DVec3,
-    /// What it is made of, without textures.
+    /// Its material, without textures.
     pub(super) material: PlainMaterial,
-    /// Its place in the scene.
+    /// Its index in the scene.
     source: usize,
-    /// False where it looks like that all over.
+    /// Whether its material varies.
     varies: bool,
 }
 
@@ -67,7 +67,7 @@ impl Triangle {
     }
 }
 
-/// What a ray meets first.
+/// The first hit of a ray.
 pub(super) struct Hit {
     /// Index of the triangle in [`Solid::triangles`].
     pub(super) triangle: usize,
@@ -104,7 +104,7 @@ impl<'a> Solid<'a> {
         self.triangles.items()
     }
 
-    /// What a triangle is made of at a point of it, in the frame.
+    /// The material of a triangle at a point of it, in the frame.
     pub(super) fn material(&self, triangle: &Triangle, point: DVec3) -> PlainMaterial {
         if !triangle.varies {
             return triangle.material;

@@ -61,9 +61,9 @@ pub enum ScoreError {
         /// The node that shows the mesh.
         node: String,
     },
-    /// The reference was made of another scene.
+    /// The reference belongs to another scene.
     #[error(
-        "{reference} refers to primitive {primitive}, but {scene} has {count}: use the scene that it was made of"
+        "{reference} refers to primitive {primitive}, but {scene} has {count}: use the scene of the reference"
     )]
     Primitive {
         /// The reference.
@@ -77,7 +77,7 @@ pub enum ScoreError {
     },
     /// The reference has points where the scene has no surface.
     #[error(
-        "{off} of {points} points of {reference} lie on no surface of {scene}, the first on line {line}: use the scene that the reference was made of"
+        "{off} of {points} points of {reference} lie on no surface of {scene}, the first on line {line}: use the scene of the reference"
     )]
     OffScene {
         /// The reference.
@@ -93,7 +93,7 @@ pub enum ScoreError {
     },
     /// The lit scene and the reference have hardly a place in common.
     #[error(
-        "{covered} of {points} points of {reference} lie on the lit scene {lit}: was it baked from the scene that the reference was made of?"
+        "{covered} of {points} points of {reference} lie on the lit scene {lit}: bake the scene of the reference"
     )]
     NotCovered {
         /// The reference.
@@ -114,10 +114,10 @@ const MOST_OFF_SCENE: f64 = 0.01;
 /// Part of a reference's points that must lie on the lit scene.
 const LEAST_COVERED: f64 = 0.5;
 
-/// Compares a lit GLB with a reference (CSV) that was made of the GLB `scene`, which knows the reflectances.
+/// Compares a lit GLB with a reference (CSV) of the GLB `scene`, which has the reflectances.
 ///
 /// # Errors
-/// When a file cannot be read or is not what it should be; when the reference does not fit the scenes.
+/// When a file cannot be read or is malformed; when the reference does not fit the scenes.
 pub fn score(lit: &Path, reference: &Path, scene: &Path) -> Result<Score, ScoreError> {
     score_points(lit, reference, scene).map(|(score, _)| score)
 }
@@ -166,16 +166,15 @@ pub fn score_points(
     Ok((Score { vertices: mesh.vertices, triangles: mesh.triangles.len(), ..score }, lit_points))
 }
 
-/// Finds out whether a reference (CSV) can have been made of the GLB `scene`: what [`score`] would refuse of the two, before
-/// there is a lit scene.
+/// Checks that a reference (CSV) belongs to the GLB `scene`, as [`score`] does, before there is a lit scene.
 ///
 /// # Errors
-/// When a file cannot be read or is not what it should be; when the reference does not fit the scene.
+/// When a file cannot be read or is malformed; when the reference does not fit the scene.
 pub fn check_reference(reference: &Path, scene: &Path) -> Result<(), ScoreError> {
     check_fit(&read(reference)?, &PlainScene::open(scene)?, reference, scene)
 }
 
-/// Whether the points can have been made of the scene.
+/// Checks that the points lie on the scene.
 fn check_fit(
     points: &[ReferencePoint],
     source: &PlainScene,

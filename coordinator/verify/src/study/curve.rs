@@ -89,7 +89,7 @@ pub fn median(values: &[f64]) -> Option<f64> {
 pub enum TimeTo {
     /// Already at its coarsest point: its time, or that of a finer one that was faster.
     AtMost(f64),
-    /// After so many seconds.
+    /// After this time, in seconds.
     Seconds(f64),
     /// Nowhere; its least error is this (NaN where none is a number).
     NotReached(f64),

@@ -1,11 +1,11 @@
-//! What one run showed, and all of them as CSV.
+//! Measurements of runs, and their CSV.
 
 use serde::Deserialize;
 
 use super::Step;
 use crate::score::Score;
 
-/// What a study takes from the report of a run: the file that `solve --report` writes.
+/// The part of a run's report (`solve --report`) that a study uses.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 pub struct RunReport {
     /// Largest memory of the process, in bytes; none where the system does not say.
@@ -25,7 +25,7 @@ pub struct BakeFigures {
     pub rows: u64,
     /// Form factors computed that are not 0 before occlusion.
     pub factors: u64,
-    /// What of the model the scene needed.
+    /// Size of the model.
     pub model: ModelFigures,
     /// Rays cast.
     pub rays: u64,
@@ -73,7 +73,7 @@ impl RunReport {
     }
 }
 
-/// What one run showed.
+/// The measurement of one run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Measurement {
     /// The run.
@@ -82,7 +82,7 @@ pub struct Measurement {
     pub seconds: f64,
     /// Its error against the reference.
     pub score: Score,
-    /// What it says itself.
+    /// Its own report.
     pub report: RunReport,
 }
 

@@ -27,7 +27,7 @@ pub use plot::{PlotError, svg};
 pub use seeds::{SeedFigures, seed_figures};
 pub use table::markdown;
 
-/// What was studied, where and how: it heads the tables and the plot.
+/// Scene, machine and settings of a study, for the headings of tables and plot.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Circumstances {
     /// The scene's file name.

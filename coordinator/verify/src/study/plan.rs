@@ -97,7 +97,7 @@ impl Setting {
     }
 }
 
-/// What a run is for.
+/// Purpose of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Part {
     /// A curve of error over time: the same seed in every run.
@@ -120,7 +120,7 @@ impl Part {
 /// One run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Step {
-    /// What it is for.
+    /// Purpose.
     pub part: Part,
     /// How it is baked.
     pub setting: Setting,

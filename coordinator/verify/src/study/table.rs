@@ -6,7 +6,7 @@ use super::{Circumstances, Curve, Measurement, Point, SeedFigures, TimeTo, point
 /// The errors whose time is told.
 const ERRORS: [f64; 5] = [0.1, 0.05, 0.03, 0.02, 0.01];
 
-/// What stands where nothing is known.
+/// Cell of an unknown value.
 const UNKNOWN: &str = "–";
 
 /// All tables: time to an error by each curve, every setting, bias and spread over seeds.

@@ -82,7 +82,7 @@ fn references_that_do_not_fit() {
         (vec![HEADER], ["reference.csv", "has no points"]),
         (vec![HEADER, "0.5,0.5"], ["line 2", "expected 13 finite numbers"]),
         // Of another scene: a primitive that is not there, and points where nothing is.
-        (vec![HEADER, "0.5,0.5,0,0,0,1,3,2,2,2,0,0,0"], ["primitive 3", "use the scene that it was made of"]),
+        (vec![HEADER, "0.5,0.5,0,0,0,1,3,2,2,2,0,0,0"], ["primitive 3", "use the scene of the reference"]),
         (vec![HEADER, "5,5,5,0,0,1,0,2,2,2,0,0,0"], ["on no surface of", "good.glb"]),
     ] {
         lit.write_reference(&lines);

@@ -15,8 +15,8 @@ const LEAST_COSINE: f64 = 0.5;
 /// How far an attribute may be from the affine continuation of the neighbour's.
 const ATTRIBUTE_TOLERANCE: f64 = 1e-4;
 
-/// The other half of every half-edge, or [`NONE`] at borders and where more than two triangles meet. What is thinner than the tolerance
-/// does not count where others meet: three points on a line, which rounding bent, would keep two halves of a wall apart.
+/// The other half of every half-edge, or [`NONE`] at borders and where more than two triangles meet. Triangles
+/// thinner than the tolerance are ignored where others meet: three points on a line, bent by rounding, would split a wall.
 pub(super) fn twins(mesh: &TriangleMesh, tolerance: f64) -> Vec<u32> {
     let leaving = Leaving::new(mesh);
     let is_thin = |half: u32| split(mesh, half).0.height(&mesh.points) <= tolerance;

@@ -28,7 +28,7 @@ const STRAIGHT_COSINE: f64 = 0.999;
 /// Part of the tolerance up to which a bound on the bend decides: far enough below one that rounding does not.
 const SURELY_FLAT: f64 = 0.5;
 
-/// What is known of a polygon; kept at its root triangle.
+/// A polygon, kept at its root triangle.
 #[derive(Clone, Copy)]
 struct Polygon {
     area_vector: DVec3,
@@ -136,7 +136,7 @@ impl<'a> Merger<'a> {
             twin != NONE && *half < twin && may_join(self.mesh, attributes, *half, twin)
         };
         let mut edges: Vec<u32> = (0..self.twin.len() as u32).filter(joinable).collect();
-        // What may not be joined must not become part of a chain either.
+        // Edges that may not be joined must not become part of a chain either.
         let mut kept = vec![NONE; self.twin.len()];
         for &half in &edges {
             let twin = self.twin[half as usize];

@@ -13,7 +13,7 @@ const UNASSIGNED: PlaneId = PlaneId(u32::MAX);
 pub(super) struct Outline {
     /// Corners, straight ones included, counter-clockwise.
     pub(super) corners: Vec<OutlineCorner>,
-    /// Triangles that it is made of, ascending.
+    /// Triangles that it joins, ascending.
     pub(super) triangles: Vec<u32>,
     /// Sum of their area vectors.
     pub(super) area_vector: DVec3,
