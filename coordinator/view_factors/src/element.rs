@@ -4,7 +4,7 @@ use glam::DVec3;
 use kernel::form_factor::PreparedPolygon;
 use kernel::geometry::{Bounds, ConvexPolygon, PlaneId};
 
-use super::exchange::Quadrature;
+use super::quadrature::Quadrature;
 
 /// Heights up to this, in frame units, count as in the plane: a few units in the last place of f32 coordinates.
 pub const IN_PLANE: f64 = 3e-4;

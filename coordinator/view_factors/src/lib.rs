@@ -9,6 +9,7 @@
 //! | `surfaces` | the surfaces, and their polygons |
 //! | `element` | a prepared polygon |
 //! | `tree`, `shaft`, `pairs` | which polygons see each other at all, decided for whole clusters |
+//! | `quadrature` | integration over a polygon |
 //! | `exchange` | pairs without occluders |
 //! | `sampling` | pairs that are partly hidden |
 //! | `rows`, `openness`, `closing` | rows of surfaces that see nothing but surfaces sum to 1 |
@@ -22,6 +23,7 @@ mod element;
 mod exchange;
 mod openness;
 mod pairs;
+mod quadrature;
 mod rows;
 mod sampling;
 mod shaft;

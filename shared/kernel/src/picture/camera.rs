@@ -1,6 +1,5 @@
 use glam::DVec3;
 
-use super::TileError;
 use crate::messages::PictureCamera;
 use crate::replica::points;
 
@@ -104,10 +103,13 @@ impl Camera {
     }
 
     /// Reads a camera and checks it.
-    pub(super) fn from_message(message: &PictureCamera) -> Result<Self, TileError> {
+    ///
+    /// # Errors
+    /// The fault of an invalid camera.
+    pub(super) fn from_message(message: &PictureCamera) -> Result<Self, &'static str> {
         let vector = |values: &[f64]| match points(values).as_deref() {
             Ok([vector]) => Ok(*vector),
-            _ => Err(TileError::Camera("a place or an axis has three finite numbers")),
+            _ => Err("a place or an axis has three finite numbers"),
         };
         let [eye, right, up, forward] =
             [&message.eye, &message.right, &message.up, &message.forward].map(|values| vector(values));
@@ -116,14 +118,14 @@ impl Camera {
         let angles = [right.dot(up), up.dot(forward), forward.dot(right)];
         // A NaN is not below.
         if !lengths.iter().chain(&angles).all(|error| error.abs() < SKEW) {
-            return Err(TileError::Camera("its axes are unit vectors, perpendicular to each other"));
+            return Err("its axes are unit vectors, perpendicular to each other");
         }
         let half = [message.half_width, message.half_height];
         if !half.iter().all(|half| (1e-12..=1e12).contains(half)) {
-            return Err(TileError::Camera("what it sees has a width and a height"));
+            return Err("what it sees has a width and a height");
         }
         if eye.abs().max_element() > 1e15 || !(0.0..=1e15).contains(&message.near) {
-            return Err(TileError::Camera("it is too far away, or its near plane is"));
+            return Err("it is too far away, or its near plane is");
         }
         let projection =
             if message.parallel { Projection::Parallel { half } } else { Projection::Perspective { half } };

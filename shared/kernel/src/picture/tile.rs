@@ -96,7 +96,7 @@ impl TileRequest {
     pub fn from_job(job: &TileJob) -> Result<Self, TileError> {
         let picture = Digest::try_from(job.picture_digest.as_ref())?;
         let camera = job.camera.as_ref().ok_or(TileError::Camera("there is none"))?;
-        let camera = Camera::from_message(camera)?;
+        let camera = Camera::from_message(camera).map_err(TileError::Camera)?;
         let background: [f64; 3] = job
             .background
             .as_slice()

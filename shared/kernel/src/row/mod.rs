@@ -6,6 +6,7 @@
 //! appears.
 
 mod codec;
+mod error;
 mod job;
 mod request;
 mod rounding;
@@ -13,8 +14,9 @@ mod shooter;
 mod sparse;
 
 pub use codec::{RowDecodeError, decode_row, encode_row, longest_encoded_row};
+pub use error::RequestError;
 pub use job::{FinishedJob, JobId};
-pub use request::{Precision, RequestError, RowRequest};
+pub use request::{Precision, RowRequest};
 pub use rounding::Rounding;
 pub use shooter::{Hemisphere, Shape, Shooter, Spot};
 pub use sparse::{GROUP, Row};

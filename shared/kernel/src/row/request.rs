@@ -1,6 +1,7 @@
+use super::error::RequestError;
 use super::shooter::Shooter;
 use crate::messages;
-use crate::replica::{Digest, ReplicaError};
+use crate::replica::Digest;
 
 /// Rows of some shooters over a range of one set of receivers.
 #[derive(Debug, Clone, PartialEq)]
@@ -87,17 +88,6 @@ impl Precision {
             factor_rounding: message.factor_rounding,
         })
     }
-}
-
-/// Why a job is not a request for rows.
-#[derive(Debug, thiserror::Error)]
-pub enum RequestError {
-    /// A digest or a coordinate is wrong.
-    #[error(transparent)]
-    Replica(#[from] ReplicaError),
-    /// A part of the message is missing or out of range.
-    #[error("job makes no sense: {0}")]
-    Invalid(&'static str),
 }
 
 impl RowRequest {

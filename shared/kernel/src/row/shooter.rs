@@ -1,6 +1,6 @@
 use glam::DVec3;
 
-use super::RequestError;
+use super::error::RequestError;
 use crate::geometry::{ConvexPolygon, PlaneId};
 use crate::messages::{self, shooter};
 use crate::replica::{Receiver, points};
