@@ -181,7 +181,10 @@ fn lit_scene_that_is_mostly_elsewhere_is_refused() {
     let [floor, ceiling] = ["1,0,1,0,1,0,0,1,1,1,0,0,0", "2,5.5,2,0,-1,0,1,1,1,1,0,0,0"];
     assert_eq!(Files::new(&scene, &lit, &[floor, ceiling]).score().unwrap().uncovered, 1);
     let error = Files::new(&scene, &lit, &[floor, ceiling, ceiling]).score().unwrap_err().to_string();
-    assert!(error.contains("1 of 3 points of") && error.contains("bake the scene of the reference"), "{error}");
+    assert!(
+        error.contains("1 of 3 points of") && error.contains("bake the scene of the reference"),
+        "{error}"
+    );
 }
 
 /// The radiosity of a reference is all that leaves a surface.
