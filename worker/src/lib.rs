@@ -14,7 +14,7 @@
 //! | [`metrics`] | metrics for Prometheus |
 //! | [`incoming`] | connections from outside, up to the point where HTTP/2 begins |
 //! | [`health`] | health checks and reflection |
-//! | `session`, `service` | the conversation with a coordinator |
+//! | `session`, `service`, `shared` | the conversation with a coordinator |
 //!
 //! [`serve`] runs a worker on any stream of connections: sockets in the `worker` binary, memory in a coordinator with local workers.
 
@@ -26,6 +26,7 @@ pub mod metrics;
 pub mod pool;
 mod service;
 mod session;
+mod shared;
 pub mod store;
 pub mod tile;
 pub mod upload;

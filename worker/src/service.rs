@@ -1,6 +1,6 @@
 //! The gRPC service: sessions with coordinators, and uploads of replicas.
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::time::Duration;
 
 use protocol::worker::worker_server::Worker;
@@ -14,9 +14,8 @@ use tokio_util::sync::CancellationToken;
 use tokio_util::task::TaskTracker;
 use tonic::{Request, Response, Status, Streaming};
 
-use crate::metrics::Metrics;
 use crate::pool::ComputePool;
-use crate::store::ReplicaStore;
+use crate::shared::Shared;
 use crate::upload::{Upload, UploadError};
 use crate::{Settings, session};
 
@@ -29,38 +28,19 @@ const UPLOADS: usize = 4;
 /// How long an upload may pause before it is broken off.
 const STALL: Duration = Duration::from_secs(30);
 
-/// What all sessions of a worker share. A clone is another handle to the same worker.
+/// The service of a worker. A clone is another handle to it.
 #[derive(Clone)]
 pub(crate) struct WorkerService {
-    pub(crate) settings: Arc<Settings>,
-    pub(crate) pool: ComputePool,
-    pub(crate) shutdown: CancellationToken,
+    shared: Shared,
     /// Sessions that are not over yet.
     pub(crate) sessions: TaskTracker,
-    store: Arc<Mutex<ReplicaStore>>,
     uploads: Arc<Semaphore>,
 }
 
 impl WorkerService {
     pub(crate) fn new(settings: Settings, pool: ComputePool, shutdown: CancellationToken) -> Self {
-        let store = Arc::new(Mutex::new(ReplicaStore::new(settings.replica_bytes)));
-        let uploads = Arc::new(Semaphore::new(UPLOADS));
-        Self { settings: Arc::new(settings), pool, shutdown, sessions: TaskTracker::new(), store, uploads }
-    }
-
-    /// The replicas; hold them for a look-up, never across work.
-    pub(crate) fn store(&self) -> MutexGuard<'_, ReplicaStore> {
-        // No code that holds the lock leaves the store half changed.
-        self.store.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// Changes what is held.
-    pub(crate) fn change_store(&self, change: impl FnOnce(&mut ReplicaStore)) {
-        let mut store = self.store();
-        change(&mut store);
-        let Metrics { replicas, replica_bytes, .. } = &self.settings.metrics;
-        replicas.set(store.count() as i64);
-        replica_bytes.set(store.bytes().try_into().unwrap_or(i64::MAX));
+        let shared = Shared::new(settings, pool, shutdown);
+        Self { shared, sessions: TaskTracker::new(), uploads: Arc::new(Semaphore::new(UPLOADS)) }
     }
 
     /// Takes a replica in.
@@ -68,10 +48,10 @@ impl WorkerService {
         let Some(ReplicaChunk { body: Some(Body::Header(header)) }) = next(&mut chunks).await? else {
             return Err(refusal(&UploadError::Order));
         };
-        let largest = self.store().largest();
+        let largest = self.shared.store().largest();
         let mut upload = Upload::begin(&header, largest).map_err(|error| refusal(&error))?;
         let (digest, length) = (upload.digest(), upload.length());
-        if self.store().get(digest).is_some() {
+        if self.shared.store().get(digest).is_some() {
             return Ok(LoadReplicaReply { already_held: true, digest: digest.to_bytes() });
         }
         // It is never closed.
@@ -81,13 +61,14 @@ impl WorkerService {
             upload.push(&data).map_err(|error| refusal(&error))?;
         }
         let replica = self
+            .shared
             .pool
             .run(|| upload.finish())
             .await
             .map_err(|panicked| Status::internal(format!("replica {digest}: {panicked}")))?
             .map_err(|error| refusal(&error))?;
-        self.change_store(|store| store.insert(digest, replica, length));
-        self.settings.metrics.uploads.inc();
+        self.shared.change_store(|store| store.insert(digest, replica, length));
+        self.shared.settings.metrics.uploads.inc();
         tracing::info!(replica = %digest, bytes = length, "replica loaded");
         Ok(LoadReplicaReply { already_held: false, digest: digest.to_bytes() })
     }
@@ -108,12 +89,12 @@ impl Worker for WorkerService {
         &self,
         request: Request<Streaming<CoordinatorMessage>>,
     ) -> Result<Response<Self::SessionStream>, Status> {
-        if self.shutdown.is_cancelled() {
+        if self.shared.shutdown.is_cancelled() {
             return Err(Status::unavailable("the worker was told to stop"));
         }
         let coordinator = request.remote_addr();
         let (outbound, answers) = mpsc::channel(ANSWERS_AHEAD);
-        let worker = self.clone();
+        let worker = self.shared.clone();
         // The answers' stream goes back before anything is read: the coordinator's call returns with it.
         self.sessions.spawn(async move {
             match session::run(&worker, request.into_inner(), &outbound).await {
@@ -134,7 +115,7 @@ impl Worker for WorkerService {
     ) -> Result<Response<LoadReplicaReply>, Status> {
         let loaded = self.load(request.into_inner()).await;
         if let Err(status) = &loaded {
-            self.settings.metrics.failed_uploads.inc();
+            self.shared.settings.metrics.failed_uploads.inc();
             tracing::warn!(error = status.message(), "upload broken off");
         }
         loaded.map(Response::new)

@@ -19,7 +19,7 @@ use tokio_util::sync::CancellationToken;
 use tonic::{Status, Streaming};
 
 use crate::job::{Job, JobError, answer};
-use crate::service::WorkerService;
+use crate::shared::Shared;
 use crate::tile::Tile;
 
 /// Jobs of one session that may be under way for each thread: more are left in the network until some are answered. Far
@@ -36,7 +36,7 @@ type Outbound = mpsc::Sender<Result<WorkerMessage, Status>>;
 /// # Errors
 /// A status for the coordinator, when it breaks the protocol or its connection is lost.
 pub(crate) async fn run(
-    worker: &WorkerService,
+    worker: &Shared,
     inbound: Streaming<CoordinatorMessage>,
     outbound: &Outbound,
 ) -> Result<(), Status> {
@@ -54,7 +54,7 @@ pub(crate) async fn run(
 }
 
 struct Session<'a> {
-    worker: &'a WorkerService,
+    worker: &'a Shared,
     outbound: &'a Outbound,
     /// Jobs that see it cancelled before they start are handed back.
     abandoned: CancellationToken,

@@ -13,6 +13,7 @@
 
 mod appearance;
 mod facet;
+mod frame;
 mod import;
 mod light;
 mod means;
@@ -22,7 +23,8 @@ mod report;
 pub use appearance::Appearance;
 pub use document::{ImportError, ImportProblem, LightUnit, ReadOptions};
 pub use facet::{Corner, Facet, SourceTriangle};
+pub use frame::Frame;
 pub use import::{ImportOptions, LitDocument, LitPrimitive, import, import_lit, import_slice};
 pub use light::{AreaLight, AreaShape, Light, LightEntry, LightKind, colour_and_rest};
-pub use model::{Frame, Scene, Side, SourceDocument, Surface};
+pub use model::{Scene, Side, SourceDocument, Surface};
 pub use report::ImportReport;

@@ -11,7 +11,7 @@ use kernel::geometry::{ConvexPolygon, PlaneId};
 use kernel::row::Spot;
 use serde_json::{Value, json};
 
-use crate::model::Frame;
+use crate::frame::Frame;
 
 /// Radiance of an area light of the draft that states none.
 pub(crate) const DEFAULT_LUMINANCE: f32 = 1000.0;

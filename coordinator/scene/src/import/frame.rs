@@ -3,7 +3,7 @@
 use kernel::geometry::Bounds;
 use rayon::prelude::*;
 
-use crate::model::Frame;
+use crate::frame::Frame;
 use document::ImportProblem;
 
 /// Largest extent of the scene in the frame lies between this and twice this.

@@ -14,8 +14,8 @@ use kernel::row::Spot;
 use serde::Deserialize;
 use serde_json::Value;
 
+use crate::frame::Frame;
 use crate::light::{AreaLight, AreaShape, DEFAULT_LUMINANCE, Light, LightEntry, LightKind};
-use crate::model::Frame;
 use document::EXT_LIGHTS_AREA;
 use document::nodes::{PlacedNode, node_label};
 use document::{ImportProblem, LightUnit};

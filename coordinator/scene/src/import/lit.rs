@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use super::primitives::check_count;
 use super::{frame, primitives, triangles};
-use crate::model::Frame;
+use crate::frame::Frame;
 use document::accessors::{COLOUR, Context, TEXTURE_COORDINATES, TINT, VECTOR, check};
 use document::images::{self, Images};
 use document::nodes::node_label;

@@ -6,7 +6,7 @@ use foldhash::fast::RandomState;
 use glam::{DAffine3, DMat3, DVec3};
 
 use super::primitives::Geometry;
-use crate::model::Frame;
+use crate::frame::Frame;
 use document::nodes::normal_matrix;
 
 /// Height over longest edge below which a triangle has no area to speak of: its normal would be noise even in f64.

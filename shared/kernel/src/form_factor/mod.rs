@@ -10,11 +10,13 @@
 //! | file | what it does |
 //! |---|---|
 //! | `contour` | a point to a polygon, exactly: Lambert's contour sum |
+//! | `edges` | edges of a polygon, prepared |
 //! | `prepared` | many points to one polygon, fast |
 //! | `lanes` | the same in wide vectors, many points at once |
 //! | `polygon_to_polygon` | a polygon to a polygon |
 
 mod contour;
+mod edges;
 mod lanes;
 mod polygon_to_polygon;
 mod prepared;

@@ -4,7 +4,7 @@ use glam::DVec3;
 use smallvec::SmallVec;
 
 use super::contour;
-use super::lanes::{Edges, edges};
+use super::edges::{Edges, edges};
 use crate::geometry::{ConvexPolygon, Corners, PlaneId, area_vector, clip_by_plane};
 
 /// Below this ratio of the polygon's radius to its distance the centred form takes over from the contour sum: its series

@@ -5,8 +5,9 @@ use std::f64::consts::PI;
 use glam::DVec3;
 
 use super::angle::AngleOverSine;
-use super::contour::{Edge, ROUNDING, along_normal, any_obtuse, distance, term};
+use super::contour::{ROUNDING, along_normal, any_obtuse, distance, term};
 use super::{LANES, Lanes, PreparedPolygon, ReceiverLanes, keep, mask};
+use crate::form_factor::edges::Edge;
 
 /// The contour sum of each lane over the part above its horizon.
 pub(super) struct CutSum {

@@ -22,7 +22,6 @@ use glam::DVec3;
 use super::PreparedPolygon;
 use super::prepared::EDGE_ON;
 use contour::Sum;
-pub(super) use contour::{Edges, edges};
 
 pub use crate::geometry::lanes::LANES;
 
