@@ -1,13 +1,13 @@
-//! The protocols, and what every program that speaks one needs: who may talk to whom, logs and metrics.
+//! The protocols, and the security, logs and metrics of every program that speaks one.
 //!
 //! In: connections and settings. Out: generated messages and services, guarded transports, telemetry. It must not know how a row is
 //! computed or which job goes next. Begin reading at [`worker`], the protocol between coordinator and workers.
 //!
-//! | module | what lives there |
+//! | module | contents |
 //! |---|---|
 //! | [`worker`] | the generated messages and services of `radiosity.worker.v1` |
 //! | [`api`] | the generated messages and services of `radiosity.v1`, for clients of the service |
-//! | [`security`] | who may talk to whom: certificates, tokens, where plain text may go |
+//! | [`security`] | certificates, tokens, limits of plain text |
 //! | [`server`] | what servers have in common: limits of connections, and shutdown |
 //! | [`telemetry`] | logs, metrics and spans |
 

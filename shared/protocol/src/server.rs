@@ -1,4 +1,4 @@
-//! What all servers have in common: how a connection is bounded, and how a process is told to stop.
+//! Limits of connections and shutdown, for all servers.
 
 use std::io;
 use std::time::Duration;
@@ -7,10 +7,10 @@ use tokio::signal::unix::{SignalKind, signal};
 use tokio_util::sync::CancellationToken;
 use tonic::transport::Server;
 
-/// Status of a process that a second signal ended, as shells have it for SIGINT.
+/// Exit status after a second signal, as shells have it for SIGINT.
 const INTERRUPTED: i32 = 130;
 
-/// What one connection may have of a server.
+/// Limits of one connection to a server.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ConnectionBounds {
     /// Bytes that may be on their way to the server, on one connection: an upload then does not wait for each piece to be
@@ -20,14 +20,14 @@ pub struct ConnectionBounds {
     pub call_window: u32,
     /// Calls at the same time.
     pub calls: u32,
-    /// Bytes that the headers of a call may have.
+    /// Largest headers of a call, in bytes.
     pub header_bytes: u32,
-    /// How often a quiet client is asked for a sign of life, and how long it has to give one.
+    /// Interval of keep-alives to a quiet client, and the time it has to answer.
     pub keep_alive: Duration,
 }
 
 impl ConnectionBounds {
-    /// A server that holds every connection to these bounds.
+    /// Builds a server with these limits.
     #[must_use]
     pub fn server(&self) -> Server {
         Server::builder()
@@ -40,12 +40,12 @@ impl ConnectionBounds {
     }
 }
 
-/// A token that the first SIGTERM or SIGINT cancels; `meaning` is logged then. The second one ends the process at once.
+/// Returns a token that the first SIGTERM or SIGINT cancels; `meaning` is logged then. A second one ends the process at once.
 ///
-/// To be called within a runtime.
+/// Call it within a runtime.
 ///
 /// # Errors
-/// When the system does not tell of signals.
+/// When signals cannot be listened for.
 pub fn stop_on_signal(meaning: &'static str) -> io::Result<CancellationToken> {
     let mut terminate = signal(SignalKind::terminate())?;
     let mut interrupt = signal(SignalKind::interrupt())?;

@@ -11,17 +11,16 @@ pub use kernel::messages::*;
 
 tonic::include_proto!("radiosity.worker.v1");
 
-/// The protocol in its own words: an encoded `FileDescriptorSet`, for reflection.
+/// Encoded `FileDescriptorSet` of the protocol, for reflection.
 pub const DESCRIPTORS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/worker-descriptors.bin"));
 
 /// Version of the protocol. Both sides refuse a peer of another version, see [`check_versions`].
 pub const PROTOCOL_VERSION: u32 = 5;
 
-/// Largest message that either side accepts, in bytes. A row of a million receivers takes 4 MiB, and jobs are cut long
-/// before that.
+/// Largest message that either side accepts, in bytes. A row of a million receivers takes 4 MiB, and jobs are cut long before that.
 pub const MAX_MESSAGE_BYTES: usize = 64 << 20;
 
-/// Digest of the encoded rows of a job, as it stands in [`Finished::digest`].
+/// Computes [`Finished::digest`] of the encoded rows of a job.
 #[must_use]
 pub fn digest_of_rows(rows: &[Bytes]) -> Digest {
     let mut hasher = blake3::Hasher::new();
@@ -41,7 +40,7 @@ pub struct VersionMismatch {
     pub theirs: u32,
     /// The version of this program.
     pub ours: u32,
-    /// What this program is.
+    /// Kind of this program.
     program: &'static str,
 }
 

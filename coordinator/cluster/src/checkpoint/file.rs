@@ -1,4 +1,4 @@
-//! A checkpoint on disk: a header, then records to the end.
+//! A checkpoint on disk: a header, then records.
 
 use std::collections::HashMap;
 use std::fs::{File, OpenOptions, TryLockError};
@@ -12,20 +12,20 @@ use kernel::row::release;
 use super::CheckpointError;
 use super::record::{HEAD, TAIL, decode_head, is_whole};
 
-/// What every checkpoint begins with.
+/// First bytes of every checkpoint.
 const MAGIC: &[u8] = b"halflight checkpoint\n";
 
-/// Longest line with the release.
+/// Longest line with the release, in bytes.
 const LONGEST_RELEASE: u64 = 100;
 
-/// Where the body of a record is, its checksum included.
+/// Place of a record's body, with its checksum.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Place {
     pub offset: u64,
     pub length: usize,
 }
 
-/// A checkpoint that this process alone uses.
+/// A checkpoint, locked by this process.
 pub struct CheckpointFile {
     pub file: File,
     /// Records found.
@@ -35,7 +35,7 @@ pub struct CheckpointFile {
 }
 
 impl CheckpointFile {
-    /// Opens a checkpoint, or creates one. What stands behind the last whole record is cut off.
+    /// Opens or creates a checkpoint. Bytes after the last whole record are cut off.
     pub fn open(path: &Path) -> Result<Self, CheckpointError> {
         let failed = |error| CheckpointError::Io { path: path.to_owned(), error };
         let mut options = OpenOptions::new();
@@ -49,7 +49,7 @@ impl CheckpointFile {
         let mut found = vec![];
         reader.by_ref().take(MAGIC.len() as u64).read_to_end(&mut found).map_err(failed)?;
         if found.len() < MAGIC.len() && MAGIC.starts_with(&found) {
-            // New, or ended before its first record.
+            // New, or interrupted before its first record.
             begin(&file, &header).map_err(failed)?;
             return Ok(Self { file, index: HashMap::new(), length: header.len() as u64 });
         }
@@ -75,7 +75,7 @@ impl CheckpointFile {
     }
 }
 
-/// Body and checksum of a record.
+/// Reads the body and checksum of a record.
 pub fn read(file: &File, place: Place) -> io::Result<Vec<u8>> {
     let mut bytes = vec![0; place.length];
     file.read_exact_at(&mut bytes, place.offset)?;
@@ -88,7 +88,7 @@ fn begin(mut file: &File, header: &[u8]) -> io::Result<()> {
     file.write_all(header)
 }
 
-/// The rest of a line; `None` where the file ends before it does.
+/// Reads the rest of a line; `None` if the file ends before.
 fn read_line(reader: &mut impl BufRead) -> io::Result<Option<String>> {
     let mut line = vec![];
     reader.take(LONGEST_RELEASE).read_until(b'\n', &mut line)?;
@@ -97,8 +97,8 @@ fn read_line(reader: &mut impl BufRead) -> io::Result<Option<String>> {
     Ok(is_line.then(|| String::from_utf8_lossy(&line).into_owned()))
 }
 
-/// Finds all whole records, and where the last of them ends. One that is damaged is passed over, as far as its length is right:
-/// it costs its own row only.
+/// Finds all whole records, and the end of the last one. A damaged record is skipped, and costs its own row only, if its length is
+/// right.
 fn scan(reader: &mut impl Read, first: u64) -> io::Result<(HashMap<Digest, Place>, u64)> {
     let mut index = HashMap::new();
     let (mut at, mut end) = (first, first);
@@ -123,7 +123,7 @@ fn scan(reader: &mut impl Read, first: u64) -> io::Result<(HashMap<Digest, Place
     }
 }
 
-/// Reads so many bytes; false where the file ends before.
+/// Fills `bytes`; false if the file ends before.
 fn fill(reader: &mut impl Read, bytes: &mut [u8]) -> io::Result<bool> {
     match reader.read_exact(bytes) {
         Ok(()) => Ok(true),

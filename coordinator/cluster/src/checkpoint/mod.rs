@@ -1,17 +1,16 @@
-//! A bake that can be ended at any moment, and goes on where it was.
+//! Checkpoints: a bake that is interrupted at any moment goes on where it was.
 //!
-//! | module | what lives there |
+//! | module | contents |
 //! |---|---|
-//! | `record` | one row as it stands in the file |
-//! | `file` | opens a file, finds its records, cuts off what was not written to its end |
+//! | `record` | the encoding of one row |
+//! | `file` | opens a file, finds its records, cuts off an incomplete one |
 //! | `writer` | appends records in a thread of its own |
-//! | `service` | answers from the file what is in it, and has the rest computed |
+//! | `service` | answers from the file, and has the other rows computed |
 //!
-//! A bake is determined by its rows: the same rows give the same bytes, whenever they come. So a checkpoint is a list of finished
-//! rows, each under a digest of all that it depends on (scene, receivers, shooter, precision), and a bake that goes on is one that
-//! begins anew and finds its first rows done. That costs the little that the coordinator itself computes, and there is no state that
-//! could be saved in the wrong moment. Rows depend on geometry only: the checkpoint of a bake also serves one of the same scene with
-//! other light.
+//! Rows determine a bake: the same rows give the same bytes, in any order. So a checkpoint is a list of finished rows, each under a
+//! digest of all that it depends on (scene, receivers, shooter, precision). A resumed bake starts again and finds its first rows done,
+//! which costs only the coordinator's own computing and needs no other state. Rows depend on geometry only: a checkpoint also serves
+//! the same scene with other lights.
 
 mod file;
 mod record;
@@ -25,7 +24,7 @@ use std::{fs, io};
 
 pub use service::Checkpointed;
 
-/// Why a file cannot be used as a checkpoint. Nothing of it is lost.
+/// Why a file cannot be used as a checkpoint. The file is left as it was.
 #[derive(Debug, thiserror::Error)]
 pub enum CheckpointError {
     /// The file cannot be opened, read or created.
@@ -33,16 +32,16 @@ pub enum CheckpointError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the system.
         error: io::Error,
     },
-    /// The file is something else.
+    /// The file is not a checkpoint.
     #[error("{} is not a checkpoint: choose another --checkpoint", path.display())]
     NotACheckpoint {
         /// The file.
         path: PathBuf,
     },
-    /// Rows of another release may differ.
+    /// Rows of another release or row version may have other bits.
     #[error(
         "checkpoint {} was written by release {theirs}, this is {ours}: go on with that release, or remove the file",
         path.display()
@@ -50,12 +49,12 @@ pub enum CheckpointError {
     Version {
         /// The file.
         path: PathBuf,
-        /// Release that wrote it.
+        /// Release and row version that wrote it.
         theirs: String,
-        /// This release.
+        /// This release and its row version.
         ours: String,
     },
-    /// Another process records to it.
+    /// Another process uses it.
     #[error("checkpoint {} is in use by another bake: choose another --checkpoint", path.display())]
     InUse {
         /// The file.
@@ -63,22 +62,22 @@ pub enum CheckpointError {
     },
 }
 
-/// What a checkpoint was good for.
+/// Use of a checkpoint by a bake.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct CheckpointSummary {
-    /// Rows that came from the file.
+    /// Rows read from the file.
     pub rows_read: u64,
     /// Rows appended to it.
     pub rows_written: u64,
-    /// Rows that were not recorded, because the disk did not keep up or the recording had ended.
+    /// Rows not recorded, because the disk did not keep up or recording had stopped.
     pub rows_dropped: u64,
     /// Length of the file.
     pub bytes: u64,
-    /// Why the recording ended before the bake, where it did.
+    /// Why recording stopped before the end of the bake, if it did.
     pub stopped: Option<String>,
 }
 
-/// Removes the checkpoint of a bake that is done.
+/// Removes the checkpoint of a finished bake.
 ///
 /// # Errors
 /// When the system refuses.

@@ -1,4 +1,4 @@
-//! One row as it stands in the file: a length, the row's key, what it cost, the row as it travels, and a checksum.
+//! Encoding of one row in the file: length, key, cost, the encoded row, and a checksum.
 
 use kernel::replica::Digest;
 use kernel::row::{Row, RowRequest, decode_row, encode_row};
@@ -9,13 +9,13 @@ use protocol::worker::RowStatistics;
 /// Bytes before a record's body: its length as a little-endian u32, and the key.
 pub const HEAD: usize = size_of::<u32>() + size_of::<Digest>();
 
-/// Bytes after it: the first of the BLAKE3 digest of key and body.
+/// Bytes after it: the start of the BLAKE3 digest of key and body.
 pub const TAIL: usize = 8;
 
-/// A row of more bytes is not recorded; no worker could send it.
+/// Longest row in bytes; no worker could send a longer one.
 pub const LONGEST: usize = protocol::worker::MAX_MESSAGE_BYTES;
 
-/// All that the row of each shooter of a request depends on, as a digest.
+/// Digests of all that each row of a request depends on.
 pub fn keys(request: &RowRequest) -> Vec<Digest> {
     let mut job = request.to_job(0);
     let shooters = std::mem::take(&mut job.shooters);
@@ -29,7 +29,7 @@ pub fn keys(request: &RowRequest) -> Vec<Digest> {
     shooters.iter().map(key).collect()
 }
 
-/// A whole record.
+/// Encodes a record.
 pub fn encode(key: Digest, row: &Row, statistics: &RowStatistics) -> Vec<u8> {
     let row = encode_row(row);
     let mut bytes = Vec::with_capacity(HEAD + statistics.encoded_len() + row.len() + TAIL + 4);
@@ -44,14 +44,14 @@ pub fn encode(key: Digest, row: &Row, statistics: &RowStatistics) -> Vec<u8> {
     bytes
 }
 
-/// Key and length of the body, given the head of a record; `None` where no record begins so.
+/// Decodes the head of a record into key and length of the body; `None` if it is not one.
 pub fn decode_head(head: &[u8; HEAD]) -> Option<(Digest, usize)> {
     let (length, key) = head.split_first_chunk()?;
     let length = u32::from_le_bytes(*length) as usize;
     Some((Digest::try_from(key).ok()?, length)).filter(|_| length <= LONGEST)
 }
 
-/// Whether a body and the checksum behind it belong to this key.
+/// Whether a body with its checksum belongs to this key.
 pub fn is_whole(key: Digest, body_and_tail: &[u8]) -> bool {
     let Some((body, tail)) = body_and_tail.split_last_chunk::<TAIL>() else { return false };
     let mut hasher = blake3::Hasher::new();
@@ -59,7 +59,7 @@ pub fn is_whole(key: Digest, body_and_tail: &[u8]) -> bool {
     hasher.finalize().as_bytes()[..TAIL] == *tail
 }
 
-/// The row of so many receivers in a body that [`is_whole`]; `None` where it is another one's.
+/// Decodes the row in a body that [`is_whole`]; `None` if it has another number of receivers.
 pub fn decode_body(body_and_tail: &[u8], receivers: usize) -> Option<(Row, RowStatistics)> {
     let (mut body, _) = body_and_tail.split_last_chunk::<TAIL>()?;
     let statistics = RowStatistics::decode_length_delimited(&mut body).ok()?;

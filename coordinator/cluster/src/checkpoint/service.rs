@@ -15,18 +15,18 @@ use super::writer::{Writer, Written};
 use super::{CheckpointError, CheckpointSummary};
 use bake::{BakeError, RowService};
 
-/// Rows from a checkpoint where they are in it, and from another service where they are not; those are added to it.
+/// A row service that answers from a checkpoint, and adds to it the rows that its inner service computes.
 pub struct Checkpointed<S> {
     inner: S,
     path: PathBuf,
     file: File,
     written: Arc<Written>,
     writer: Writer,
-    /// Rows that were given to the writer: each is recorded once.
+    /// Rows given to the writer: each is recorded once.
     recorded: HashSet<Digest>,
-    /// Jobs that the inner service computes, in part or as a whole.
+    /// Jobs that the inner service computes, wholly or in part.
     under_way: HashMap<JobId, UnderWay>,
-    /// Jobs of which all rows are in the file.
+    /// Jobs whose rows are all in the file.
     ready: VecDeque<(JobId, RowRequest, Vec<Digest>)>,
     /// Answers to jobs whose last rows were written while they were submitted.
     answered: VecDeque<FinishedJob>,
@@ -37,15 +37,15 @@ pub struct Checkpointed<S> {
 struct UnderWay {
     /// One for each shooter of the job.
     keys: Vec<Digest>,
-    /// Those rows that were in the file.
+    /// Rows that were in the file.
     known: Vec<Option<(Row, RowStatistics)>>,
 }
 
 impl<S> Checkpointed<S> {
-    /// Goes on with the checkpoint at `path`, or begins one, which may have `limit` bytes.
+    /// Opens or creates the checkpoint at `path`, of `limit` bytes at most.
     ///
     /// # Errors
-    /// When the file is not a checkpoint, of another release, in use, or cannot be written.
+    /// When the file is not a checkpoint, is of another release or row version, is in use, or cannot be written.
     pub fn open(inner: S, path: &Path, limit: u64) -> Result<Self, CheckpointError> {
         let failed = |error| CheckpointError::Io { path: path.to_owned(), error };
         let CheckpointFile { file, index, length } = CheckpointFile::open(path)?;
@@ -68,7 +68,7 @@ impl<S> Checkpointed<S> {
         })
     }
 
-    /// Waits until all is written. The inner service, and what the checkpoint was good for.
+    /// Waits until all is written. Returns the inner service and a summary.
     pub fn finish(mut self) -> (S, CheckpointSummary) {
         self.writer.finish();
         let summary = CheckpointSummary {
@@ -81,7 +81,7 @@ impl<S> Checkpointed<S> {
         (self.inner, summary)
     }
 
-    /// A row from the file. None where it is not there, or not any more what was written.
+    /// Reads a row from the file; `None` if it is missing or damaged.
     fn row(&mut self, key: Digest, receivers: usize) -> Option<(Row, RowStatistics)> {
         let place = self.written.place(&key)?;
         let found = read(&self.file, place).ok().filter(|bytes| is_whole(key, bytes));
@@ -97,7 +97,7 @@ impl<S> Checkpointed<S> {
 }
 
 impl<S: RowService> Checkpointed<S> {
-    /// Has those rows computed that are not in the file; the others are kept until then. None where all are there: the answer.
+    /// Has the rows computed that are not in the file, and keeps the others until then. Returns the answer if all are in the file.
     fn ask(&mut self, job: JobId, mut request: RowRequest, keys: Vec<Digest>) -> Option<FinishedJob> {
         let receivers = request.receiver_count as usize;
         let known: Vec<_> = keys.iter().map(|key| self.row(*key, receivers)).collect();
@@ -112,7 +112,7 @@ impl<S: RowService> Checkpointed<S> {
         None
     }
 
-    /// Puts the rows that were computed beside those that were known, and has them recorded.
+    /// Joins computed rows with those from the file, and has them recorded.
     fn complete(&mut self, computed: FinishedJob) -> FinishedJob {
         let job = computed.job;
         let Some(UnderWay { keys, known }) = self.under_way.remove(&job) else { return computed };
@@ -149,7 +149,7 @@ impl<S: RowService> RowService for Checkpointed<S> {
         for (job, request) in requests {
             let keys = keys(&request);
             if keys.iter().all(|key| self.written.place(key).is_some()) {
-                // Read when it is asked for: until then it takes no memory.
+                // Read when it is needed: until then it takes no memory.
                 self.ready.push_back((job, request, keys));
             } else if let Some(finished) = self.ask(job, request, keys) {
                 self.answered.push_back(finished);

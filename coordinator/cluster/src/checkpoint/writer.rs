@@ -16,14 +16,14 @@ use super::record::{HEAD, encode};
 use kernel::row::Row;
 use protocol::worker::RowStatistics;
 
-/// Bytes that may wait to be written. What comes beyond is not recorded: to compute a row again costs less than to wait for a
-/// disk that does not keep up.
+/// Bytes that may wait to be written. Rows beyond them are not recorded: computing a row again costs less than waiting for a slow
+/// disk.
 const MOST_WAITING: usize = 64 << 20;
 
-/// So often at least what was written is handed to the disk itself, for when the power fails.
+/// Longest time before written records are synced to the disk, in case of a power failure.
 const SYNC_INTERVAL: Duration = Duration::from_secs(5);
 
-/// What the bake and the writer share.
+/// State that the bake and the writer share.
 pub struct Written {
     pub index: Mutex<HashMap<Digest, Place>>,
     pub rows: AtomicU64,
@@ -45,27 +45,27 @@ impl Written {
         })
     }
 
-    /// Where a row stands in the file.
+    /// Place of a row in the file.
     pub fn place(&self, key: &Digest) -> Option<Place> {
         lock(&self.index).get(key).copied()
     }
 
-    /// Why nothing is written any more, where that is so.
+    /// Why recording stopped, if it did.
     pub fn stopped(&self) -> Option<String> {
         lock(&self.stopped).clone()
     }
 }
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    // Whoever holds it leaves it whole.
+    // No code that holds the lock leaves it half changed.
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// What a checkpoint is written to.
+/// Destination of a checkpoint's bytes.
 pub trait Storage: Write + Send + 'static {
-    /// Hands what was written to the disk itself.
+    /// Syncs written bytes to the disk.
     fn sync(&mut self) -> io::Result<()>;
-    /// Cuts off what stands behind the last whole record.
+    /// Cuts off bytes after the last whole record.
     fn cut(&mut self, length: u64) -> io::Result<()>;
 }
 
@@ -79,7 +79,7 @@ impl Storage for std::fs::File {
     }
 }
 
-/// The writer, as the bake sees it.
+/// Handle to the writer's thread.
 pub struct Writer {
     records: Option<Sender<(Digest, Row, RowStatistics)>>,
     thread: Option<JoinHandle<()>>,
@@ -107,7 +107,7 @@ impl Writer {
         Ok(Self { records: Some(records), thread: Some(thread), written })
     }
 
-    /// Has a row appended, soon; false where it is not.
+    /// Queues a row to be appended. False if it will not be.
     pub fn record(&self, key: Digest, row: &Row, statistics: &RowStatistics) -> bool {
         let bytes = row.bytes();
         let Some(records) = &self.records else { return false };
@@ -122,7 +122,7 @@ impl Writer {
     pub fn finish(&mut self) {
         self.records = None;
         if let Some(thread) = self.thread.take() {
-            // It catches what can go wrong.
+            // The thread handles its errors.
             let _ = thread.join();
         }
     }
@@ -134,7 +134,7 @@ impl Drop for Writer {
     }
 }
 
-/// Writes until the bake is over; the reason where it ends before.
+/// Writes until the bake is over. Returns the reason if it stops before.
 fn write(
     mut storage: impl Storage,
     limit: u64,
@@ -169,7 +169,7 @@ fn write(
             return Err(format!("it has reached --checkpoint-size ({} MiB)", limit >> 20));
         }
         if let Err(error) = storage.write_all(&record) {
-            // A part of a record would be cut off by whoever reads the file too.
+            // An incomplete record would be cut off by the reader too.
             let _ = storage.cut(end);
             return Err(failed(error));
         }

@@ -1,5 +1,5 @@
-//! A bake in small. Like the whole one it chooses jobs from the results of earlier ones, so that what is asked for depends on
-//! what came, while the end state must not depend on when it came or from where.
+//! A small bake. Like the whole one it chooses jobs from the results of earlier ones; the end state must not depend on their time or
+//! origin.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -20,15 +20,15 @@ const WINDOW: usize = 24;
 /// Rows of a job.
 const ROWS: usize = 2;
 
-/// Who answers jobs.
-pub trait Office {
+/// Answers jobs.
+pub trait JobService {
     fn publish(&mut self, replica: EncodedReplica);
     fn release(&mut self, digest: Digest);
     fn submit(&mut self, requests: Vec<(JobId, RowRequest)>);
     async fn next(&mut self) -> Result<FinishedJob, ClusterError>;
 }
 
-impl Office for AsyncCluster {
+impl JobService for AsyncCluster {
     fn publish(&mut self, replica: EncodedReplica) {
         AsyncCluster::publish(self, replica);
     }
@@ -47,10 +47,10 @@ impl Office for AsyncCluster {
 }
 
 /// Bakes. Returns the bits of all that was shot and received.
-pub async fn bake(room: &Room, office: &mut impl Office) -> Result<Vec<u64>, ClusterError> {
-    office.publish(room.scene.clone());
-    office.publish(room.coarse.clone());
-    let mut jobs = Jobs { room, office, next: 0, shares: HashMap::new() };
+pub async fn bake(room: &Room, service: &mut impl JobService) -> Result<Vec<u64>, ClusterError> {
+    service.publish(room.scene.clone());
+    service.publish(room.coarse.clone());
+    let mut jobs = Jobs { room, service, next: 0, shares: HashMap::new() };
 
     let mut cache = RowCache::new(usize::MAX);
     let set: SetId = cache.add_set(room.shares.len());
@@ -65,8 +65,8 @@ pub async fn bake(room: &Room, office: &mut impl Office) -> Result<Vec<u64>, Clu
     }
     let shot = shooting.into_shot();
 
-    jobs.office.release(room.coarse.digest);
-    jobs.office.publish(room.fine.clone());
+    jobs.service.release(room.coarse.digest);
+    jobs.service.publish(room.fine.clone());
     let mut irradiance = vec![0.0; room.fine_count];
     let mut wanted = (0..room.shares.len() as u32).map(ShareId);
     let mut first: Vec<ShareId> = wanted.by_ref().take(WINDOW).collect();
@@ -82,19 +82,19 @@ pub async fn bake(room: &Room, office: &mut impl Office) -> Result<Vec<u64>, Clu
             first.extend(wanted.next());
         }
     }
-    jobs.office.release(room.fine.digest);
+    jobs.service.release(room.fine.digest);
     Ok(shot.into_iter().chain(irradiance).map(f64::to_bits).collect())
 }
 
-/// What was asked for and has not come.
-struct Jobs<'a, O> {
+/// Jobs without an answer.
+struct Jobs<'a, S> {
     room: &'a Room,
-    office: &'a mut O,
+    service: &'a mut S,
     next: u64,
     shares: HashMap<JobId, Vec<ShareId>>,
 }
 
-impl<O: Office> Jobs<'_, O> {
+impl<S: JobService> Jobs<'_, S> {
     fn submit(&mut self, shares: &[ShareId], over_fine: bool) {
         let requests = shares.chunks(ROWS).map(|shares| {
             let job = JobId(self.next);
@@ -102,24 +102,24 @@ impl<O: Office> Jobs<'_, O> {
             self.shares.insert(job, shares.to_vec());
             (job, self.room.request(shares, over_fine))
         });
-        self.office.submit(requests.collect());
+        self.service.submit(requests.collect());
     }
 
     async fn next(&mut self) -> Result<Vec<(ShareId, Row)>, ClusterError> {
-        let FinishedJob { job, rows, .. } = self.office.next().await?;
+        let FinishedJob { job, rows, .. } = self.service.next().await?;
         let shares = self.shares.remove(&job).unwrap_or_else(|| panic!("job {job} came twice, or unasked"));
         assert_eq!(shares.len(), rows.len(), "rows of job {job}");
         Ok(shares.into_iter().zip(rows).collect())
     }
 }
 
-/// Computes jobs without any cluster, the last one first.
+/// Computes jobs without a cluster, the last one first.
 struct Alone {
     store: ReplicaStore,
     jobs: Vec<(JobId, RowRequest)>,
 }
 
-impl Office for Alone {
+impl JobService for Alone {
     fn publish(&mut self, EncodedReplica { digest, kind, bytes }: EncodedReplica) {
         self.store.insert(digest, Replica::decode(kind, &bytes).unwrap(), bytes.len() as u64);
     }

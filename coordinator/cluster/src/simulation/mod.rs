@@ -1,16 +1,16 @@
-//! A bake on workers that crash, hang and come back, in a simulated network and on a simulated clock; see docs/simulation.md.
+//! A bake on workers that crash, hang and come back, on a simulated network and clock; see docs/simulation.md.
 //!
-//! | module | what lives there |
+//! | module | contents |
 //! |---|---|
 //! | `room` | the scene: a small room, its shares and replicas |
-//! | `driver` | a bake in small: shots chosen from the rows of earlier ones, then rows over more receivers |
+//! | `driver` | a small bake: shots chosen from the rows of earlier ones, then rows over more receivers |
 //! | `network` | names, connections and listeners of the simulation |
 //! | `plan` | what goes wrong when, from a seed |
 //! | `run` | one simulation from its first step to its last |
-//! | `watch` | what must hold after every event, and the trace |
+//! | `watch` | invariants after every event, and the trace |
 //!
-//! The coordinator's cluster, the workers, and gRPC between them are those of the product. Simulated are the network below and
-//! the clock, and jobs are computed in the task that asks for them, which has the answer some simulated time later.
+//! The cluster, the workers and the gRPC between them are those of the product. The network below and the clock are simulated, and
+//! the task that requests a job computes it, with the answer some simulated time later.
 
 mod driver;
 mod network;

@@ -61,7 +61,7 @@ pub async fn listen() -> io::Result<ReceiverStream<io::Result<Accepted>>> {
                 () = accepted.closed() => return,
                 next = listener.accept() => next,
             };
-            // Nobody takes it where the worker has stopped meanwhile.
+            // The worker may have stopped meanwhile.
             let _ = accepted.send(next.map(|(stream, _)| Accepted(stream))).await;
         }
     });

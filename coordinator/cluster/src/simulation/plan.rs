@@ -6,7 +6,7 @@ use rand::{Rng, SeedableRng};
 /// All faults are over at this time.
 pub const CALM: Duration = Duration::from_secs(15);
 
-/// What goes wrong with a worker, or is over again.
+/// A fault of a worker, or its end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Fault {
     /// Its process ends at once: its connections break.

@@ -22,15 +22,15 @@ use crate::connections::{AsyncCluster, ClusterSettings, Schedule, Workers};
 /// Simulated time from one step to the next.
 const STEP: Duration = Duration::from_millis(10);
 
-/// When the faults are over, the work must be done within so long: less than a minute of work for the slowest worker alone, and the
-/// time to notice who is lost and who is back.
+/// Time limit after the last fault: less than a minute of work for the slowest worker alone, and the time to notice losses and
+/// returns.
 const PATIENCE: Duration = Duration::from_secs(90);
 
 const COORDINATOR: &str = "coordinator";
 
 /// How a simulation ended.
 pub struct Outcome {
-    /// All that happened.
+    /// Everything that happened.
     pub trace: Vec<String>,
     pub counts: Counts,
     /// The bits of the end state; or what does not hold that must, or that the work was not done in time.

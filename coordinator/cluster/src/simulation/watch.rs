@@ -1,4 +1,4 @@
-//! What must hold after every event of a scheduler, told by what the events and actions say and not by what the scheduler holds.
+//! Invariants after every event of a scheduler, checked against the events and actions instead of the scheduler's state.
 
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
@@ -12,18 +12,18 @@ use super::plan::Plan;
 use crate::connections::ReactorObserver;
 use crate::scheduler::{Action, Event, JobId, Scheduler, WorkerId};
 
-/// A worker holds at most so many jobs for each of its threads, and as many again of fixed size.
+/// Bound on jobs of a worker: this many per thread, and as many again.
 const MOST_JOBS_PER_THREAD: usize = 4;
 
-/// A job is with at most so many workers.
+/// Largest number of workers that hold a job.
 const MOST_HOLDERS: usize = 2;
 
 thread_local! {
-    /// Of the simulation that this thread runs, if any.
+    /// State of the simulation that this thread runs, if any.
     static WATCH: RefCell<Option<Watch>> = const { RefCell::new(None) };
 }
 
-/// What went wrong and what was done about it.
+/// Counts of faults and reactions.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Counts {
     /// Workers that were lost.
@@ -69,11 +69,11 @@ impl Counts {
     }
 }
 
-/// What is known of the scheduler from outside.
+/// The scheduler's state as deduced from outside.
 #[derive(Default)]
 pub struct Watch {
     pub trace: Vec<String>,
-    /// The first thing that did not hold.
+    /// First invariant that was violated.
     pub violation: Option<String>,
     pub counts: Counts,
     workers: BTreeMap<WorkerId, Known>,
@@ -100,7 +100,7 @@ pub fn end() -> Watch {
     WATCH.take().unwrap_or_default()
 }
 
-/// Whether something did not hold.
+/// Whether an invariant was violated.
 pub fn is_violated() -> bool {
     WATCH.with_borrow(|watch| watch.as_ref().is_some_and(|watch| watch.violation.is_some()))
 }
@@ -129,7 +129,7 @@ impl ReactorObserver for Watcher {
     }
 }
 
-/// A scheduler was told something, and wants something done.
+/// Checks a decision of the scheduler.
 fn scheduled(event: &Event, actions: &[Action], scheduler: &Scheduler) {
     let time = turmoil::sim_elapsed().unwrap_or_default();
     note(time, format!("{event:?} -> {actions:?}"));
@@ -149,7 +149,7 @@ fn scheduled(event: &Event, actions: &[Action], scheduler: &Scheduler) {
     });
 }
 
-/// What a reactor holds between two messages: requests of jobs, sessions, and digests of answers that may come twice.
+/// Checks the numbers of requests, sessions, and digests of answers that may come twice, between two messages.
 fn held(requests: usize, sessions: usize, delivered: usize) {
     with(|watch| {
         let unfinished = watch.submitted.len() - watch.delivered.len();

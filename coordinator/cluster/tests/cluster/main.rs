@@ -1,4 +1,4 @@
-//! A driver against real and faked workers.
+//! A cluster of real and fake workers.
 
 mod bakery;
 mod names;
@@ -104,7 +104,7 @@ fn a_worker_of_another_row_version_is_refused() {
 }
 
 #[test]
-fn somebody_who_is_no_worker_is_refused() {
+fn a_peer_that_is_no_worker_is_refused() {
     let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap().to_string();
     let stranger = std::thread::spawn(move || {

@@ -32,7 +32,7 @@ impl Network for Names {
     }
 }
 
-/// Waits until so many workers are connected, whoever they are.
+/// Waits until `count` workers are connected.
 async fn connected(cluster: &AsyncCluster, count: usize) {
     loop {
         let (workers, _) = cluster.summarise().await;
@@ -45,7 +45,7 @@ async fn connected(cluster: &AsyncCluster, count: usize) {
 
 #[test]
 fn a_name_is_followed() {
-    // Each has a runtime of its own, and so has the driver.
+    // Each has a runtime of its own, and so has the cluster.
     let servers = [Server::real(), Server::real(), Server::real()];
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
     runtime.block_on(follow(&servers));

@@ -93,7 +93,7 @@ fn a_cancelled_bake_takes_nothing_from_another_of_the_same_scene() {
     assert_same(&stays, &alone);
 }
 
-/// Has the rows of the bakery made so many times over; how many jobs these are.
+/// Submits the jobs of the bakery `times` times. Returns their number.
 fn submit(handle: &mut Handle, bakery: &Bakery, times: usize) -> usize {
     bakery.replicas().into_iter().for_each(|replica| handle.publish(replica));
     let requests: Vec<_> = (0..times).flat_map(|_| bakery.requests()).collect();
@@ -102,7 +102,7 @@ fn submit(handle: &mut Handle, bakery: &Bakery, times: usize) -> usize {
     count
 }
 
-/// Takes so many answers, and holds them to those of the engine.
+/// Takes `count` answers and compares them with those of the engine.
 fn take(handle: &mut Handle, expected: &BTreeMap<u64, Vec<Row>>, count: usize) {
     for _ in 0..count {
         let finished = handle.next_within(LONG).unwrap().expect("an answer in time");
@@ -178,7 +178,7 @@ fn with_endless_grace_jobs_wait_for_their_workers() {
     assert!(handle.next_within(LONG).is_err());
 }
 
-/// Nobody listens there.
+/// An address without a listener.
 fn unused_address() -> String {
     TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string()
 }

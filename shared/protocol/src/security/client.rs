@@ -8,12 +8,12 @@ use tonic::{Request, Status};
 
 use super::{SecurityError, Token, Transport};
 
-/// What a coordinator needs to dial workers. The default is plain text on this machine, without a token.
+/// Settings of a coordinator to dial workers. The default is plain text on this machine, without a token.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct ClientSecurity {
-    /// How bytes travel.
+    /// Encryption of connections.
     pub transport: Transport,
-    /// Name in the workers' certificates, where it is not the one that they are dialled by.
+    /// Name in the workers' certificates, if it is not the one that they are dialled by.
     pub server_name: Option<String>,
     /// Token that the workers demand.
     pub token: Option<Token>,
@@ -23,7 +23,7 @@ pub struct ClientSecurity {
 pub type SecuredChannel = InterceptedService<Channel, Credentials>;
 
 impl ClientSecurity {
-    /// Where to dial a worker that was given as `host:port` and is at this socket address.
+    /// Endpoint of a worker that was given as `host:port` and has this socket address.
     ///
     /// The worker's certificate must have the name *as given*, or [`Self::server_name`]: a name may stand for many machines,
     /// each of which then has a certificate of that name, and an address found by the name server proves nothing.
@@ -43,7 +43,7 @@ impl ClientSecurity {
         endpoint.tls_config(tls.client(name)?).map_err(failed)
     }
 
-    /// What every call carries: `WorkerClient::with_interceptor(channel, security.credentials())`.
+    /// Credentials of every call: `WorkerClient::with_interceptor(channel, security.credentials())`.
     #[must_use]
     pub fn credentials(&self) -> Credentials {
         Credentials { header: self.token.as_ref().map(Token::header) }
@@ -56,7 +56,7 @@ fn host(given: &str) -> &str {
     host.strip_prefix('[').and_then(|host| host.strip_suffix(']')).unwrap_or(host)
 }
 
-/// Puts the token, where there is one, into the header `authorization` of every call.
+/// Puts the token, if any, into the header `authorization` of every call.
 #[derive(Debug, Clone, Default)]
 pub struct Credentials {
     header: Option<MetadataValue<Ascii>>,

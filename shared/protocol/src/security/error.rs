@@ -5,7 +5,7 @@ use std::path::PathBuf;
 /// Why a connection would not be safe, or cannot be made so.
 #[derive(Debug, thiserror::Error)]
 pub enum SecurityError {
-    /// Some of the three files are named, and not all.
+    /// Only some of the three files are given.
     #[error("encryption needs --tls-ca, --tls-cert and --tls-key together: {} missing", missing.join(" and "))]
     Incomplete {
         /// The options that are not given.
@@ -30,22 +30,22 @@ pub enum SecurityError {
         option: &'static str,
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the system.
         error: io::Error,
     },
-    /// A file has not in it what its option asks for.
+    /// A file does not contain what its option needs.
     #[error("{option} {} is not {expected}: {reason}", path.display())]
     Content {
         /// The option that names it.
         option: &'static str,
         /// The file.
         path: PathBuf,
-        /// What it should be.
+        /// Expected content.
         expected: &'static str,
-        /// What is wrong.
+        /// The problem.
         reason: String,
     },
-    /// The key is another certificate's, or both cannot be used together.
+    /// The key does not fit the certificate.
     #[error(
         "the key {} does not fit the certificate {}: {reason}",
         key.display(),
@@ -56,7 +56,7 @@ pub enum SecurityError {
         certificate: PathBuf,
         /// File of the key.
         key: PathBuf,
-        /// What is wrong.
+        /// The problem.
         reason: String,
     },
     /// A name that no certificate can have.
@@ -72,7 +72,7 @@ pub enum SecurityError {
     Token {
         /// The file.
         path: PathBuf,
-        /// What is wrong.
+        /// The problem.
         reason: &'static str,
     },
     /// The connection cannot be set up.
@@ -80,7 +80,7 @@ pub enum SecurityError {
     Endpoint {
         /// The address to dial.
         address: SocketAddr,
-        /// What the library says.
+        /// Error of the library.
         reason: String,
     },
 }

@@ -4,7 +4,7 @@ use std::io;
 use h2::Reason;
 use rustls::{AlertDescription, CertificateError, Error as TlsError};
 
-/// What a failed handshake means, with the cure; `None` where the error is of another kind.
+/// Explains a failed handshake, with the cure; `None` if the error is of another kind.
 ///
 /// With TLS 1.3 a caller learns only with its first answer that its own certificate was refused: the error may come with any
 /// call.
@@ -20,7 +20,7 @@ pub fn explain(error: &(dyn Error + 'static)) -> Option<String> {
         if let Some(found) = error.downcast_ref::<TlsError>() {
             return Some(words(found));
         }
-        // Of an alert, HTTP/2 keeps the words alone.
+        // HTTP/2 keeps only the text of an alert.
         if let Some(alert) = error.downcast_ref::<io::Error>().and_then(alert) {
             return Some(words(&alert));
         }
@@ -59,7 +59,7 @@ fn explain_http(error: &h2::Error) -> Option<String> {
     error.get_io().and_then(alert).map(|alert| words(&alert))
 }
 
-/// The alert that the words of an error are about.
+/// Finds the alert that an error's text is about.
 fn alert(error: &io::Error) -> Option<TlsError> {
     let told = error.to_string();
     REFUSALS.into_iter().map(TlsError::AlertReceived).find(|alert| told.contains(&alert.to_string()))

@@ -3,14 +3,14 @@ use tonic::{Request, Status};
 
 use super::Token;
 
-/// Looks at every call before anything of it is read, and refuses those without the token, where there is one.
+/// Refuses calls without the token, if one is demanded, before anything of them is read.
 #[derive(Debug, Clone, Default)]
 pub struct Guard {
     token: Option<Token>,
 }
 
 impl Guard {
-    /// Demands this token, where there is one.
+    /// Demands this token, if any.
     #[must_use]
     pub fn new(token: Option<Token>) -> Self {
         Self { token }

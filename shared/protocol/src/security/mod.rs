@@ -1,16 +1,16 @@
-//! Who may talk to whom, and what a listener on the way learns: the same rules for both ends of a connection.
+//! Authentication and encryption: the same rules for both ends of a connection.
 //!
-//! | module | what lives there |
+//! | module | contents |
 //! |---|---|
 //! | `tls` | certificates of both ends, read once and checked against each other |
 //! | `token` | the bearer token: a secret that both ends know |
 //! | `transport` | encrypted or plain, and where plain text may go |
-//! | `client` | what a coordinator needs to dial |
-//! | `guard` | the token, demanded of every call |
-//! | `explain` | words for a refused handshake, with the cure |
+//! | `client` | settings of a coordinator to dial workers |
+//! | `guard` | checks the token of every call |
+//! | `explain` | messages for refused handshakes, with the cure |
 //!
-//! Certificates are mutual: a worker demands one of its own authority from whoever calls, and the coordinator verifies the
-//! worker's. A token may stand in for that between programs of one machine, or be demanded on top.
+//! Certificates are mutual: a worker demands a certificate of its own authority from every caller, and the coordinator verifies the
+//! worker's. A token can replace them between programs of one machine, or be demanded in addition.
 
 mod client;
 mod error;

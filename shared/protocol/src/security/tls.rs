@@ -11,10 +11,10 @@ use tonic::transport::{Certificate, ClientTlsConfig, Identity};
 
 use super::SecurityError;
 
-/// What HTTP/2 is called in a handshake.
+/// Name of HTTP/2 in a handshake.
 const HTTP2: &[u8] = b"h2";
 
-/// The files that an end proves itself with, and knows the other end by. All are PEM.
+/// PEM files of one end, and the authority of the other.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TlsFiles {
     /// Certificate of the authority that the other end's certificate must be signed by.
@@ -72,13 +72,13 @@ pub struct Tls {
 }
 
 impl Tls {
-    /// For the end that is called: it demands a certificate of the authority from whoever calls.
+    /// Configuration of a server: it demands a certificate of the authority from every caller.
     #[must_use]
     pub fn server(&self) -> Arc<ServerConfig> {
         Arc::clone(&self.server)
     }
 
-    /// For the end that calls: the other end's certificate must be of the authority and have this name (a DNS name or an IP
+    /// Configuration of a client: the other end's certificate must be of the authority and have this name (a DNS name or an IP
     /// address).
     ///
     /// # Errors
@@ -106,7 +106,7 @@ impl fmt::Debug for Tls {
     }
 }
 
-/// What the called end speaks: TLS 1.3 alone, since both ends are of one release.
+/// Versions of a server: TLS 1.3 alone, since both ends are of one release.
 fn server(
     provider: Arc<CryptoProvider>,
     roots: RootCertStore,

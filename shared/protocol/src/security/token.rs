@@ -5,10 +5,10 @@ use tonic::metadata::{Ascii, MetadataValue};
 
 use super::SecurityError;
 
-/// Shorter secrets can be guessed.
+/// Shortest secret in bytes; shorter ones can be guessed.
 const LEAST_CHARACTERS: usize = 16;
 
-/// A longer file is not a token.
+/// Longest file in bytes.
 const MOST_CHARACTERS: usize = 4096;
 
 /// A secret that both ends know, sent with every call. Never shown: it has no `Display`, and its `Debug` hides it.
@@ -30,7 +30,7 @@ impl Token {
         Self::new(text.trim()).map_err(|reason| SecurityError::Token { path: path.into(), reason })
     }
 
-    /// The token of the option `--token-file`. An empty path is one that is not given, as compose files have it.
+    /// Reads the token of the option `--token-file`. An empty path counts as not given, as compose files have it.
     ///
     /// # Errors
     /// As for [`Self::read`].
@@ -38,10 +38,10 @@ impl Token {
         path.filter(|path| !path.as_os_str().is_empty()).map(Self::read).transpose()
     }
 
-    /// Makes a token of a secret.
+    /// Makes a token from a secret.
     ///
     /// # Errors
-    /// What is wrong with it.
+    /// When it is too short, too long or not of printable ASCII characters.
     pub fn new(secret: &str) -> Result<Self, &'static str> {
         if secret.len() < LEAST_CHARACTERS {
             return Err("a token has 16 characters or more: `openssl rand -hex 32` makes one");

@@ -3,12 +3,12 @@ use std::path::PathBuf;
 
 use super::{SecurityError, Tls, TlsFiles};
 
-/// How bytes travel between two processes.
+/// Encryption between two processes.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Transport {
-    /// As they are.
+    /// Plain text.
     Plain {
-        /// Beyond this machine too, because somebody asked for it by name.
+        /// Allowed beyond this machine, by an explicit option.
         anywhere: bool,
     },
     /// Encrypted, and both ends have proved who they are.
@@ -23,8 +23,8 @@ impl Default for Transport {
 }
 
 impl Transport {
-    /// What the options `--tls-ca`, `--tls-cert`, `--tls-key` and `--plaintext` ask for. An empty path is one that is not
-    /// given, as compose files have it. Files are read here, once.
+    /// Transport of the options `--tls-ca`, `--tls-cert`, `--tls-key` and `--plaintext`. An empty path counts as not given, as compose
+    /// files have it. Files are read here, once.
     ///
     /// # Errors
     /// When some of the files are missing or wrong, or both encryption and plain text are asked for.
@@ -50,8 +50,8 @@ impl Transport {
         }
     }
 
-    /// Whether it is right to listen on this address, or to dial it: plain text stays on this machine unless asked for by
-    /// name. A token makes no difference: in plain text everybody on the way could read it.
+    /// Checks that this address may be listened on or dialled: plain text stays on this machine unless allowed explicitly. A token makes
+    /// no difference: in plain text it can be read on the way.
     ///
     /// # Errors
     /// When plain text would go further than it was allowed to.
@@ -64,7 +64,7 @@ impl Transport {
         }
     }
 
-    /// The certificates, where there are any.
+    /// The certificates, if any.
     #[must_use]
     pub fn tls(&self) -> Option<&Tls> {
         match self {

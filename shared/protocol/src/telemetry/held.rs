@@ -1,11 +1,11 @@
 use prometheus_client::metrics::gauge::Gauge;
 
-/// Counts one more for as long as it is held.
+/// Raises a gauge by one until it is dropped.
 #[derive(Debug)]
 pub struct Held(Gauge);
 
 impl Held {
-    /// One more of these.
+    /// Raises this gauge.
     #[must_use]
     pub fn new(gauge: &Gauge) -> Self {
         gauge.inc();

@@ -7,10 +7,10 @@ use tracing_subscriber::{EnvFilter, Layer, Registry, fmt};
 /// How logs are written.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum LogFormat {
-    /// Lines for people.
+    /// Text lines.
     #[default]
     Text,
-    /// An object a line, with a field for each figure.
+    /// One JSON object per line, with a field for each value.
     Json,
 }
 
@@ -27,23 +27,23 @@ impl FromStr for LogFormat {
     }
 }
 
-/// What a program logs where nobody says otherwise.
+/// Defaults of a program's logs.
 #[derive(Debug, Clone, Copy)]
 pub struct LoggingSettings {
     /// The program, for a collector of spans.
     pub program: &'static str,
-    /// How it writes.
+    /// The format.
     pub format: LogFormat,
-    /// What it writes unless `RUST_LOG` says otherwise, in the words of that variable.
+    /// Filter without `RUST_LOG`, in its syntax.
     pub default_filter: &'static str,
-    /// Whether lines for people have the time. Objects always have it.
+    /// Whether text lines have the time. JSON always has it.
     pub times: bool,
 }
 
 /// Why a program cannot log.
 #[derive(Debug, thiserror::Error)]
 pub enum LoggingError {
-    /// Somebody else logs already.
+    /// A logger is installed already.
     #[error("cannot log: {0}")]
     Taken(#[from] TryInitError),
     /// Spans cannot be sent.
@@ -52,17 +52,17 @@ pub enum LoggingError {
     Spans(String),
 }
 
-/// Logs and spans of this program. Hold it until the end: when it is dropped, what is still on its way to a collector is sent.
+/// Logs and spans of this program. Hold it until the end: dropping it sends the remaining spans to the collector.
 pub struct Logging {
     #[cfg(feature = "otlp")]
     _spans: Option<super::spans::Exporter>,
 }
 
 impl Logging {
-    /// Begins to log to standard error, for the whole process.
+    /// Starts logging to standard error, for the whole process.
     ///
     /// # Errors
-    /// When it was begun before, or spans are wanted and cannot be sent.
+    /// When it was started before, or spans are configured and cannot be sent.
     pub fn start(settings: &LoggingSettings) -> Result<Self, LoggingError> {
         let filter =
             EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(settings.default_filter));

@@ -1,10 +1,10 @@
-//! What a running program shows of itself: the same for both programs.
+//! Logs, metrics and spans of a running program.
 //!
-//! | module | what lives there |
+//! | module | contents |
 //! |---|---|
 //! | `held` | counts things for as long as they are held |
 //! | `logging` | logs on standard error, as text or as JSON |
-//! | `page` | the port of `--metrics`: figures for Prometheus, and a sign of life |
+//! | `page` | the port of `--metrics`: metrics for Prometheus, and a health check |
 //! | `spans` | spans for an OpenTelemetry collector; only with the feature `otlp` |
 
 mod held;

@@ -20,13 +20,13 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{Semaphore, oneshot};
 use tokio::time::{sleep, timeout};
 
-/// Connections at the same time: a scraper has one.
+/// Most connections at the same time: a scraper has one.
 const MOST_CONNECTIONS: usize = 16;
 
-/// How long a connection may take for its one question and the answer.
+/// Time limit of a connection for its one request and the answer.
 const PATIENCE: Duration = Duration::from_secs(10);
 
-/// Bytes that a question may have.
+/// Largest request in bytes.
 const QUESTION_BYTES: usize = 16 << 10;
 
 /// Pause after the system refuses a connection.
@@ -36,7 +36,7 @@ const OPEN_METRICS: HeaderValue =
     HeaderValue::from_static("application/openmetrics-text; version=1.0.0; charset=utf-8");
 const TEXT: HeaderValue = HeaderValue::from_static("text/plain; charset=utf-8");
 
-/// What the option `--metrics` says: an address, or none where a variable of a compose file is empty.
+/// Value of the option `--metrics`: an address, or none if a variable of a compose file is empty.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct MetricsAddress(pub Option<SocketAddr>);
 
@@ -48,8 +48,8 @@ impl FromStr for MetricsAddress {
     }
 }
 
-/// A port that shows the figures of a registry at `/metrics`, and that the process lives at `/healthz`, until it is dropped.
-/// It has a thread of its own, so that it answers whatever else the process does.
+/// A port that serves a registry at `/metrics` and a health check at `/healthz`, until it is dropped. It has a thread of its own, so
+/// that it answers whatever the process does.
 pub struct MetricsPage {
     address: SocketAddr,
     _leaving: oneshot::Sender<Infallible>,
@@ -83,7 +83,7 @@ impl MetricsPage {
         Ok(Self { address, _leaving: leaving })
     }
 
-    /// Where it is.
+    /// Its address.
     #[must_use]
     pub fn address(&self) -> SocketAddr {
         self.address
@@ -103,7 +103,7 @@ async fn serve(listener: std::net::TcpListener, registry: Registry) -> io::Resul
         let Ok(place) = Arc::clone(&places).try_acquire_owned() else { continue };
         let registry = Arc::clone(&registry);
         tokio::spawn(async move {
-            // Whatever is wrong with a connection is the caller's matter.
+            // Errors of a connection are the caller's.
             let _ = timeout(PATIENCE, converse(socket, &registry)).await;
             drop(place);
         });
@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn figures_are_shown_as_they_are() {
+    fn metrics_are_shown() {
         let counter: Counter = Counter::default();
         let mut registry = Registry::with_prefix("test");
         registry.register("rows", "Rows", counter.clone());

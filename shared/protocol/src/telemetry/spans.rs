@@ -6,10 +6,10 @@ use tokio::runtime::Runtime;
 use tracing_subscriber::filter::{LevelFilter, Targets};
 use tracing_subscriber::{Layer, Registry};
 
-/// The variables that say where the collector is; without one of them no span is made.
+/// Variables with the address of the collector; without one of them no span is made.
 const ENDPOINTS: [&str; 2] = ["OTEL_EXPORTER_OTLP_TRACES_ENDPOINT", "OTEL_EXPORTER_OTLP_ENDPOINT"];
 
-/// Sends spans in the background; when it is dropped, those that are left.
+/// Sends spans in the background, and the remaining ones when dropped.
 pub(super) struct Exporter {
     provider: SdkTracerProvider,
     /// The connection lives on it.
@@ -26,7 +26,7 @@ impl Drop for Exporter {
 
 type SpanLayer = Box<dyn Layer<Registry> + Send + Sync>;
 
-/// A layer that sends the spans of this workspace, where a collector is named.
+/// Returns a layer that sends the spans of this workspace, if a collector is configured.
 pub(super) fn exporter(program: &'static str) -> Result<Option<(SpanLayer, Exporter)>, String> {
     let is_named = |name: &&str| std::env::var(name).is_ok_and(|value| !value.is_empty());
     if !ENDPOINTS.iter().any(|name| is_named(&name)) {
