@@ -9,7 +9,7 @@ use std::path::Path;
 use kernel::replica::Digest;
 use kernel::row::release;
 
-use super::CheckpointError;
+use super::error::CheckpointError;
 use super::record::{HEAD, TAIL, decode_head, is_whole};
 
 /// First bytes of every checkpoint.

@@ -9,11 +9,26 @@ use kernel::replica::{Digest, EncodedReplica};
 use kernel::row::{FinishedJob, JobId, Row, RowRequest};
 use protocol::worker::RowStatistics;
 
+use super::error::CheckpointError;
 use super::file::{CheckpointFile, read};
 use super::record::{decode_body, is_whole, keys};
 use super::writer::{Writer, Written};
-use super::{CheckpointError, CheckpointSummary};
 use bake::{BakeError, RowService};
+
+/// Use of a checkpoint by a bake.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct CheckpointSummary {
+    /// Rows read from the file.
+    pub rows_read: u64,
+    /// Rows appended to it.
+    pub rows_written: u64,
+    /// Rows not recorded, because the disk did not keep up or recording had stopped.
+    pub rows_dropped: u64,
+    /// Length of the file.
+    pub bytes: u64,
+    /// Why recording stopped before the end of the bake, if it did.
+    pub stopped: Option<String>,
+}
 
 /// A row service that answers from a checkpoint, and adds to it the rows that its inner service computes.
 pub struct Checkpointed<S> {

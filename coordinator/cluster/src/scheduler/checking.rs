@@ -2,9 +2,12 @@
 
 use std::collections::BTreeSet;
 
+use kernel::row::JobId;
+
 use super::choice::Place;
+use super::event::WorkerId;
+use super::state::Scheduler;
 use super::worker::Worker;
-use super::{JobId, Scheduler, WorkerId};
 
 impl Scheduler {
     /// Checks the invariants between two events: no job is lost, none has more than two copies, suspects are alone, and

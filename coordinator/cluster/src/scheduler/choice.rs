@@ -12,10 +12,12 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 use kernel::replica::Digest;
+use kernel::row::JobId;
 
+use super::event::{Action, WorkerId};
 use super::job::Kind;
+use super::state::Scheduler;
 use super::worker::{Held, ReplicaState, Worker};
-use super::{Action, JobId, Scheduler, WorkerId};
 
 /// Where a suspect goes.
 pub(super) enum Place {

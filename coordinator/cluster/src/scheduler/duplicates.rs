@@ -13,9 +13,12 @@
 
 use std::cmp::Reverse;
 
+use kernel::row::JobId;
+
+use super::event::{Action, WorkerId};
 use super::job::Job;
+use super::state::Scheduler;
 use super::worker::{Load, Worker};
-use super::{Action, JobId, Scheduler, WorkerId};
 
 /// Rounds after which a job that is computed is overdue. At the end of a batch, when no more jobs follow, n busy threads
 /// become one in ln n rounds: of 64 the last three are then given to others, of which there are plenty.

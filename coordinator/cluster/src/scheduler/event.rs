@@ -161,19 +161,19 @@ pub enum Action {
 /// Why a job is given up.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum Abandonment {
-    /// It failed [`super::MOST_FAILURES`] times.
-    #[error("it failed on {} tries", super::MOST_FAILURES)]
+    /// It failed [`super::limits::MOST_FAILURES`] times.
+    #[error("it failed on {} tries", super::limits::MOST_FAILURES)]
     FailedTooOften,
     /// A worker says that it is invalid.
     #[error("the worker refused it")]
     Refused,
-    /// Workers forgot its replicas [`super::MOST_RELOADS`] times.
+    /// Workers forgot its replicas [`super::limits::MOST_RELOADS`] times.
     #[error("workers keep forgetting its replicas: give them more room with --replica-bytes")]
     ReplicasForgotten,
-    /// Workers were lost [`super::MOST_LOSSES_ALONE`] times while they computed nothing else.
+    /// Workers were lost [`super::limits::MOST_LOSSES_ALONE`] times while they computed nothing else.
     #[error(
         "{} workers were lost while they computed this job and nothing else: see their logs, or give them more memory",
-        super::MOST_LOSSES_ALONE
+        super::limits::MOST_LOSSES_ALONE
     )]
     KillsWorkers,
 }

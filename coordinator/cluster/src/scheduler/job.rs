@@ -3,9 +3,11 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use kernel::replica::Digest;
+use kernel::row::JobId;
 use smallvec::SmallVec;
 
-use super::{JobId, SUSPECT_LOSSES, WorkerId};
+use super::event::WorkerId;
+use super::limits::SUSPECT_LOSSES;
 
 /// A job that is not over.
 #[derive(Debug)]

@@ -4,8 +4,9 @@ use std::cmp::Ordering;
 use std::collections::BTreeMap;
 
 use kernel::replica::Digest;
+use kernel::row::JobId;
 
-use super::{JobId, WorkerId};
+use super::event::WorkerId;
 
 #[derive(Debug)]
 pub(super) struct Worker {

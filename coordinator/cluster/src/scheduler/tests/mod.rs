@@ -5,6 +5,8 @@ mod random;
 mod sequences;
 mod suspects;
 
+use std::collections::BTreeMap;
+
 use kernel::replica::Digest;
 
 use super::*;
