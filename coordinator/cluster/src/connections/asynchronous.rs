@@ -54,7 +54,7 @@ impl AsyncCluster {
         self.tell(Message::Release(digest));
     }
 
-    /// As [`super::Handle::submit`].
+    /// Requests rows, the most urgent first, after all that wait already. No job id may be used twice.
     pub fn submit(&self, requests: Vec<(JobId, RowRequest)>) {
         let rows = requests.into_iter().map(|(job, request)| (job, Request::Rows(request)));
         self.tell(Message::Submit(rows.collect()));

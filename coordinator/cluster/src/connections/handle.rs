@@ -15,8 +15,11 @@ use super::request::Request;
 use super::summary::{FinishedWork, WorkerPart};
 use crate::scheduler::HandleId;
 
-/// Access to the workers of a cluster for one caller, with jobs and replicas of its own, which are forgotten when it is dropped. A
-/// handle submits jobs of one kind, rows or tiles, and takes their results in any order.
+/// Access to the workers of a cluster for one caller, with jobs and replicas of its own, which are forgotten when it is dropped. It is
+/// a [`RowService`] or a [`TileService`], but not both at a time.
+///
+/// Replicas are counted: the cluster forgets one that was released as often as it was published, by all handles. A replica is loaded
+/// to a worker before the first job that needs it.
 pub struct Handle {
     id: HandleId,
     hub: Arc<Hub>,
@@ -27,41 +30,6 @@ impl Handle {
     pub(super) fn new(hub: Arc<Hub>, priority: i32) -> Self {
         let (sender, results) = mpsc::channel();
         Self { id: hub.join(priority, sender), hub, results }
-    }
-
-    /// Makes a replica known: it is loaded to a worker before the first job that needs it. Counted: the cluster forgets a replica that
-    /// was released as often as it was published, by all handles.
-    pub fn publish(&self, replica: EncodedReplica) {
-        self.hub.publish(self.id, replica);
-    }
-
-    /// Takes back one [`Self::publish`]. No unfinished job may need the replica after the last one.
-    pub fn release(&self, digest: Digest) {
-        self.hub.release(self.id, digest);
-    }
-
-    /// Requests rows, the most urgent first, after all that wait already. No job id may be used twice.
-    pub fn submit(&self, requests: Vec<(JobId, RowRequest)>) {
-        self.hub.submit(self.id, requests.into_iter().map(|(job, request)| (job, Request::Rows(request))));
-    }
-
-    /// Requests tiles of pictures, likewise.
-    pub fn submit_tiles(&self, requests: Vec<(JobId, TileRequest)>) {
-        self.hub.submit(self.id, requests.into_iter().map(|(job, request)| (job, Request::Tile(request))));
-    }
-
-    /// Withdraws all jobs without an answer: none of them is answered any more. Workers finish those that they have begun.
-    pub fn withdraw(&mut self) {
-        self.hub.withdraw(self.id);
-        // Results are sent while the state is locked: none follows.
-        while self.results.try_recv().is_ok() {}
-    }
-
-    /// Number of jobs that the connected workers compute at the same time.
-    #[must_use]
-    pub fn threads(&self) -> usize {
-        let [_, threads] = self.hub.connected();
-        threads
     }
 
     /// Work of each worker for this handle, in the order of their first answers.
@@ -98,39 +66,29 @@ impl Handle {
             Err(RecvTimeoutError::Disconnected) => Err(ClusterError::Stopped),
         }
     }
-
-    /// As [`Self::next`], for tiles.
-    ///
-    /// # Errors
-    /// As for [`Self::next`].
-    pub fn next_tile(&mut self) -> Result<FinishedTile, ClusterError> {
-        loop {
-            if let FinishedWork::Tile(tile) = self.results.recv().unwrap_or(Err(ClusterError::Stopped))? {
-                return Ok(tile);
-            }
-        }
-    }
 }
 
 impl RowService for Handle {
     fn publish(&mut self, replica: EncodedReplica) {
-        Handle::publish(self, replica);
+        self.hub.publish(self.id, replica);
     }
 
     fn release(&mut self, digest: Digest) {
-        Handle::release(self, digest);
+        self.hub.release(self.id, digest);
     }
 
     fn submit(&mut self, requests: Vec<(JobId, RowRequest)>) {
-        Handle::submit(self, requests);
+        self.hub.submit(self.id, requests.into_iter().map(|(job, request)| (job, Request::Rows(request))));
     }
 
     fn withdraw(&mut self) {
-        Handle::withdraw(self);
+        self.hub.withdraw(self.id);
+        // Results are sent while the state is locked: none follows.
+        while self.results.try_recv().is_ok() {}
     }
 
     fn threads(&self) -> usize {
-        Handle::threads(self)
+        self.hub.connected()[1]
     }
 
     fn next(&mut self, patience: Duration) -> Result<Option<FinishedJob>, BakeError> {
@@ -142,19 +100,23 @@ impl TileService for Handle {
     type Error = ClusterError;
 
     fn publish(&mut self, replica: EncodedReplica) {
-        Handle::publish(self, replica);
+        self.hub.publish(self.id, replica);
     }
 
     fn release(&mut self, digest: Digest) {
-        Handle::release(self, digest);
+        self.hub.release(self.id, digest);
     }
 
     fn submit(&mut self, requests: Vec<(JobId, TileRequest)>) {
-        self.submit_tiles(requests);
+        self.hub.submit(self.id, requests.into_iter().map(|(job, request)| (job, Request::Tile(request))));
     }
 
     fn next(&mut self) -> Result<FinishedTile, ClusterError> {
-        self.next_tile()
+        loop {
+            if let FinishedWork::Tile(tile) = self.results.recv().unwrap_or(Err(ClusterError::Stopped))? {
+                return Ok(tile);
+            }
+        }
     }
 }
 

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use bake::RowService;
 use cluster::{Handle, JobId};
 use glam::DVec3;
 use kernel::geometry::{ConvexPolygon, PlaneId};
@@ -36,8 +37,8 @@ impl Bakery {
         Self { occluders, receivers, scene_replica, receivers_replica }
     }
 
-    pub fn publish(&self, cluster: &Handle) {
-        self.replicas().into_iter().for_each(|replica| cluster.publish(replica));
+    pub fn publish(&self, handle: &mut Handle) {
+        self.replicas().into_iter().for_each(|replica| handle.publish(replica));
     }
 
     pub fn replicas(&self) -> [EncodedReplica; 2] {
@@ -88,13 +89,13 @@ impl Bakery {
 }
 
 /// Submits all requests, with their places as ids.
-pub fn submit_all(cluster: &Handle, bakery: &Bakery) {
-    cluster.submit((0..).map(JobId).zip(bakery.requests()).collect());
+pub fn submit_all(handle: &mut Handle, bakery: &Bakery) {
+    handle.submit((0..).map(JobId).zip(bakery.requests()).collect());
 }
 
 /// Waits for as many results as there are requests.
-pub fn take_all(cluster: &mut Handle, bakery: &Bakery) -> BTreeMap<u64, Vec<Row>> {
-    let results = bakery.requests().into_iter().map(|_| cluster.next().unwrap());
+pub fn take_all(handle: &mut Handle, bakery: &Bakery) -> BTreeMap<u64, Vec<Row>> {
+    let results = bakery.requests().into_iter().map(|_| handle.next().unwrap());
     results.map(|finished| (finished.job.0, finished.rows)).collect()
 }
 

@@ -7,6 +7,7 @@ mod sharing;
 
 use std::time::Duration;
 
+use bake::RowService;
 use cluster::scheduler::Abandonment;
 use cluster::{Cluster, ClusterError, ClusterSettings, Handle, JobId, Workers};
 use kernel::replica::Digest;
@@ -26,8 +27,8 @@ fn cluster(servers: &[&Server], bakery: &Bakery) -> (Cluster, Handle) {
 
 fn with_handle(settings: &ClusterSettings, bakery: &Bakery) -> (Cluster, Handle) {
     let cluster = Cluster::start(settings).unwrap();
-    let handle = cluster.handle(0);
-    bakery.publish(&handle);
+    let mut handle = cluster.handle(0);
+    bakery.publish(&mut handle);
     (cluster, handle)
 }
 
@@ -49,7 +50,7 @@ fn embedded_and_remote_workers_give_the_rows_of_the_engine() {
     let servers = [Server::real(), Server::real()];
     let remote = cluster(&[&servers[0], &servers[1]], &bakery);
     for (cluster, mut handle) in [embedded, remote] {
-        submit_all(&handle, &bakery);
+        submit_all(&mut handle, &bakery);
         assert_eq!(take_all(&mut handle, &bakery), expected);
         let summaries = cluster.workers();
         assert_eq!(summaries.iter().map(|worker| worker.part.jobs).sum::<u64>(), expected.len() as u64);
@@ -122,7 +123,7 @@ fn a_worker_that_stops_hands_its_jobs_back() {
     let bakery = Bakery::new();
     let [stops, stays] = [Server::real(), Server::real()];
     let (_cluster, mut handle) = cluster(&[&stops, &stays], &bakery);
-    submit_all(&handle, &bakery);
+    submit_all(&mut handle, &bakery);
     stops.stop();
     assert_eq!(take_all(&mut handle, &bakery), bakery.rows());
 }
@@ -133,11 +134,11 @@ fn all_workers_lost_is_an_error_and_stays_one() {
     // Takes jobs, and never answers them.
     let mut servers = vec![Server::fake_worker(|_| None), Server::fake_worker(|_| None)];
     let (cluster, mut handle) = cluster(&[&servers[0], &servers[1]], &bakery);
-    submit_all(&handle, &bakery);
+    submit_all(&mut handle, &bakery);
     servers.clear();
     let Err(ClusterError::AllWorkersLost { reasons }) = handle.next() else { panic!("not lost") };
     assert_eq!(reasons.len(), 2);
-    submit_all(&handle, &bakery);
+    submit_all(&mut handle, &bakery);
     assert!(matches!(handle.next(), Err(ClusterError::AllWorkersLost { .. })));
     assert!(cluster.workers().iter().all(|worker| worker.lost.is_some()));
 }
@@ -147,7 +148,7 @@ fn a_worker_that_falls_silent_is_lost() {
     let bakery = Bakery::new();
     let server = Server::deaf();
     let (_cluster, mut handle) = cluster(&[&server], &bakery);
-    submit_all(&handle, &bakery);
+    submit_all(&mut handle, &bakery);
     let error = handle.next().unwrap_err();
     assert!(error.to_string().contains("silent"), "{error}");
 }
@@ -176,13 +177,13 @@ fn garbage_costs_a_worker_its_place_and_no_job_its_rows() {
     ];
     for liar in &liars {
         let (_cluster, mut alone) = cluster(&[liar], &bakery);
-        submit_all(&alone, &bakery);
+        submit_all(&mut alone, &bakery);
         let error = alone.next().unwrap_err();
         assert!(matches!(error, ClusterError::AllWorkersLost { .. }), "{error}");
         assert!(error.to_string().contains("garbage"), "{error}");
 
         let (_cluster, mut both) = cluster(&[liar, &honest], &bakery);
-        submit_all(&both, &bakery);
+        submit_all(&mut both, &bakery);
         assert_eq!(take_all(&mut both, &bakery), bakery.rows());
     }
 }
@@ -193,7 +194,7 @@ fn a_replica_that_a_worker_forgot_is_loaded_again() {
     let server = Server::real();
     let (cluster, mut handle) = cluster(&[&server], &bakery);
     for _ in 0..2 {
-        submit_all(&handle, &bakery);
+        submit_all(&mut handle, &bakery);
         assert_eq!(take_all(&mut handle, &bakery), bakery.rows());
         server.forget(&bakery.digests());
     }
@@ -206,20 +207,22 @@ fn a_released_replica_can_be_published_again() {
     let cluster = Cluster::start(&Workers::Embedded { threads: 1 }.into()).unwrap();
     let mut handle = cluster.handle(0);
     for _ in 0..2 {
-        bakery.publish(&handle);
-        submit_all(&handle, &bakery);
+        bakery.publish(&mut handle);
+        submit_all(&mut handle, &bakery);
         assert_eq!(take_all(&mut handle, &bakery), bakery.rows());
         bakery.digests().into_iter().for_each(|digest| handle.release(digest));
     }
     // It is forgotten once every handle has released it as often as it was published.
     let mut other = cluster.handle(0);
-    [&handle, &handle, &other].into_iter().for_each(|handle| bakery.publish(handle));
+    bakery.publish(&mut handle);
+    bakery.publish(&mut handle);
+    bakery.publish(&mut other);
     bakery.digests().into_iter().for_each(|digest| handle.release(digest));
     drop(handle);
-    submit_all(&other, &bakery);
+    submit_all(&mut other, &bakery);
     assert_eq!(take_all(&mut other, &bakery), bakery.rows());
     bakery.digests().into_iter().for_each(|digest| other.release(digest));
-    submit_all(&other, &bakery);
+    submit_all(&mut other, &bakery);
     assert!(matches!(other.next(), Err(ClusterError::NotPublished(_))));
 }
 
@@ -231,7 +234,7 @@ fn answers_to_withdrawn_jobs_are_no_duplicates() {
     let mut registry = Registry::default();
     settings.metrics.register(&mut registry);
     let (cluster, mut handle) = with_handle(&settings, &bakery);
-    submit_all(&handle, &bakery);
+    submit_all(&mut handle, &bakery);
     handle.next().unwrap();
     handle.withdraw();
     // The worker answers in order: those that it held of the withdrawn jobs before these.

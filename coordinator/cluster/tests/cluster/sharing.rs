@@ -5,7 +5,7 @@ use std::net::TcpListener;
 use std::path::Path;
 use std::time::Duration;
 
-use bake::{BakeError, BakeSettings, Baked, Observer, Phase, Progress, Unobserved, bake};
+use bake::{BakeError, BakeSettings, Baked, Observer, Phase, Progress, RowService, Unobserved, bake};
 use cluster::{Cluster, ClusterSettings, Handle, JobId, Workers};
 use kernel::row::Row;
 use scene::Scene;
