@@ -87,7 +87,7 @@ pub enum HealthError {
         reason: String,
     },
     /// It finishes what it has, and takes nothing new.
-    #[error("what is at {address} does not serve: it was told to stop")]
+    #[error("{address} does not serve: it is shutting down")]
     Draining {
         /// As it was given.
         address: String,

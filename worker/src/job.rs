@@ -120,7 +120,7 @@ pub enum JobError {
     #[error(transparent)]
     Panicked(#[from] Panicked),
     /// The coordinator took it back before it was begun.
-    #[error("the job was cancelled before it was begun")]
+    #[error("the job was cancelled before it began")]
     Cancelled,
 }
 
@@ -147,7 +147,7 @@ impl Job {
     /// Reads a job and takes hold of its replicas.
     ///
     /// # Errors
-    /// When the job makes no sense or names a replica that the store does not hold.
+    /// When the job is invalid or names a replica that the store does not hold.
     pub fn new(message: &RowJob, store: &mut ReplicaStore) -> Result<Self, JobError> {
         let request = RowRequest::from_job(message)?;
         let scene = match store.get(request.scene) {

@@ -10,11 +10,11 @@ use protocol::security::{ClientSecurity, SecurityError, Token, Transport};
 use protocol::telemetry::{LogFormat, MetricsAddress};
 use worker::Settings;
 
-/// Computes rows of form factors for a coordinator. Keeps nothing: stop it at any time.
+/// Compute rows of form factors for a coordinator. Stateless: stop it at any time.
 #[derive(Parser)]
 #[command(version)]
 pub struct Options {
-    /// Address to listen on; port 0 takes a free one. Beyond this machine it takes the --tls files, or --plaintext.
+    /// Address to listen on; port 0 takes a free one. Other machines need the --tls files or --plaintext.
     #[arg(long, env = "WORKER_LISTEN", default_value = "127.0.0.1:7070")]
     pub listen: SocketAddr,
     /// Jobs computed at the same time [default: one for each core].
@@ -26,37 +26,37 @@ pub struct Options {
     /// Room for replicas of scenes, in bytes.
     #[arg(long, env = "WORKER_REPLICA_BYTES", default_value_t = Settings::DEFAULT_REPLICA_BYTES)]
     pub replica_bytes: u64,
-    /// Certificate of the authority that coordinators must have theirs from, PEM.
+    /// Certificate of the authority that signs certificates of coordinators, PEM.
     #[arg(long, env = "WORKER_TLS_CA", value_name = "FILE", value_parser = path())]
     tls_ca: Option<PathBuf>,
-    /// This worker's certificate, PEM. Its names must have the one that coordinators dial.
+    /// This worker's certificate, PEM; valid for the name that coordinators dial.
     #[arg(long, env = "WORKER_TLS_CERT", value_name = "FILE", value_parser = path())]
     tls_cert: Option<PathBuf>,
-    /// The certificate's private key, PEM.
+    /// Private key of the certificate, PEM.
     #[arg(long, env = "WORKER_TLS_KEY", value_name = "FILE", value_parser = path())]
     tls_key: Option<PathBuf>,
-    /// Listen beyond this machine without encryption: for networks in which everybody may use and read everything.
+    /// Serve other machines without encryption, in a trusted network.
     #[arg(long, env = "WORKER_PLAINTEXT", value_parser = FalseyValueParser::new(), action = ArgAction::SetTrue)]
     plaintext: bool,
-    /// File with the token that coordinators must give: one word of 16 characters or more.
+    /// File with the token of coordinators: one word of 16 characters or more.
     #[arg(long, env = "WORKER_TOKEN_FILE", value_name = "FILE", value_parser = path())]
     token_file: Option<PathBuf>,
-    /// Figures for Prometheus at this address, under /metrics; port 0 takes a free one [default: none].
+    /// Address of metrics for Prometheus, under /metrics; port 0 takes a free one [default: none].
     #[arg(long, env = "WORKER_METRICS", value_name = "HOST:PORT")]
     metrics: Option<MetricsAddress>,
-    /// How logs are written: text or json.
+    /// Format of logs: text or json.
     #[arg(long, env = "WORKER_LOG", value_name = "FORMAT", default_value = "text")]
     pub log: LogFormat,
-    /// Do not serve, but ask the worker at this address whether it does; the exit code is 0 if so. For health checks of containers.
+    /// Check the health of the worker at this address instead of serving; exit code 0 if it serves.
     #[arg(long, value_name = "HOST:PORT")]
     pub health: Option<String>,
-    /// With --health: the name in the worker's certificate [default: the host asked].
+    /// Name in the worker's certificate, for --health [default: its host].
     #[arg(long, env = "WORKER_TLS_NAME", value_name = "NAME")]
     tls_name: Option<String>,
 }
 
 impl Options {
-    /// How bytes travel.
+    /// Transport security.
     pub fn transport(&self) -> Result<Transport, SecurityError> {
         let Self { tls_ca, tls_cert, tls_key, plaintext, .. } = self;
         Transport::from_options(tls_ca.clone(), tls_cert.clone(), tls_key.clone(), *plaintext)
@@ -67,13 +67,13 @@ impl Options {
         Token::from_option(self.token_file.as_deref())
     }
 
-    /// How to ask another worker.
+    /// Security of health checks.
     pub fn client(&self) -> Result<ClientSecurity, SecurityError> {
         let server_name = self.tls_name.clone().filter(|name| !name.is_empty());
         Ok(ClientSecurity { transport: self.transport()?, server_name, token: self.token()? })
     }
 
-    /// Where figures are shown.
+    /// Address of the metrics.
     pub fn metrics(&self) -> Option<SocketAddr> {
         self.metrics.and_then(|MetricsAddress(address)| address)
     }

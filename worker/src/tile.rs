@@ -21,7 +21,7 @@ impl Tile {
     /// Reads a job and takes hold of its replica.
     ///
     /// # Errors
-    /// When the job makes no sense or names a replica that the store does not hold.
+    /// When the job is invalid or names a replica that the store does not hold.
     pub fn new(message: &TileJob, store: &mut ReplicaStore) -> Result<Self, JobError> {
         let request = TileRequest::from_job(message)?;
         match store.get(request.picture) {

@@ -41,7 +41,7 @@ pub enum UploadError {
         /// Digest of the bytes.
         received: Digest,
     },
-    /// The bytes do not make sense.
+    /// The bytes are no replica.
     #[error(transparent)]
     Replica(#[from] ReplicaError),
 }
@@ -59,7 +59,7 @@ impl Upload {
     /// Starts an upload. Nothing is allocated on the header's word alone.
     ///
     /// # Errors
-    /// When the header makes no sense or announces more than `largest` bytes.
+    /// When the header is invalid or announces more than `largest` bytes.
     pub fn begin(header: &ReplicaHeader, largest: u64) -> Result<Self, UploadError> {
         let digest = Digest::try_from(header.digest.as_ref())?;
         let length = header.length;

@@ -49,17 +49,17 @@ pub enum TileError {
     /// A digest is malformed.
     #[error(transparent)]
     Digest(#[from] ReplicaError),
-    /// The camera makes no sense.
-    #[error("tile has no camera that could be used: {0}")]
+    /// The camera is invalid.
+    #[error("invalid camera of a tile: {0}")]
     Camera(&'static str),
-    /// Something else makes no sense.
-    #[error("tile makes no sense: {0}")]
+    /// Another part of the request is invalid.
+    #[error("invalid tile: {0}")]
     Invalid(&'static str),
     /// The pixels changed on the way.
-    #[error("pixels whose digest is not theirs")]
+    #[error("pixels do not match their digest")]
     Changed,
     /// The pixels are not those of this tile.
-    #[error("pixels that cannot be: {0}")]
+    #[error("invalid pixels: {0}")]
     Pixels(&'static str),
 }
 
@@ -92,7 +92,7 @@ impl TileRequest {
     /// Reads a request and checks it.
     ///
     /// # Errors
-    /// When a number makes no sense, or the tile would take too long or too many bytes.
+    /// When a number is invalid, or the tile would take too long or too many bytes.
     pub fn from_job(job: &TileJob) -> Result<Self, TileError> {
         let picture = Digest::try_from(job.picture_digest.as_ref())?;
         let camera = job.camera.as_ref().ok_or(TileError::Camera("there is none"))?;
@@ -139,7 +139,7 @@ pub fn encode_pixels(pixels: &[[f32; 3]]) -> (Bytes, Digest) {
 /// Reads the pixels that answer a request and checks them.
 ///
 /// # Errors
-/// When their digest is not theirs, there are more or fewer than asked for, or one is negative, infinite or NaN.
+/// When they do not match their digest, there are more or fewer than requested, or one is negative, infinite or NaN.
 pub fn decode_pixels(
     request: &TileRequest,
     finished: &messages::FinishedTile,

@@ -96,7 +96,7 @@ pub enum RequestError {
     #[error(transparent)]
     Replica(#[from] ReplicaError),
     /// A part of the message is missing or out of range.
-    #[error("job makes no sense: {0}")]
+    #[error("invalid job: {0}")]
     Invalid(&'static str),
 }
 
