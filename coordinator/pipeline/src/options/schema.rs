@@ -59,6 +59,15 @@ pub struct Knob<M: Options> {
     change: Option<Change<M::Settings>>,
 }
 
+/// Sets fields of an option.
+macro_rules! with {
+    ($($name:ident: $type:ty),*) => {$(
+        pub(super) const fn $name(self, $name: $type) -> Self {
+            Self { $name, ..self }
+        }
+    )*};
+}
+
 impl<M: Options> Knob<M> {
     pub(super) const fn new(
         path: &'static str,
@@ -86,37 +95,11 @@ impl<M: Options> Knob<M> {
         }
     }
 
-    pub(super) const fn help(self, help: &'static str) -> Self {
-        Self { help, ..self }
-    }
+    with!(help: &'static str, details: &'static str, value_name: &'static str, unit: &'static str);
 
-    pub(super) const fn details(self, details: &'static str) -> Self {
-        Self { details, ..self }
-    }
+    with!(label: &'static str, default: &'static str);
 
-    pub(super) const fn value_name(self, value_name: &'static str) -> Self {
-        Self { value_name, ..self }
-    }
-
-    pub(super) const fn unit(self, unit: &'static str) -> Self {
-        Self { unit, ..self }
-    }
-
-    pub(super) const fn label(self, label: &'static str) -> Self {
-        Self { label, ..self }
-    }
-
-    pub(super) const fn default(self, default: &'static str) -> Self {
-        Self { default, ..self }
-    }
-
-    pub(super) const fn aliases(self, aliases: &'static [&'static str]) -> Self {
-        Self { aliases, ..self }
-    }
-
-    pub(super) const fn excludes(self, excludes: &'static [&'static str]) -> Self {
-        Self { excludes, ..self }
-    }
+    with!(aliases: &'static [&'static str], excludes: &'static [&'static str]);
 
     pub(super) const fn advanced(self) -> Self {
         Self { advanced: true, ..self }

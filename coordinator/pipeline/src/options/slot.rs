@@ -60,29 +60,24 @@ impl Slot for i32 {
     }
 }
 
-impl Slot for f64 {
-    fn get(&self) -> Option<Value> {
-        Some(Value::Number(*self))
-    }
+/// Fields that are values as they are.
+macro_rules! plain {
+    ($($type:ty: $kind:ident),*) => {$(
+        impl Slot for $type {
+            fn get(&self) -> Option<Value> {
+                Some(Value::$kind(*self))
+            }
 
-    fn set(&mut self, value: Value) {
-        if let Value::Number(number) = value {
-            *self = number;
+            fn set(&mut self, value: Value) {
+                if let Value::$kind(value) = value {
+                    *self = value;
+                }
+            }
         }
-    }
+    )*};
 }
 
-impl Slot for bool {
-    fn get(&self) -> Option<Value> {
-        Some(Value::Flag(*self))
-    }
-
-    fn set(&mut self, value: Value) {
-        if let Value::Flag(flag) = value {
-            *self = flag;
-        }
-    }
-}
+plain!(f64: Number, bool: Flag, DVec3: Colour);
 
 impl Slot for String {
     fn get(&self) -> Option<Value> {
@@ -92,18 +87,6 @@ impl Slot for String {
     fn set(&mut self, value: Value) {
         if let Value::Text(text) = value {
             *self = text;
-        }
-    }
-}
-
-impl Slot for DVec3 {
-    fn get(&self) -> Option<Value> {
-        Some(Value::Colour(*self))
-    }
-
-    fn set(&mut self, value: Value) {
-        if let Value::Colour(colour) = value {
-            *self = colour;
         }
     }
 }
