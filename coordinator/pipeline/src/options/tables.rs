@@ -71,7 +71,7 @@ impl Options for BakeOptions {
             .details("Automatic takes hemisphere rows (gather) for dense meshes, and exact rows for others."),
         knob!("bake." + max_vertices -> max_vertices, "max-vertices", ANY_64)
             .help("Number of vertices at which refinement ends")
-            .label("Vertex limit"),
+            .label("Maximum vertices"),
         knob!("bake." + max_edge -> max_edge, "max-edge", Kind::Number(POSITIVE))
             .value_name("LENGTH")
             .help("Longest edge of the output's triangles")
