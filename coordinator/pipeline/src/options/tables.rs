@@ -62,7 +62,7 @@ impl Options for BakeOptions {
             .help("Target error, relative L2 of the radiosity; chooses mesh, rays and threshold")
             .details("0.02 is 2 %. The bake refines until its own estimate meets this error.")
             .label("Target error")
-            .default("none: the options below decide")
+            .default("none; the options below decide")
             .excludes(&["mesh-error", "shooter-edge"])
             .change(|_, error| BakeSettings::for_error(error)),
         knob!("bake." + rows -> rows, "rows", Kind::Choice(ROWS))
