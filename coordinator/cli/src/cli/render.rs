@@ -12,11 +12,11 @@ use output::render::{
     CameraChoice, Caption, LitFile, LookAt, PictureFormat, TileSettings, ToneMap, choose_view, encode_exr,
     encode_png, read_lit, render_tiles, suitable_exposure,
 };
+use scene::ReadOptions;
 
 use super::options::positive;
 use super::progress::short;
 use super::report::new_table;
-use super::scene_options::SceneOptions;
 use super::telemetry::TelemetryArguments;
 use super::workers::WorkerArguments;
 use super::write_output;
@@ -54,8 +54,9 @@ pub struct RenderArguments {
     background: Option<DVec3>,
     #[command(flatten)]
     view: ViewArguments,
-    #[command(flatten)]
-    scene: SceneOptions,
+    /// Scene of the file [default: the file's default scene, or its first]
+    #[arg(long, value_name = "INDEX|NAME")]
+    scene: Option<String>,
     #[command(flatten)]
     pub workers: WorkerArguments,
     #[command(flatten)]
@@ -124,7 +125,8 @@ pub fn run(arguments: &RenderArguments, workers: &ClusterSettings) -> anyhow::Re
     let format = PictureFormat::of(&arguments.output)
         .with_context(|| format!("output {} must end in .png or .exr", arguments.output.display()))?;
     files::check(&arguments.output)?;
-    let file = read_lit(&arguments.file, &arguments.scene.import_options()?.read)?;
+    let options = ReadOptions { scene: arguments.scene.clone(), ..ReadOptions::default() };
+    let file = read_lit(&arguments.file, &options)?;
     for warning in &file.warnings {
         eprintln!("warning: {warning}");
     }

@@ -62,7 +62,7 @@ impl Options for BakeOptions {
             .help("Target error, relative L2 of the radiosity; chooses mesh, rays and threshold")
             .details("0.02 is 2 %. The bake refines until its own estimate meets this error.")
             .label("Target error")
-            .default("none: the options below decide")
+            .default("none; the options below decide")
             .excludes(&["mesh-error", "shooter-edge"])
             .change(|_, error| BakeSettings::for_error(error)),
         knob!("bake." + rows -> rows, "rows", Kind::Choice(ROWS))
@@ -71,7 +71,7 @@ impl Options for BakeOptions {
             .details("Automatic takes hemisphere rows (gather) for dense meshes, and exact rows for others."),
         knob!("bake." + max_vertices -> max_vertices, "max-vertices", ANY_64)
             .help("Number of vertices at which refinement ends")
-            .label("Vertex limit"),
+            .label("Maximum vertices"),
         knob!("bake." + max_edge -> max_edge, "max-edge", Kind::Number(POSITIVE))
             .value_name("LENGTH")
             .help("Longest edge of the output's triangles")
