@@ -2,12 +2,12 @@
 
 use std::time::Instant;
 
-use glam::DVec3;
+use kernel::geometry::Bounds;
 
 use crate::channels::Channels;
 use crate::jobs::RowClient;
 use crate::settings::BakeSettings;
-use scene::Scene;
+use scene::{Facet, Scene};
 
 /// One attempt at a bake.
 pub struct Context<'a, 'b> {
@@ -69,7 +69,6 @@ impl<'a, 'b> Context<'a, 'b> {
 
 /// Largest extent of the facets of a scene, in frame units.
 pub fn extent(scene: &Scene) -> f64 {
-    let corners =
-        || scene.surfaces.iter().flat_map(|s| &s.facets).flat_map(|f| &f.corners).map(|c| c.position);
-    (corners().fold(DVec3::MIN, DVec3::max) - corners().fold(DVec3::MAX, DVec3::min)).max_element()
+    let facets = scene.surfaces.iter().flat_map(|surface| &surface.facets);
+    Bounds::around(facets.flat_map(Facet::positions)).extent().max_element()
 }

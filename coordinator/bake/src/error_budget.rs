@@ -1,4 +1,4 @@
-//! Where the error of a bake comes from.
+//! The error of a bake by origin.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,28 +6,26 @@ use serde::{Deserialize, Serialize};
 /// The parts are independent of each other: their squares add up.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct ErrorBudget {
-    /// Light not yet shot, and what reflection would make of it. The bake's `unshot_bound` is the worst that it can be.
+    /// Unshot light and its interreflection. The bake's `unshot_bound` is its bound.
     pub unshot: f64,
-    /// Noise of visibility that was sampled with rays: standard error, from the spread between halves of the rays. 0 where all
-    /// visibility was computed.
+    /// Noise of sampled visibility: standard error, from the spread between halves of the rays. 0 where all visibility is exact.
     pub visibility: f64,
-    /// Arithmetic of the form factors: mean error of the rules that were used for them, and the rounding of stored rows.
+    /// Arithmetic of form factors: mean quadrature error, and rounding of stored rows.
     pub form_factors: f64,
-    /// Of the mesh, in all: receivers and shooters.
+    /// The mesh: receivers and shooters.
     pub mesh: f64,
-    /// Interpolation between vertices: measured at random points between them.
+    /// Interpolation between vertices: measured at validation samples.
     pub receivers: f64,
-    /// Constant radiosity of each share, where it varies: measured at random points, against the light of the refined mesh.
+    /// Constant radiosity of each share: measured at validation samples, against the light of the refined mesh.
     pub shooters: f64,
-    /// All of them.
+    /// All parts.
     pub total: f64,
 }
 
-/// Mean square of the weights with which a random point of a triangle takes the noise of its three vertices.
+/// Noise at a random point of a triangle over that of its vertices: mean of the sum of squared interpolation weights.
 pub const INTERPOLATED_NOISE: f64 = 0.5;
 
-/// Part of misplaced light that comes back after reflection: transfer between the surfaces of
-/// a room evens out the finer patterns and keeps the coarse ones.
+/// Part of misplaced light that comes back after reflection: transfer in a room evens out fine patterns.
 pub const RETURNING: f64 = 0.5;
 
 /// Rows are stored in f32.
@@ -52,21 +50,21 @@ impl ErrorBudget {
         Self { unshot, visibility, form_factors, mesh, receivers, shooters, total }
     }
 
-    /// What all parts but the interpolation amount to.
+    /// All parts but the interpolation.
     #[must_use]
     pub fn without_receivers(&self) -> f64 {
         self.shooters.hypot(self.visibility).hypot(self.form_factors).hypot(self.unshot)
     }
 }
 
-/// What is left of a measured error without its noise. The noise is itself an estimate, often too high: no more than three
-/// quarters of the square are taken for it.
+/// Subtracts the noise from a measured error. The noise is itself an estimate, often too high: at most three quarters of the
+/// square are attributed to it.
 #[must_use]
 pub fn without_noise(measured: f64, noise: f64) -> f64 {
     without(measured, noise).max(measured / 2.0)
 }
 
-/// What is left of an error when an independent one is taken out.
+/// Subtracts an independent error.
 #[must_use]
 pub fn without(all: f64, other: f64) -> f64 {
     (all * all - other * other).max(0.0).sqrt()

@@ -66,8 +66,7 @@ pub struct BakeSettings {
     /// Light sources whose light is wanted by itself as well.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub groups: Vec<LightGroup>,
-    /// Keep the light of each source by itself, so that the scene can be lit otherwise, if it takes no more than so many bytes. No
-    /// part of the answer.
+    /// Keep the light of each source for relighting, if it takes at most this many bytes. Does not affect the result.
     #[serde(skip)]
     pub keep_light: Option<u64>,
     /// Weigh point lights by the cosine of an imaginary horizontal plane instead of evenly by solid angle.

@@ -31,9 +31,9 @@ const JOBS_OF_CLIENT: u64 = 1 << 40;
 
 /// Computes rows: a cluster of workers, in this process or elsewhere.
 pub trait RowService {
-    /// Makes a replica known before the first job that needs it.
+    /// Publishes a replica before the first job that needs it. One may be published several times.
     fn publish(&mut self, replica: EncodedReplica);
-    /// Announces that a replica will not be used again.
+    /// Takes back one [`Self::publish`]. No job needs the replica after the last one.
     fn release(&mut self, digest: Digest);
     /// Requests rows; earlier requests are more urgent. No job id may be used twice.
     fn submit(&mut self, requests: Vec<(JobId, RowRequest)>);
@@ -91,8 +91,8 @@ struct PendingJob {
 pub struct RowClient<'a> {
     service: &'a mut dyn RowService,
     scene: Digest,
-    /// Published replicas, each with the number of its sets: two may have the same content.
-    published: HashMap<Digest, usize>,
+    /// Published replicas. Two may have the same content.
+    published: Vec<Digest>,
     precision: Precision,
     jobs: HashMap<JobId, PendingJob>,
     pace: Pace,
@@ -113,7 +113,7 @@ impl<'a> RowClient<'a> {
         Self {
             service,
             scene: digest,
-            published: HashMap::from([(digest, 1)]),
+            published: vec![digest],
             precision: Precision::DEFAULT,
             jobs: HashMap::new(),
             pace: Pace::default(),
@@ -147,21 +147,15 @@ impl<'a> RowClient<'a> {
     }
 
     fn publish(&mut self, replica: EncodedReplica) {
-        let sets = self.published.entry(replica.digest).or_default();
-        *sets += 1;
-        if *sets == 1 {
-            self.service.publish(replica);
-        }
+        self.published.push(replica.digest);
+        self.service.publish(replica);
     }
 
     /// Releases a published set.
     pub fn release(&mut self, set: ReceiverSet) {
-        if let Some(sets) = self.published.get_mut(&set.digest) {
-            *sets -= 1;
-            if *sets == 0 {
-                self.published.remove(&set.digest);
-                self.service.release(set.digest);
-            }
+        if let Some(index) = self.published.iter().position(|digest| *digest == set.digest) {
+            self.published.swap_remove(index);
+            self.service.release(set.digest);
         }
     }
 
@@ -273,7 +267,7 @@ impl Drop for RowClient<'_> {
         if !self.jobs.is_empty() {
             self.service.withdraw();
         }
-        for digest in self.published.keys() {
+        for digest in &self.published {
             self.service.release(*digest);
         }
     }

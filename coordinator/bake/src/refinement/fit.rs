@@ -1,9 +1,9 @@
-//! Vertex values that fit best, rather than ones that are exact at the vertices.
+//! The least-squares fit of vertex values, instead of values exact at the vertices.
 //!
-//! Over a patch where light is curved, interpolation between exact values lies on one side of the truth all over: in the
-//! concave light of a room it is too dark everywhere, and by the same error energy is lost. The piecewise linear function
-//! with the least square error crosses the truth instead; where curvature is constant its values differ from the exact ones
-//! by h^2/12 u'' and its error is sqrt(6) times smaller. The curvature is known: dividing a patch revealed it.
+//! Where light is curved, interpolation between exact values lies on one side of the truth: in the concave light of a room it
+//! is too dark everywhere, and loses energy. The piecewise linear function of least square error crosses the truth instead; for
+//! constant curvature its values differ from the exact ones by h^2/12 u'' and its error is sqrt(6) times smaller. Dividing a
+//! patch revealed the curvature.
 
 use glam::DVec3;
 
@@ -14,7 +14,7 @@ use crate::mesh::{Mesh, PatchId};
 /// shows h^2/2 u'' at its middle, and the fit asks for h^2/12 u''.
 const FIT: f64 = 1.0 / 6.0;
 
-/// The values of the best fit, from the exact ones (irradiance per vertex).
+/// Fits values, given the exact ones (irradiance per vertex).
 #[must_use]
 pub fn best_fit(mesh: &Mesh, exact: &[DVec3]) -> Vec<DVec3> {
     let curvatures = curvatures(mesh, exact);
@@ -22,10 +22,9 @@ pub fn best_fit(mesh: &Mesh, exact: &[DVec3]) -> Vec<DVec3> {
     fit(mesh, exact, &curvatures, &curvatures).into_iter().map(|fitted| fitted.max(DVec3::ZERO)).collect()
 }
 
-/// The values of a part of the light, fitted with what the whole light chose: parts that sum to the whole still do.
+/// Fits a part of the light with the choices made for the whole: parts that sum to the whole still do.
 ///
-/// A part can be below 0 where light jumps, by a hair, for the other parts are above by as much; where that would hold of the
-/// whole, all are 0.
+/// A part can fall a hair below 0 where light jumps; where the whole would, all parts are 0.
 #[must_use]
 pub fn best_fit_of_part(mesh: &Mesh, whole: &[DVec3], part: &[DVec3]) -> Vec<DVec3> {
     let of_whole = curvatures(mesh, whole);
@@ -42,7 +41,7 @@ fn curvatures(mesh: &Mesh, exact: &[DVec3]) -> Vec<Option<DVec3>> {
     (0..mesh.patches.len() as u32).map(PatchId).map(divided).collect()
 }
 
-/// Moves exact values by their own curvature, or that of the coarser level: whichever is the smaller of the whole light's.
+/// Moves exact values by their curvature on the level where that of the whole light is smaller.
 fn fit(mesh: &Mesh, exact: &[DVec3], whole: &[Option<DVec3>], own: &[Option<DVec3>]) -> Vec<DVec3> {
     let mut sums = vec![(DVec3::ZERO, 0.0); exact.len()];
     for (_, patch) in mesh.leaves() {
@@ -68,7 +67,7 @@ fn fit(mesh: &Mesh, exact: &[DVec3], whole: &[Option<DVec3>], own: &[Option<DVec
     exact.iter().zip(sums).map(shifted).collect()
 }
 
-/// The error at the centre of a patch, estimated in both ways that it shows.
+/// The error at the centre of a patch: mean of the estimates from its edges and its centre.
 fn mean_curvature(revealed: &Revealed) -> DVec3 {
     let from_edges = revealed.middles.iter().sum::<DVec3>() * (2.0 / revealed.middles.len() as f64);
     (from_edges + revealed.centre) * 0.5

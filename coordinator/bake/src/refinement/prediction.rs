@@ -1,8 +1,7 @@
-//! Where the mesh needs more vertices.
+//! Predicts the interpolation error of each leaf.
 //!
-//! Dividing a patch reveals how wrong it was: the solution at the new vertices against what was interpolated there. From the
-//! error that its parent had, and from how that fell since the parent's own parent, the error of each leaf is predicted; the
-//! leaves that hold most of it are divided next. Light that is steep but linear is left alone.
+//! Dividing a patch reveals its error: the solution at the new vertices minus the interpolated values. The error of a leaf is
+//! predicted from that of its parent and the decay since its grandparent. Steep but linear light has none.
 
 use std::collections::HashMap;
 
@@ -11,11 +10,10 @@ use kernel::geometry::Bounds;
 
 use crate::mesh::{Mesh, PatchId};
 
-/// The radiosity error falls by 16 in the square where light is smooth, and hardly at all where a shadow line crosses.
+/// Decay of the square error per division: 16 where light is smooth, next to none across a shadow line.
 const DECAY: std::ops::RangeInclusive<f64> = 1.0 / 16.0..=0.75;
 
-/// Surfaces that reflect less are refined as if they reflected this much: their radiosity is nothing, but a viewer shows the
-/// irradiance of a black metal times its base colour.
+/// Least reflectance by which errors are weighted: a viewer shows the irradiance of a black metal times its base colour.
 const LEAST_WEIGHT: f64 = 0.05;
 
 /// Decay taken where only one level is known.
@@ -31,8 +29,7 @@ pub struct MeshError {
 
 impl MeshError {
     /// Predicts the error of `irradiance` (one value per vertex) on the mesh, as radiosity: weighted by the reflectance of
-    /// each surface. `found` are errors of the radiosity that were measured inside leaves: where vertices missed something, they
-    /// say so.
+    /// each surface. `found` are errors of the radiosity measured inside leaves, where vertices may have missed something.
     #[must_use]
     pub fn predict(
         mesh: &Mesh,
@@ -92,7 +89,7 @@ impl MeshError {
         if self.norm > 0.0 { (total / self.norm).sqrt() } else { 0.0 }
     }
 
-    /// The leaves to divide next, by falling error: those that hold this part of the square error. At most `limit` of them.
+    /// The leaves that hold this part of the square error, by falling error, at most `limit` of them.
     #[must_use]
     pub fn worst_leaves(
         &self,
@@ -118,11 +115,11 @@ impl MeshError {
     }
 }
 
-/// What dividing a patch revealed: the error of interpolation at the middle of each edge, and at the centre.
+/// Interpolation errors revealed by dividing a patch.
 pub(super) struct Revealed {
     /// At the middle of each edge, in the order of the corners.
     pub middles: Vec<DVec3>,
-    /// At the centre of gravity.
+    /// At the centroid.
     pub centre: DVec3,
 }
 

@@ -1,9 +1,8 @@
 //! Sample points: random points between the vertices, where interpolated light is compared with light gathered there. Refinement
 //! samples tell where to divide patches; validation samples, drawn anew, measure the error of the solution.
 //!
-//! A prediction from the vertices cannot know what lies between them: a shadow that falls between all vertices of a coarse
-//! mesh leaves no trace. Points drawn at random see it with a known probability, and the mean square of what is found at them
-//! is an unbiased estimate of the integral that the error is.
+//! A shadow that falls between all vertices of a coarse mesh leaves no trace at them. Random points see it with a known
+//! probability, and their mean square error is an unbiased estimate of the integral.
 
 use std::collections::HashMap;
 
@@ -29,7 +28,7 @@ const MOST_POINTS: usize = 2048;
 /// Size of the blocks in which the points are sorted: each is a random part of all.
 pub const FIRST: usize = 256;
 
-/// The sequence that the points are drawn from ends here.
+/// Length of the sequence that points are drawn from.
 const MOST_DRAWN: usize = 1 << 16;
 
 /// Sample points, and the light gathered at them.
@@ -40,20 +39,20 @@ pub struct SamplePoints {
     points: Vec<SamplePoint>,
     /// Irradiance from the light sources.
     direct: Vec<DVec3>,
-    /// Irradiance in all.
+    /// Total irradiance.
     irradiance: Vec<DVec3>,
 }
 
 /// A point on the surface.
 #[derive(Debug, Clone, PartialEq)]
 struct SamplePoint {
-    /// The patch that it lies on, a leaf when the point was drawn.
+    /// Its patch, a leaf when the point was drawn.
     patch: PatchId,
     reflectance: DVec3,
     receiver: Receiver,
     /// On the surface, where the receiver may be lifted off it.
     position: DVec3,
-    /// Density of the area over the density with which points are drawn here.
+    /// Density of the area over the sampling density.
     weight: f64,
 }
 
@@ -137,32 +136,32 @@ impl SamplePoints {
         self.points.len()
     }
 
-    /// Takes what the light sources give the points.
+    /// Sets the direct irradiance.
     pub fn set_direct(&mut self, direct: Vec<DVec3>) {
         self.direct = direct;
     }
 
-    /// Takes the light of the shares.
+    /// Sets the total irradiance, given that from the shares.
     pub fn set_gathered(&mut self, gathered: &[DVec3]) {
         self.irradiance = self.direct.iter().zip(gathered).map(|(direct, light)| *direct + *light).collect();
     }
 
-    /// Takes all light.
+    /// Sets the total irradiance.
     pub fn set_irradiance(&mut self, irradiance: Vec<DVec3>) {
         self.irradiance = irradiance;
     }
 
-    /// Root mean square over the area of the radiosity that was gathered.
+    /// Root mean square over the area of the gathered radiosity.
     pub fn level(&self) -> f64 {
         self.mean_square().sqrt()
     }
 
-    /// Whether all points have a patch of the mesh.
+    /// Returns true if the mesh has a patch for every point.
     pub fn lie_on(&self, mesh: &Mesh) -> bool {
         self.points.iter().all(|point| point.patch.index() < mesh.patches.len())
     }
 
-    /// What is needed to compare at the points again: the patch of each, and its reflectance, position and weight, 7 numbers.
+    /// Encodes the points for later comparisons: the patch of each, and 7 numbers: reflectance, position and weight.
     pub fn to_numbers(&self) -> (Vec<u32>, Vec<f64>) {
         let numbers = |point: &SamplePoint| {
             let [reflectance, position] = [point.reflectance, point.position].map(|v| v.to_array());
@@ -172,7 +171,7 @@ impl SamplePoints {
         (patches, self.points.iter().flat_map(numbers).collect())
     }
 
-    /// The points from such numbers; `None` where they do not fit or cannot be. No rows can be asked for at them.
+    /// Decodes points, for comparisons only; `None` where the numbers are not valid.
     pub fn from_numbers(patches: &[u32], numbers: &[f64]) -> Option<Self> {
         let (numbers, rest) = numbers.as_chunks::<7>();
         let fits = rest.is_empty() && numbers.len() == patches.len();
@@ -187,8 +186,7 @@ impl SamplePoints {
             .then(|| Self { points: patches.iter().zip(numbers).map(point).collect(), ..Self::default() })
     }
 
-    /// Compares the triangles of a mesh with these vertex values against the light gathered: the leaf under each point, and the
-    /// error of the radiosity there, interpolated minus gathered.
+    /// Compares interpolated with gathered light: the leaf under each point, and the error of its radiosity.
     pub fn compare(&self, mesh: &Mesh, irradiance: &[DVec3]) -> Vec<(PatchId, DVec3)> {
         let value = |vertex: VertexId| irradiance[vertex.index()];
         let found = |(point, gathered): (&SamplePoint, &DVec3)| {
@@ -200,7 +198,7 @@ impl SamplePoints {
         self.points.iter().zip(&self.irradiance).map(found).collect()
     }
 
-    /// The error of interpolation, where the mean reflectance and the relative noise of the light are these.
+    /// Relative interpolation error, given the mean reflectance and the relative noise of the light.
     pub fn interpolation_error(&self, mesh: &Mesh, fitted: &[DVec3], reflectance: f64, noise: f64) -> f64 {
         let errors: Vec<DVec3> = self.compare(mesh, fitted).into_iter().map(|(_, error)| error).collect();
         let mixed = self.relative(self.with_level(&errors, reflectance).into_iter());
@@ -208,13 +206,13 @@ impl SamplePoints {
         without_noise(mixed, noise * (1.0 + INTERPOLATED_NOISE).sqrt())
     }
 
-    /// Differences of the radiosity where other shooters give these irradiances at the first points, beside the light sources.
+    /// Differences of the radiosity at the first points where other shooters give these irradiances.
     pub fn differences(&self, other: &[DVec3]) -> Vec<DVec3> {
         let pairs = self.points.iter().zip(&self.irradiance).zip(&self.direct).zip(other);
         pairs.map(|(((point, own), direct), other)| point.reflectance * (*other + *direct - *own)).collect()
     }
 
-    /// Root mean square over the area of errors of the radiosity at the first points, relative to that of the radiosity itself.
+    /// Root mean square of radiosity errors at the first points, relative to that of the radiosity.
     pub fn relative(&self, errors: impl ExactSizeIterator<Item = DVec3>) -> f64 {
         let count = errors.len().max(1) as f64;
         let squares =
@@ -223,8 +221,8 @@ impl SamplePoints {
         if norm > 0.0 { (squares.sum::<f64>() / (count * norm)).sqrt() } else { 0.0 }
     }
 
-    /// Errors of the radiosity at all points, with what reflection makes of their mean: light that is lost between the vertices
-    /// is missed by all surfaces, by the level mean x rho / (1 - rho) relative to their radiosity.
+    /// Errors of the radiosity with the interreflection of their mean: light lost between the vertices is missing on all surfaces,
+    /// by mean x rho / (1 - rho) relative to their radiosity.
     fn with_level(&self, errors: &[DVec3], reflectance: f64) -> Vec<DVec3> {
         let weighted = |(point, value): (&SamplePoint, &DVec3)| point.weight * value.element_sum();
         let radiosities: Vec<DVec3> =
@@ -235,8 +233,8 @@ impl SamplePoints {
         errors.iter().zip(radiosities).map(|(error, radiosity)| *error + radiosity * level).collect()
     }
 
-    /// Relative standard error of the radiosity gathered at the first `count` points, from the rays that sampled visibility. Of
-    /// each row: the light of its shooter, and its variance summed over the points.
+    /// Relative standard error of the radiosity at the first `count` points, from the rays that sampled visibility. Each row has
+    /// the light of its shooter, and its variance summed over the points.
     pub fn noise(&self, rows: impl Iterator<Item = (DVec3, f64)>, count: usize) -> f64 {
         let variance: DVec3 = rows.map(|(light, sum)| light * light * sum).sum();
         let reflectance: DVec3 = self.points.iter().map(|point| point.reflectance * point.reflectance).sum();
@@ -245,7 +243,7 @@ impl SamplePoints {
         if norm > 0.0 { ((variance * reflectance).element_sum() / (points * norm)).sqrt() } else { 0.0 }
     }
 
-    /// Mean square of the radiosity that was gathered.
+    /// Mean square of the gathered radiosity.
     fn mean_square(&self) -> f64 {
         let squares = self
             .points

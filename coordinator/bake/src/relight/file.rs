@@ -40,10 +40,10 @@ pub(super) struct Body {
     pub(super) vertices: u32,
     #[prost(message, repeated, tag = "10")]
     pub(super) parts: Vec<Part>,
-    /// Of each check point.
+    /// Of each validation sample.
     #[prost(uint32, repeated, tag = "11")]
     pub(super) patches: Vec<u32>,
-    /// Of each check point [`SamplePoints::NUMBERS`].
+    /// Of each validation sample 7 numbers.
     #[prost(double, repeated, tag = "12")]
     pub(super) points: Vec<f64>,
     #[prost(double, tag = "13")]
@@ -103,7 +103,7 @@ impl KeptLight {
     }
 
     pub(super) fn body(&self) -> Body {
-        let (patches, points) = self.checks.to_numbers();
+        let (patches, points) = self.validation.to_numbers();
         let ShootingMesh { edge, max_level, max_vertices, has_error, is_gathered } = self.shooting;
         let ErrorBudget { unshot, visibility, form_factors, receivers, shooters, .. } = self.error;
         Body {
@@ -127,8 +127,8 @@ impl KeptLight {
     /// `None` where something cannot be.
     fn from_body(body: Body) -> Option<Self> {
         let vertices = body.vertices as usize;
-        let checks = SamplePoints::from_numbers(&body.patches, &body.points)?;
-        let parts = body.parts.into_iter().map(|part| part.into_kept(vertices, checks.count()));
+        let validation = SamplePoints::from_numbers(&body.patches, &body.points)?;
+        let parts = body.parts.into_iter().map(|part| part.into_kept(vertices, validation.count()));
         let [unshot, visibility, form_factors, receivers, shooters] =
             <[f64; 5]>::try_from(body.error.as_slice()).ok()?;
         let all = [body.edge, body.reflectance].into_iter().chain(body.error.iter().copied());
@@ -147,7 +147,7 @@ impl KeptLight {
             divided: body.divided.into_iter().map(PatchId).collect(),
             vertices,
             parts: parts.collect::<Option<_>>()?,
-            checks,
+            validation,
             reflectance: body.reflectance,
             error: ErrorBudget::new(unshot, visibility, form_factors, receivers, shooters),
         })
@@ -173,14 +173,14 @@ impl From<&KeptPart> for Part {
 
 impl Part {
     /// `None` where its lengths do not fit, or its figures cannot be.
-    fn into_kept(self, vertices: usize, checks: usize) -> Option<KeptPart> {
+    fn into_kept(self, vertices: usize, samples: usize) -> Option<KeptPart> {
         let single = |values: &[f32]| -> Option<Vec<Vec3>> {
             let values: Vec<Vec3> = triples(values)?.into_iter().map(Vec3::from_array).collect();
             Some(values).filter(|all| all.len() == vertices && all.iter().all(|value| value.is_finite()))
         };
         let gathered: Vec<DVec3> = triples(&self.gathered)?.into_iter().map(DVec3::from_array).collect();
         let as_baked = one(&self.as_baked)?;
-        let can_be = gathered.len() == checks
+        let can_be = gathered.len() == samples
             && gathered.iter().all(|light| light.is_finite())
             && [self.noise, self.residual].iter().all(|number| number.is_finite() && *number >= 0.0);
         Some(KeptPart {

@@ -29,7 +29,7 @@ pub struct KeptLight {
     /// The light of each light source.
     pub(super) parts: Vec<KeptPart>,
     /// Where the error was measured.
-    pub(super) checks: SamplePoints,
+    pub(super) validation: SamplePoints,
     /// Reflected flux over incident flux.
     pub(super) reflectance: f64,
     /// Of the finished bake.
@@ -107,7 +107,7 @@ impl KeptLight {
             }
             mesh.divide(*id);
         }
-        if mesh.vertices.len() != self.vertices || !self.checks.lie_on(&mesh) {
+        if mesh.vertices.len() != self.vertices || !self.validation.lie_on(&mesh) {
             return Err(other());
         }
         Ok(mesh)
@@ -130,13 +130,13 @@ impl KeptLight {
     }
 
     /// The validation samples with the light of all parts, each multiplied by its factor.
-    pub(super) fn checks_lit_by(&self, factors: &[DVec3]) -> SamplePoints {
-        let mut sums = vec![DVec3::ZERO; self.checks.count()];
+    pub(super) fn validation_lit_by(&self, factors: &[DVec3]) -> SamplePoints {
+        let mut sums = vec![DVec3::ZERO; self.validation.count()];
         for (part, factor) in self.parts.iter().zip(factors) {
             sums.iter_mut().zip(&part.gathered).for_each(|(sum, value)| *sum += *value * *factor);
         }
-        let mut checks = self.checks.clone();
-        checks.set_irradiance(sums);
-        checks
+        let mut lit = self.validation.clone();
+        lit.set_irradiance(sums);
+        lit
     }
 }

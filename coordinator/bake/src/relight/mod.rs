@@ -1,21 +1,19 @@
-//! A finished bake lit otherwise: other brightness or colour of its lights, on its mesh, in a small part of its time.
+//! Relights a finished bake: new light intensities and colours, on its mesh, without baking again.
 //!
 //! | module | what lives there |
 //! |---|---|
-//! | `kept` | what a bake leaves behind: its light, light by light |
-//! | `keep` | solving for it |
-//! | `file` | the same as a file |
-//! | `change` | which light changes how |
+//! | `kept` | kept light: the light of each source |
+//! | `keep` | solves for it |
+//! | `file` | kept light as a file |
+//! | `change` | new intensities and colours |
 //! | `relit_scene` | the scene with its lights changed, for the output |
 //!
-//! Light is linear: a surface reflects each channel of a light by itself, and what two lights give is the sum of what each gives.
-//! On a given mesh and with given rows the irradiance is therefore the sum over the lights of the irradiance of each alone, channel
-//! by channel multiplied by its factor. So a bake leaves behind no rows, which take gigabytes, but the solution for each light at
-//! the vertices: 24 bytes for each vertex and light. To relight is to add them up, to fit and to triangulate anew, as the bake
-//! itself did with its sum.
+//! Light is linear: on a given mesh and with given rows irradiance is the sum over the lights of the irradiance of each, times its
+//! factor per channel. So a bake keeps no rows, which take gigabytes, but the solution for each light at the vertices: 24 bytes
+//! per vertex and light. Relighting sums them, then fits and triangulates as the bake does.
 //!
-//! The mesh stays that of the finished bake, refined for its light. What this does to the error is measured: the light of each
-//! source at the validation samples is kept too, and the new sum is held to the new light there.
+//! The mesh stays that of the finished bake, refined for its light. The effect on the error is measured: the light of each
+//! source at the validation samples is kept too, and compared with the new sum there.
 
 mod change;
 mod file;
@@ -40,11 +38,11 @@ use crate::refinement::best_fit_of_part;
 use kept::KeptPart;
 use scene::Scene;
 
-/// Why a scene cannot be lit otherwise.
+/// Why a scene cannot be relit.
 #[derive(Debug, thiserror::Error)]
 pub enum RelightError {
-    /// The file is something else, or damaged.
-    #[error("kept light is of no use: {0}; bake the scene again to keep its light")]
+    /// The file is not kept light, or damaged.
+    #[error("kept light cannot be used: {0}; bake the scene again to keep its light")]
     Damaged(String),
     /// Another release has another mesh.
     #[error("light was kept by release {theirs}, this is {ours}: use that release, or bake the scene again")]
@@ -54,56 +52,56 @@ pub enum RelightError {
         /// This release.
         ours: String,
     },
-    /// It was kept of something else.
+    /// It was kept of another scene.
     #[error("the light was not kept of this scene: give the same file and the same options as in the bake")]
     OtherScene,
     /// A light that the scene does not have.
     #[error("the scene has no light {light}; its lights are: {known}")]
     UnknownLight {
-        /// The name that is no light's.
+        /// The unknown name.
         light: String,
-        /// Those that are.
+        /// The names that the scene has.
         known: String,
     },
-    /// A sky where there was none: nothing is known of its light.
+    /// A sky where there was none: its light was not kept.
     #[error("the scene was baked without a sky: bake it with one to change it")]
     NoSky,
-    /// Negative light, or worse.
+    /// A factor that is negative or not finite.
     #[error("light {0} must be multiplied by finite numbers that are not negative")]
     Factor(String),
-    /// The arithmetic went wrong.
+    /// The arithmetic failed.
     #[error("the light is not finite")]
     NotFinite,
 }
 
-/// A scene lit otherwise.
+/// A relit scene.
 pub struct Relit {
-    /// The scene with its lights changed: what the output shows of them.
+    /// The scene with its lights changed, for the output.
     pub scene: Scene,
     /// The lit mesh.
     pub lit: LitMesh,
-    /// The figures.
+    /// Its metrics.
     pub report: RelightReport,
 }
 
-/// The figures of a scene lit otherwise.
+/// The metrics of a relit scene.
 #[derive(Debug, Clone, Serialize)]
 pub struct RelightReport {
-    /// Vertices of the mesh: that of the finished bake.
+    /// Vertices of the mesh.
     pub vertices: usize,
-    /// Lights that can be changed by themselves.
+    /// Lights that can be changed separately.
     pub lights: usize,
-    /// Estimated relative L2 error of the radiosity, by where it comes from. `receivers` is measured with the new light. `visibility`
-    /// is a bound: the noise of all lights as if it went the same way. `shooters` and `form_factors` are those of the finished bake,
-    /// which hold as far as the light comes from places like those before.
+    /// Estimated relative L2 error of the radiosity, by origin. `receivers` is measured with the new light. `visibility` is a bound:
+    /// the noise of all lights added up. `shooters` and `form_factors` are those of the finished bake, which hold for light from
+    /// similar places.
     pub error: ErrorBudget,
     /// The same of the finished bake.
     pub error_as_baked: ErrorBudget,
-    /// What the user should know about the result.
+    /// Warnings for the user.
     pub warnings: Vec<String>,
 }
 
-/// Lights the scene of a finished bake otherwise. `scene` is that of the bake, with its lights as they were.
+/// Relights the scene of a finished bake. `scene` is that of the bake, with its lights unchanged.
 ///
 /// # Errors
 /// When the light was kept of another scene, or a change makes no sense.
@@ -151,7 +149,7 @@ pub fn relight(scene: &Scene, kept: &KeptLight, light: &NewLight) -> Result<Reli
 fn error(kept: &KeptLight, factors: &[DVec3], mesh: &crate::mesh::Mesh, fitted: &[DVec3]) -> ErrorBudget {
     let as_baked = &kept.error;
     let baked_factors: Vec<DVec3> = kept.parts.iter().map(|part| part.as_baked).collect();
-    let [before, now] = [&baked_factors, factors].map(|factors| kept.checks_lit_by(factors));
+    let [before, now] = [&baked_factors, factors].map(|factors| kept.validation_lit_by(factors));
     // The noise of each part is known relative to the whole light of the finished bake.
     let part_of = |(part, factor): (&KeptPart, &DVec3)| factor.max_element() * part.noise;
     let sum: f64 = kept.parts.iter().zip(factors).map(part_of).sum();

@@ -39,13 +39,13 @@ impl ShareValues {
 /// The mean over each share's part of the refined mesh, of what its vertices have.
 pub struct Means {
     shares: usize,
-    /// Where the weights of each vertex begin, and where the last ones end.
+    /// Offsets into `weights`, one per vertex and the end.
     starts: Vec<u32>,
     /// By vertex.
     weights: Vec<Weight>,
 }
 
-/// How much of a vertex is a part of the mean of a share.
+/// Weight of a vertex in the mean of a share.
 #[derive(Clone, Copy, Default)]
 struct Weight {
     vertex: u32,
@@ -54,8 +54,8 @@ struct Weight {
 }
 
 impl Means {
-    /// The means of these shares. A vertex that is not exposed sees no surface: it sends light to none either, like the floor
-    /// under a box, and what it has must not dim the mean of a share that lies half in the open.
+    /// The means of these shares. A vertex that is not exposed sees no surface, like the floor under a box, and sends light to
+    /// none: it must not dim the mean of a share that lies half in the open.
     pub fn new(mesh: &Mesh, shares: &[Share], exposed: &[bool]) -> Self {
         let by_share: Vec<Vec<(usize, f64)>> =
             shares.iter().map(|share| mean_weights(mesh, share, exposed)).collect();
@@ -91,13 +91,13 @@ impl Means {
         means
     }
 
-    /// For the means of rows.
+    /// Starts to take means of rows.
     pub fn sums(&self) -> Sums<'_> {
         Sums { means: self, sums: vec![0.0; self.shares], reached: vec![false; self.shares.div_ceil(GROUP)] }
     }
 }
 
-/// Sums up means of rows, one row after the other: what a row does not reach costs next to nothing.
+/// Takes means of rows, one after the other: shares that a row does not reach cost next to nothing.
 pub struct Sums<'a> {
     means: &'a Means,
     sums: Vec<f64>,
@@ -106,14 +106,14 @@ pub struct Sums<'a> {
 }
 
 impl Sums<'_> {
-    /// The means of a row, given in parts that follow each other: a factor for each share.
+    /// The means of a row, given in consecutive parts: a factor for each share.
     pub fn column(&mut self, rows: &[&Row]) -> Row {
         let mut first = 0;
         for row in rows {
             for (start, mask, own) in row.groups() {
                 let start_vertex = first + start;
                 let end = (start + GROUP).min(row.receivers());
-                // All of the group at once, those in the dark too: they add 0, and their weights need no branch.
+                // The whole group at once: factors of 0 need no branch.
                 let mut factors = [0.0; GROUP];
                 spread(mask, own, &mut factors);
                 for Weight { vertex, share, part } in self.means.of_vertices(start_vertex..first + end) {
@@ -134,7 +134,7 @@ impl Sums<'_> {
     }
 }
 
-/// Puts the factors of a group to their places.
+/// Scatters the factors of a group.
 fn spread(mask: u32, own: &[f32], factors: &mut [f64; GROUP]) {
     if mask == u32::MAX {
         factors.iter_mut().zip(own).for_each(|(place, factor)| *place = f64::from(*factor));
@@ -147,8 +147,8 @@ fn spread(mask: u32, own: &[f32], factors: &mut [f64; GROUP]) {
     }
 }
 
-/// Weights of the exposed vertices in the mean of a share: its parts are children of the patches that it was dealt, or
-/// quarters of those that were never divided.
+/// Weights of the exposed vertices in the mean of a share: its parts are children of patches, or quarters of those never
+/// divided.
 fn mean_weights(mesh: &Mesh, share: &Share, exposed: &[bool]) -> Vec<(usize, f64)> {
     let mut weights = vec![];
     for &(patch, corner) in &share.corners {
@@ -181,8 +181,8 @@ fn mean_weights(mesh: &Mesh, share: &Share, exposed: &[bool]) -> Vec<(usize, f64
     weights
 }
 
-/// Mean over the leaves of a divided patch's child. Between exact vertex values the mean of the interpolation is off by a
-/// multiple of the squared size, which Richardson extrapolation with the mean on the parent's level takes out.
+/// Mean over the leaves of a divided patch's child. The mean of the interpolation is off by a multiple of the squared size;
+/// Richardson extrapolation with the mean on the parent's level removes it.
 fn add_leaves(mesh: &Mesh, parent: PatchId, corner: usize, weights: &mut Vec<(usize, f64)>) {
     let Some(id) = mesh.children(parent).nth(corner) else { return };
     let patch = mesh.patch(id);
@@ -195,8 +195,7 @@ fn add_leaves(mesh: &Mesh, parent: PatchId, corner: usize, weights: &mut Vec<(us
     add_quarter(mesh, parent, corner, -patch.area / 3.0, weights);
 }
 
-/// `part` times the mean over the part of a patch that a corner answers for, of the values interpolated between the patch's
-/// corners.
+/// Adds `part` times the mean over a corner's part of a patch, interpolated between the patch's corners.
 fn add_quarter(mesh: &Mesh, id: PatchId, corner: usize, part: f64, weights: &mut Vec<(usize, f64)>) {
     let patch = mesh.patch(id);
     let count = patch.corners.len();

@@ -27,7 +27,7 @@ pub struct Sources {
     pub all: Vec<LightSource>,
     /// Variance of the row of each over the refinement samples, summed over it.
     pub variances: Vec<f64>,
-    /// Flux that the shares get from point and spot lights, in frame units.
+    /// Flux that the shares get from lights within the scene that are no surfaces, in frame units.
     pub from_lights: DVec3,
     /// Flux that the shares get from outside of the scene, from directional lights and the sky, in frame units.
     pub from_outside: DVec3,
