@@ -63,7 +63,7 @@ figures *arguments:
 scale *scenes:
     cargo run --release -p tests --example scale -- scale {{ scenes }}
 
-# The experiments of the paper, simulated: who shoots, news against a timer; and energies apart or in the vertices, measured.
+# The experiments of the paper, simulated: who shoots, event-driven versus periodic scheduling; and energies apart or in the vertices, measured.
 paper *scenes:
     cargo run --release -p tests --example scale -- paper {{ scenes }}
 
