@@ -13,8 +13,9 @@ use kernel::row::JobId;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct HandleId(pub u64);
 
-/// Nanoseconds charged for a job before any of its handle was answered.
-const FIRST_GUESS: f64 = 25e6;
+/// Nanoseconds charged for a job before any of its handle was answered. Those of a small job: what is charged too much by then, others
+/// that join meanwhile would have to wait for.
+const FIRST_GUESS: f64 = 30e3;
 
 /// Jobs that workers have per thread: one that is computed, one that waits there, one on its way.
 const JOBS_PER_THREAD: usize = 3;
