@@ -9,7 +9,7 @@
 ///
 /// ```
 /// let mut squares = [1.5; 32];
-/// crate::simd::widest(
+/// kernel::simd::widest(
 ///     #[inline(always)]
 ///     || squares.iter_mut().for_each(|number| *number *= *number),
 /// );

@@ -142,7 +142,11 @@ fn points_of_another_reference_can_be_traced() {
         assert!(first.position.abs_diff_eq(again.position, 1e-6) && first.primitive == again.primitive);
     }
     let cornell = data("references/cornell.reference.csv").display().to_string();
-    bench.assert_refused(&bench.path("no.csv"), &["--at", &cornell], &["point 1 of", "use the scene that"]);
+    bench.assert_refused(
+        &bench.path("no.csv"),
+        &["--at", &cornell],
+        &["point 1 of", "use the scene of the reference"],
+    );
     bench.assert_refused(&first, &["--at", &at], &["is what is read", "choose another output"]);
     let scene = bench.scene.display().to_string();
     bench.assert_refused(&bench.path("no.csv"), &["--at", &scene], &["scene.glb"]);

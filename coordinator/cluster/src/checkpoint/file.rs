@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
+use std::ops::Deref;
 use std::os::unix::fs::FileExt;
 use std::path::Path;
 
@@ -25,9 +26,28 @@ pub struct Place {
     pub length: usize,
 }
 
+/// A file that this process has locked. Unlocked when dropped: closing it alone would leave it locked while a process that was forked
+/// meanwhile has not begun its own program.
+pub struct LockedFile(File);
+
+impl Deref for LockedFile {
+    type Target = File;
+
+    fn deref(&self) -> &File {
+        &self.0
+    }
+}
+
+impl Drop for LockedFile {
+    fn drop(&mut self) {
+        // What cannot be unlocked is unlocked when the process ends.
+        let _ = self.0.unlock();
+    }
+}
+
 /// A checkpoint, locked by this process.
 pub struct CheckpointFile {
-    pub file: File,
+    pub file: LockedFile,
     /// Records found.
     pub index: HashMap<Digest, Place>,
     /// Length of the file in bytes.
@@ -44,7 +64,8 @@ impl CheckpointFile {
             TryLockError::WouldBlock => CheckpointError::InUse { path: path.to_owned() },
             TryLockError::Error(error) => failed(error),
         })?;
-        let mut reader = BufReader::with_capacity(1 << 20, &file);
+        let file = LockedFile(file);
+        let mut reader = BufReader::with_capacity(1 << 20, &*file);
         let header = [MAGIC, release().as_bytes(), b"\n"].concat();
         let mut found = vec![];
         reader.by_ref().take(MAGIC.len() as u64).read_to_end(&mut found).map_err(failed)?;
@@ -68,7 +89,7 @@ impl CheckpointFile {
             Some(_) => {
                 let (index, length) = scan(&mut reader, header.len() as u64).map_err(failed)?;
                 file.set_len(length).map_err(failed)?;
-                (&file).seek(SeekFrom::Start(length)).map_err(failed)?;
+                (&*file).seek(SeekFrom::Start(length)).map_err(failed)?;
                 Ok(Self { file, index, length })
             }
         }

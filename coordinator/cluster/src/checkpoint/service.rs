@@ -1,5 +1,4 @@
 use std::collections::{HashMap, HashSet, VecDeque};
-use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -10,7 +9,7 @@ use kernel::row::{FinishedJob, JobId, Row, RowRequest};
 use protocol::worker::RowStatistics;
 
 use super::error::CheckpointError;
-use super::file::{CheckpointFile, read};
+use super::file::{CheckpointFile, LockedFile, read};
 use super::record::{decode_body, is_whole, keys};
 use super::writer::{Writer, Written};
 use bake::{BakeError, RowService};
@@ -34,9 +33,10 @@ pub struct CheckpointSummary {
 pub struct Checkpointed<S> {
     inner: S,
     path: PathBuf,
-    file: File,
     written: Arc<Written>,
     writer: Writer,
+    /// Behind the writer: fields are dropped in their order.
+    file: LockedFile,
     /// Rows given to the writer: each is recorded once.
     recorded: HashSet<Digest>,
     /// Jobs that the inner service computes, wholly or in part.

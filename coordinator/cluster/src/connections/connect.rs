@@ -33,6 +33,10 @@ use super::network::Network;
 /// Time limit for a worker to accept a connection, and again to say hello.
 pub(super) const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
 
+/// Times that an encrypted connection is tried again if it closes before the worker says hello. With TLS 1.3 a refused certificate is
+/// told only then, and the alert may get lost when the connection closes.
+const ALERT_RETRIES: u32 = 3;
+
 /// Bytes in flight on one connection.
 const CONNECTION_WINDOW: u32 = 16 << 20;
 
@@ -89,19 +93,24 @@ pub(super) async fn dial(
         }
     };
     let unreachable = |reason| ClusterError::Unreachable { address: address.clone(), reason };
-    let connecting = endpoint.connect_with_connector(service_fn(connector.clone()));
-    let channel = timeout(CONNECT_TIMEOUT, connecting)
-        .await
-        .map_err(|_| unreachable("it does not take the connection in time".into()))?
-        .map_err(|error| match explain(&error) {
-            Some(reason) => ClusterError::Insecure { address: address.clone(), reason },
-            None => unreachable(reason(&error)),
-        })?;
-    let uploads = endpoint.connect_with_connector_lazy(service_fn(connector));
     let plain = security.transport.tls().is_none();
-    greet(address.clone(), channel, uploads, security.credentials(), true)
-        .await
-        .map_err(|error| if plain { with_certificates_in_mind(error) } else { error })
+    let mut retries = ALERT_RETRIES;
+    loop {
+        let connecting = endpoint.connect_with_connector(service_fn(connector.clone()));
+        let channel = timeout(CONNECT_TIMEOUT, connecting)
+            .await
+            .map_err(|_| unreachable("it does not take the connection in time".into()))?
+            .map_err(|error| match explain(&error) {
+                Some(reason) => ClusterError::Insecure { address: address.clone(), reason },
+                None => unreachable(reason(&error)),
+            })?;
+        let uploads = endpoint.connect_with_connector_lazy(service_fn(connector.clone()));
+        match greet(address.clone(), channel, uploads, security.credentials(), true).await {
+            Err(ClusterError::Unreachable { .. }) if !plain && retries > 0 => retries -= 1,
+            Err(error) if plain => return Err(with_certificates_in_mind(error)),
+            answer => return answer,
+        }
+    }
 }
 
 /// A worker with certificates hangs up on plain text, and its alert may be lost on the way.

@@ -165,7 +165,7 @@ fn references_that_do_not_fit_are_refused() {
         // In the air, on another primitive, and on the back of the right one.
         (vec![HEADER, good, "9,9,9,0,1,0,0,1,1,1,0,0,0"], "1 of 2 points of"),
         (vec![HEADER, good, "1,0,1,0,1,0,1,1,1,1,0,0,0"], "lie on no surface of"),
-        (vec![HEADER, "1,0,1,0,-1,0,0,1,1,1,0,0,0"], "the first on line 2: use the scene that"),
+        (vec![HEADER, "1,0,1,0,-1,0,0,1,1,1,0,0,0"], "the first on line 2: use the scene of the reference"),
     ] {
         files.write_reference(&lines);
         let error = files.score().unwrap_err().to_string();
