@@ -58,7 +58,7 @@ pub fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
     write_with(path, |out| out.write_all(bytes))
 }
 
-/// Replaces a file by what `content` writes, as [`write`] does.
+/// Replaces a file by what `content` writes, as [`write()`] does.
 ///
 /// # Errors
 /// The operating system's, and those of `content`.
