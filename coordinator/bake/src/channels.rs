@@ -42,7 +42,7 @@ impl Channels {
         }
     }
 
-    /// Starts to gather at so many receivers.
+    /// Starts to gather at this number of receivers.
     pub fn gathering(self, receivers: usize) -> Gathering {
         match self {
             Self::One(colour) => Gathering::One(colour, vec![0.0; receivers]),

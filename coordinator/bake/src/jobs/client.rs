@@ -184,7 +184,7 @@ impl<'a> RowClient<'a> {
         })
     }
 
-    /// How many rows the next job of a batch over a set should have, where so many are left.
+    /// Rows that the next job of a batch over a set should have, given the number left.
     pub fn rows_of_next_job(&self, set: ReceiverSet, left: usize) -> usize {
         self.pace.rows_of_next_job(set.pairs, left, self.threads())
     }

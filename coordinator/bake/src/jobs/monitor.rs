@@ -86,7 +86,7 @@ impl<'a> Monitor<'a> {
         self.progress.rows - self.rows_again
     }
 
-    /// Announces that so many more rows will be needed.
+    /// Announces that this number of rows will be needed in addition.
     pub fn expect_rows(&mut self, rows: u64) {
         self.progress.rows_needed = (self.progress.rows + rows).max(self.progress.rows_needed);
     }

@@ -27,7 +27,7 @@ impl Pace {
         self.nanoseconds += nanoseconds as f64;
     }
 
-    /// Most rows of a job, each of so many pairs.
+    /// Most rows of a job, given the pairs of each.
     pub fn most_rows(&self, pairs_per_row: usize) -> usize {
         let in_time =
             if self.nanoseconds > 0.0 { self.pairs * JOB_NANOSECONDS / self.nanoseconds } else { 0.0 };
@@ -42,7 +42,7 @@ impl Pace {
     }
 }
 
-/// Rows that make so many pairs, at least one.
+/// Rows that make this number of pairs, at least one.
 fn rows(pairs: usize, pairs_per_row: usize) -> usize {
     (pairs / pairs_per_row.max(1)).max(1)
 }

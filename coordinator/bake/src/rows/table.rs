@@ -44,7 +44,7 @@ pub struct RowTable {
 }
 
 impl RowTable {
-    /// An empty table that may keep so many bytes of rows.
+    /// An empty table that may keep this number of bytes of rows.
     pub fn new(shooters: Vec<Shooter>, bytes: usize) -> Self {
         Self {
             shooters,
