@@ -46,4 +46,4 @@ pub use observer::{Observer, Phase, Progress, Unobserved};
 pub use relight::{KeptLight, LightChange, NewLight, RelightError, RelightReport, Relit, relight};
 pub use run::{Baked, bake};
 pub use settings::{BakeSettings, RowStrategy};
-pub use stages::{BakeReport, Model, check_groups, listed, occluders};
+pub use stages::{BakeReport, Model, check_groups, listed, occluders, shooting_mesh};

@@ -24,33 +24,43 @@ impl AveragedMaterial {
         Self { reflectance: surface.reflectance, exitance: surface.exitance, opacity: surface.opacity }
     }
 
-    /// Averages over polygons of facets, unless they have no area.
-    fn over(surface: &Surface, polygons: impl Iterator<Item = (u32, Vec<DVec3>)>) -> Self {
+    /// The mean of materials over these areas; `None` where there is no area.
+    fn mean(parts: impl Iterator<Item = (Self, f64)>) -> Option<Self> {
         let (mut area, mut sums) =
             (0.0, Self { reflectance: DVec3::ZERO, exitance: DVec3::ZERO, opacity: 0.0 });
-        for (facet, polygon) in polygons {
-            let own = area_vector(&polygon).length();
+        for (part, own) in parts {
             area += own;
-            sums.reflectance += surface.mean_reflectance(facet, &polygon) * own;
-            sums.exitance += surface.mean_exitance(facet, &polygon) * own;
-            sums.opacity += surface.mean_opacity(facet, &polygon) * own;
+            sums.reflectance += part.reflectance * own;
+            sums.exitance += part.exitance * own;
+            sums.opacity += part.opacity * own;
         }
-        if area == 0.0 {
-            return Self::uniform(surface);
-        }
-        Self {
+        (area > 0.0).then(|| Self {
             reflectance: sums.reflectance / area,
             exitance: sums.exitance / area,
             opacity: sums.opacity / area,
-        }
+        })
+    }
+
+    /// Averages over a polygon of a facet, with its area.
+    fn over(surface: &Surface, facet: u32, polygon: &[DVec3]) -> (Self, f64) {
+        let material = Self {
+            reflectance: surface.mean_reflectance(facet, polygon),
+            exitance: surface.mean_exitance(facet, polygon),
+            opacity: surface.mean_opacity(facet, polygon),
+        };
+        (material, area_vector(polygon).length())
     }
 }
 
 /// Averages over each share.
 pub fn of_shares(scene: &Scene, mesh: &Mesh, shares: &[Share]) -> Vec<AveragedMaterial> {
+    let surface_of = |id: PatchId| &scene.surfaces[mesh.patch(id).surface as usize];
     let of_share = |share: &Share| {
         let surface = &scene.surfaces[share.surface as usize];
-        if surface.appearance.is_none() {
+        let is_like = |other: &Surface| {
+            other.appearance.is_none() && AveragedMaterial::uniform(other) == AveragedMaterial::uniform(surface)
+        };
+        if share.corners.iter().all(|(id, _)| is_like(surface_of(*id))) {
             return AveragedMaterial::uniform(surface);
         }
         let parts = share.corners.chunk_by(|a, b| a.0 == b.0).flat_map(|own| {
@@ -60,9 +70,9 @@ pub fn of_shares(scene: &Scene, mesh: &Mesh, shares: &[Share]) -> Vec<AveragedMa
             } else {
                 own.iter().map(|(id, corner)| mesh.corner_quad(*id, *corner).to_vec()).collect()
             };
-            polygons.into_iter().map(|polygon| (patch.facet, polygon))
+            polygons.into_iter().map(move |polygon| AveragedMaterial::over(surface_of(id), patch.facet, &polygon))
         });
-        AveragedMaterial::over(surface, parts)
+        AveragedMaterial::mean(parts).unwrap_or(AveragedMaterial::uniform(surface))
     };
     shares.par_iter().map(of_share).collect()
 }
@@ -103,5 +113,5 @@ fn of_patch(scene: &Scene, mesh: &Mesh, id: PatchId) -> AveragedMaterial {
     if surface.appearance.is_none() {
         return AveragedMaterial::uniform(surface);
     }
-    AveragedMaterial::over(surface, std::iter::once((patch.facet, mesh.corners(id))))
+    AveragedMaterial::over(surface, patch.facet, &mesh.corners(id)).0
 }

@@ -2,43 +2,46 @@ use glam::DVec3;
 use kernel::geometry::area_vector;
 use smallvec::SmallVec;
 
-use super::contact::contacts;
+use rayon::prelude::*;
+
+use super::contact::{Contact, contacts};
 use super::order::FacetPlaces;
-use super::pieces::{cut_along, cut_long};
+use super::pieces::cut_long;
+use super::planar::{self, Piece, Region, regions};
 use super::welding::Welder;
-use super::{Mesh, Patch, PatchId, VertexId, edge};
-use scene::Scene;
+use super::{Mesh, Patch, PatchId, VertexId, WELD, distance_to_line, edge};
+use scene::{Facet, Scene};
 
 impl Mesh {
     /// The mesh of a scene's facets, divided until no edge is longer than `longest_edge`, but no more than `max_level` times.
     /// `extent` is the scene's. Lengths are in frame units.
     #[must_use]
     pub fn new(scene: &Scene, extent: f64, longest_edge: f64, max_level: u32) -> Self {
-        let contacts = contacts(scene, extent, longest_edge / 16.0);
+        let regions = regions(scene);
+        let lines = contacts(scene, &regions, extent, longest_edge);
+        let pieces: Vec<Vec<Piece>> = regions
+            .par_iter()
+            .zip(&lines)
+            .map(|(region, lines)| pieces_of(scene, region, lines, longest_edge))
+            .collect();
         let mut welder = Welder::default();
-        let mut places = vec![];
+        let facet = |surface: usize, facet: u32| &scene.surfaces[surface].facets[facet as usize];
         scene.surfaces.iter().flat_map(|surface| &surface.facets).for_each(|facet| welder.add_corners(facet));
-        for (surface_index, surface) in scene.surfaces.iter().enumerate() {
-            for (facet_index, facet) in surface.facets.iter().enumerate() {
-                let own = &contacts[surface_index][facet_index];
-                welder.add_ends(own, facet);
-                for piece in cut_along(facet.corners.clone(), facet.normal, own) {
-                    cut_long(piece, facet.normal, longest_edge, &mut |corners| {
-                        welder.add(&corners, facet);
-                        places.push((surface_index, facet_index));
-                    });
-                }
+        let mut places = vec![];
+        for (region, pieces) in regions.iter().zip(&pieces) {
+            for piece in pieces {
+                let own = facet(region.surface, piece.facet);
+                welder.add_ends(&piece.lines, own);
+                welder.add(&piece.corners, own);
+                places.push((region.surface as u32, piece));
             }
         }
-        let welded = welder.weld(|polygon| {
-            let (surface, facet) = places[polygon];
-            &contacts[surface][facet]
-        });
+        let welded = welder.weld(|polygon| &places[polygon].1.lines);
         let mut mesh =
             Self { vertices: welded.vertices, facet_places: FacetPlaces::new(scene), ..Self::default() };
-        for ((surface, facet), corners) in places.into_iter().zip(welded.polygons) {
+        for ((surface, piece), corners) in places.into_iter().zip(welded.polygons) {
             if !corners.is_empty() {
-                mesh.add_leaf(surface as u32, facet as u32, corners.into(), None);
+                mesh.add_leaf(surface, piece.facet, corners.into(), None);
             }
         }
         mesh.divide_longer_than(longest_edge, max_level);
@@ -77,4 +80,40 @@ impl Mesh {
         }
         id
     }
+}
+
+/// Part of the longest edge down to which the triangles around lines are made finer for their shape's sake.
+const FINEST: f64 = 1.0 / 16.0;
+
+/// The pieces of a region: cut along its lines where these run through it, and across where they are long.
+fn pieces_of(scene: &Scene, region: &Region, lines: &[Contact], longest_edge: f64) -> Vec<Piece> {
+    let facets = region.facets(scene);
+    let runs_through = |line: &Contact| facets.iter().any(|(_, facet)| is_inside(facet, line));
+    if lines.iter().any(runs_through)
+        && let Some(pieces) = planar::pieces(&facets, lines, false, FINEST * longest_edge)
+    {
+        return pieces;
+    }
+    let mut pieces = vec![];
+    for (index, facet) in facets {
+        let on_border = |line: &&Contact| {
+            let ends = |[a, b]: [DVec3; 2]| line.iter().all(|end| distance_to_line(*end, &[a, b]) < WELD);
+            let next = facet.positions().cycle().skip(1);
+            facet.positions().zip(next).any(|(a, b)| ends([a, b]))
+        };
+        let lines: SmallVec<[Contact; 2]> = lines.iter().filter(on_border).copied().collect();
+        cut_long(facet.corners.clone(), facet.normal, longest_edge, &mut |corners| {
+            pieces.push(Piece { facet: index, corners, lines: lines.clone() });
+        });
+    }
+    pieces
+}
+
+/// Whether a line runs through the inside of a facet.
+fn is_inside(facet: &Facet, line: &Contact) -> bool {
+    let middle = (line[0] + line[1]) / 2.0;
+    let next = facet.positions().cycle().skip(1);
+    facet.positions().zip(next).all(|(from, to)| {
+        facet.normal.cross((to - from).normalize_or_zero()).dot(middle - from) > WELD
+    })
 }

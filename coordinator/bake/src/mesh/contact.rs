@@ -5,19 +5,37 @@
 //! separate vertices on either side.
 
 use glam::DVec3;
+use kernel::geometry::Bounds;
 use obvhs::Boundable;
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::builder::build_bvh2;
+use rayon::prelude::*;
 
 use super::WELD;
+use super::planar::Region;
 use scene::{Corner, Facet, Scene, Side};
 
-/// Shortest contact that becomes an edge, relative to the scene's extent.
+/// Shortest line that becomes an edge, relative to the scene's extent.
 const SHORTEST: f64 = 2e-3;
 
-/// Most lines per facet: the longest contacts, then the longest outlines of hovering facets.
-const MOST: usize = 256;
+/// The same relative to the longest edge of a patch.
+const SHORTEST_OF_EDGE: f64 = 1.0 / 32.0;
+
+/// Regions smaller than this are not cut, relative to the longest edge of a patch.
+const SMALLEST_REGION: f64 = 0.25;
+
+/// Height up to which the outline of what hovers is a line, relative to the longest edge of a patch.
+const GAP: f64 = 1.0 / 16.0;
+
+/// Most lines of a region: the longest contacts, then the longest outlines of hovering facets.
+const MOST: usize = 1024;
+
+/// Most lines of a scene, at least; the longest are kept.
+const MOST_OF_SCENE: usize = 4096;
+
+/// Most lines of a scene, per facet.
+const LINES_PER_FACET: f64 = 0.125;
 
 /// A line on a facet along which another facet rises from it.
 pub type Contact = [DVec3; 2];
@@ -33,34 +51,59 @@ impl Boundable for FacetBox<'_> {
     }
 }
 
-/// The contacts of every facet, in the order of surfaces and facets, longest first; then the outlines of facets that hover over
-/// it, no higher than `gap`.
-pub fn contacts(scene: &Scene, extent: f64, gap: f64) -> Vec<Vec<Vec<Contact>>> {
+/// The contacts of every region, longest first; then the outlines of facets that hover over it. Lengths are in frame units.
+pub fn contacts(scene: &Scene, regions: &[Region], extent: f64, longest_edge: f64) -> Vec<Vec<Contact>> {
+    let gap = GAP * longest_edge;
+    let shortest = (SHORTEST * extent).max(SHORTEST_OF_EDGE * longest_edge);
     let boxed = |facet| FacetBox { facet, aabb: facet_box(facet) };
-    let risers: Vec<FacetBox> =
-        scene.surfaces.iter().filter(|s| s.side == Side::Front).flat_map(|s| &s.facets).map(boxed).collect();
+    let is_long = |line: &Contact| line[0].distance(line[1]) >= shortest;
+    // What is smaller than the shortest line leaves none.
+    let rises = |facet: &&Facet| Bounds::around(facet.positions()).extent().length() >= shortest;
+    let front = scene.surfaces.iter().filter(|s| s.side == Side::Front).flat_map(|s| &s.facets);
+    let risers: Vec<FacetBox> = front.filter(rises).map(boxed).collect();
+    if risers.is_empty() {
+        return vec![vec![]; regions.len()];
+    }
     let bvh = build_bvh2(&risers, BvhBuildParams::fast_build(), &mut Default::default());
-    let of_facet = |facet: &Facet| {
+    let of_region = |region: &Region| {
         let (mut found, mut hovering) = (vec![], vec![]);
-        let is_long = |line: &Contact| line[0].distance(line[1]) >= SHORTEST * extent;
-        bvh.aabb_traverse(grown(facet_box(facet), gap), |bvh, node| {
-            let node = &bvh.nodes[node as usize];
-            for index in &bvh.primitive_indices[node.first_index as usize..][..node.prim_count as usize] {
-                let riser = risers[*index as usize].facet;
-                found.extend(contact(facet, riser).filter(is_long));
-                hovering.extend(hovering_edges(facet, riser, gap).into_iter().filter(is_long));
-            }
-            true
-        });
+        if region.size < SMALLEST_REGION * longest_edge {
+            return found;
+        }
+        for (_, facet) in region.facets(scene) {
+            bvh.aabb_traverse(grown(facet_box(facet), gap), |bvh, node| {
+                let node = &bvh.nodes[node as usize];
+                for index in &bvh.primitive_indices[node.first_index as usize..][..node.prim_count as usize] {
+                    let riser = risers[*index as usize].facet;
+                    found.extend(contact(facet, riser).filter(is_long));
+                    hovering.extend(hovering_edges(facet, riser, gap).into_iter().filter(is_long));
+                }
+                true
+            });
+        }
         sort_by_length(&mut found);
         sort_by_length(&mut hovering);
-        // Two facets share each edge of what hovers.
+        // Two facets share each edge of what hovers, and a line may be a contact of both sides of a sheet.
+        found.dedup();
         hovering.dedup();
         found.extend(hovering);
         found.truncate(MOST);
         found
     };
-    scene.surfaces.iter().map(|surface| surface.facets.iter().map(of_facet).collect()).collect()
+    let mut all: Vec<Vec<Contact>> = regions.par_iter().map(of_region).collect();
+    keep_longest(&mut all, MOST_OF_SCENE.max((risers.len() as f64 * LINES_PER_FACET) as usize));
+    all
+}
+
+/// Keeps so many lines of all regions.
+fn keep_longest(all: &mut [Vec<Contact>], most: usize) {
+    let length = |line: &Contact| line[0].distance(line[1]);
+    let mut lengths: Vec<f64> = all.iter().flatten().map(length).collect();
+    if lengths.len() > most {
+        lengths.sort_by(|a, b| b.total_cmp(a));
+        let least = lengths[most];
+        all.iter_mut().for_each(|lines| lines.retain(|line| length(line) > least));
+    }
 }
 
 /// Sorts by length, then by place: independent of the order of the BVH.

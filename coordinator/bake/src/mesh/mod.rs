@@ -4,11 +4,13 @@
 //! |---|---|
 //! | `base` | facets of the scene to first patches |
 //! | `contact` | lines where facets stand on others |
-//! | `pieces` | cuts facets along contacts, and long ones across |
+//! | `planar` | cuts flat regions along lines, by constrained Delaunay triangulation |
+//! | `pieces` | cuts long pieces across |
 //! | `welding` | corners to vertices; T-vertices made corners |
 //! | `subdivision` | divides patches, keeping neighbours within one level of each other |
 //! | `order` | vertices in spatial order |
 //! | `shares` | deals the patches out among their vertices |
+//! | `clusters` | joins small leaves into shares |
 //! | `triangulation` | the leaves as triangles without cracks |
 //! | `locate` | the leaf and the triangle under a point |
 //! | `receivers` | vertices as receivers |
@@ -20,10 +22,12 @@
 //! rest of the bake uses.
 
 mod base;
+mod clusters;
 mod contact;
 mod locate;
 mod order;
 mod pieces;
+mod planar;
 mod receivers;
 mod shares;
 mod subdivision;
@@ -198,4 +202,10 @@ impl Mesh {
         let reach = positions().map(|corner| corner.distance(centre)).fold(0.0, f64::max);
         edge.max(reach * std::f64::consts::SQRT_2)
     }
+}
+
+fn distance_to_line(point: DVec3, [start, end]: &[DVec3; 2]) -> f64 {
+    let span = *end - *start;
+    let t = ((point - *start).dot(span) / span.length_squared()).clamp(0.0, 1.0);
+    point.distance(*start + span * t)
 }

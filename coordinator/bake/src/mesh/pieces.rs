@@ -1,54 +1,13 @@
-//! Facets cut into pieces: along contacts, and across where they are long and thin.
+//! Long and thin pieces, cut across.
 
 use glam::DVec3;
 use kernel::geometry::area_vector;
 
 use super::WELD;
-use super::contact::Contact;
 use scene::Corner;
 
 /// Pieces more elongated than this are cut across before they are divided about their centre, which keeps proportions.
 const LONGEST_PROPORTION: f64 = 2.0;
-
-/// Cuts a convex facet along its contacts. A cut goes on to the border of the piece that it starts in, so that all pieces stay
-/// convex.
-pub fn cut_along(corners: Vec<Corner>, normal: DVec3, contacts: &[Contact]) -> Vec<Vec<Corner>> {
-    let mut pieces = vec![corners];
-    for [start, end] in contacts {
-        let across = (*end - *start).cross(normal).normalize_or_zero();
-        let mut cut = vec![];
-        for piece in pieces {
-            let heights: Vec<f64> =
-                piece.iter().map(|corner| snapped(across.dot(corner.position - *start))).collect();
-            let crossed = heights.iter().any(|h| *h > 0.0) && heights.iter().any(|h| *h < 0.0);
-            if crossed && overlap(&piece, &heights, *start, *end) {
-                cut.extend(split(&piece, &heights, normal));
-            } else {
-                cut.push(piece);
-            }
-        }
-        pieces = cut;
-    }
-    pieces
-}
-
-/// True when the contact runs through a piece that its line crosses, rather than only its extension.
-fn overlap(piece: &[Corner], heights: &[f64], start: DVec3, end: DVec3) -> bool {
-    let along = (end - start).normalize_or_zero();
-    let crossings = (0..piece.len()).filter_map(|i| {
-        let next = (i + 1) % piece.len();
-        if heights[i] == 0.0 {
-            Some(along.dot(piece[i].position - start))
-        } else if heights[i] * heights[next] < 0.0 {
-            let t = heights[i] / (heights[i] - heights[next]);
-            Some(along.dot(piece[i].position.lerp(piece[next].position, t) - start))
-        } else {
-            None
-        }
-    });
-    let (low, high) = crossings.fold((f64::MAX, f64::MIN), |(low, high), s| (low.min(s), high.max(s)));
-    high.min(end.distance(start)) - low.max(0.0) > 4.0 * WELD
-}
 
 /// Cuts a convex polygon across its longest side until it is short or of fair proportions.
 pub fn cut_long(corners: Vec<Corner>, normal: DVec3, longest_edge: f64, done: &mut impl FnMut(Vec<Corner>)) {

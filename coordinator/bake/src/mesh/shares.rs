@@ -1,7 +1,7 @@
 use glam::DVec3;
 use kernel::geometry::{ConvexPolygon, area_vector};
 
-use super::{Mesh, Patch, PatchId, VertexId};
+use super::{Mesh, PatchId, VertexId};
 
 /// The surface represented by a vertex: its corner quadrilaterals of the leaves around it.
 #[derive(Debug, Clone)]
@@ -47,22 +47,6 @@ impl Mesh {
                 }
             })
             .collect()
-    }
-
-    /// Each leaf as a share, in the order of ids, with its first corner as the vertex.
-    #[must_use]
-    pub fn leaf_shares(&self, plane_of: impl Fn(u32, u32) -> kernel::geometry::PlaneId) -> Vec<Share> {
-        let share = |(id, patch): (PatchId, &Patch)| Share {
-            vertex: patch.corners[0],
-            surface: patch.surface,
-            polygons: vec![ConvexPolygon {
-                plane: plane_of(patch.surface, patch.facet),
-                corners: patch.corners.iter().map(|corner| self.position(*corner)).collect(),
-            }],
-            corners: (0..patch.corners.len()).map(|corner| (id, corner)).collect(),
-            area: patch.area,
-        };
-        self.leaves().map(share).collect()
     }
 
     /// The part of a patch that belongs to one of its corners: corner, middle of the next edge, centroid, middle of the edge

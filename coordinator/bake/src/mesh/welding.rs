@@ -6,7 +6,7 @@ use glam::{DVec3, I64Vec3};
 use kernel::geometry::{Bounds, PlaneId, area_vector};
 
 use super::contact::Contact;
-use super::{Vertex, VertexId, WELD};
+use super::{Vertex, VertexId, WELD, distance_to_line};
 use crate::disjoint_sets::DisjointSets;
 use scene::{Corner, Facet};
 
@@ -115,7 +115,7 @@ impl Welder {
     }
 
     /// Makes every point that lies on an edge of its own plane a corner there, so that both sides of the edge divide it alike;
-    /// then finds the vertices. `contacts` gives the contacts of each polygon's facet.
+    /// then finds the vertices. `contacts` gives the contacts that edges of each polygon lie on.
     #[must_use]
     pub fn weld<'a>(mut self, contacts: impl Fn(usize) -> &'a [Contact]) -> Welded {
         self.insert_t_vertices();
@@ -252,10 +252,4 @@ fn edges(polygon: &[PointId]) -> impl Iterator<Item = (PointId, PointId)> + '_ {
 
 fn sorted((a, b): (PointId, PointId)) -> (PointId, PointId) {
     (a.min(b), a.max(b))
-}
-
-fn distance_to_line(point: DVec3, [start, end]: &Contact) -> f64 {
-    let span = *end - *start;
-    let t = ((point - *start).dot(span) / span.length_squared()).clamp(0.0, 1.0);
-    point.distance(*start + span * t)
 }

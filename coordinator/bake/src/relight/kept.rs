@@ -99,7 +99,7 @@ impl KeptLight {
             ..BakeSettings::default()
         };
         let other = || RelightError::Damaged("its mesh is not one of the scene".into());
-        let mut mesh = shooting_mesh(scene, &settings);
+        let (mut mesh, _) = shooting_mesh(scene, &settings);
         for id in &self.divided {
             // Neighbours of a divided patch may have been divided with it.
             if mesh.patches.len() <= id.index() || mesh.vertices.len() > self.vertices {

@@ -40,7 +40,7 @@ impl RowSource for ExactRows {
         1.0
     }
 
-    fn shares(&self, scene: &Scene, mesh: &Mesh) -> Vec<Share> {
+    fn shares(&self, scene: &Scene, mesh: &Mesh, _: f64) -> Vec<Share> {
         mesh.shares(|surface, facet| scene.surfaces[surface as usize].facets[facet as usize].plane)
     }
 
@@ -48,7 +48,7 @@ impl RowSource for ExactRows {
         false
     }
 
-    fn open(&mut self, cx: &mut Context, _: &Mesh, shooters: Vec<Shooter>) -> RowTable {
+    fn open(&mut self, cx: &mut Context, _: &ShareMesh, shooters: Vec<Shooter>) -> RowTable {
         RowTable::new(shooters, cx.settings.row_cache.saturating_mul(1 << 20))
     }
 

@@ -21,7 +21,7 @@ use super::table::RowTable;
 use crate::context::Context;
 use crate::error::Result;
 use crate::jobs::{ReceiverSet, RowClient};
-use crate::mesh::{Mesh, Share, Surroundings};
+use crate::mesh::{Mesh, PatchId, Share, Surroundings};
 use crate::settings::RowStrategy;
 use crate::solver::ShareId;
 use crate::solver::acceleration::Acceleration;
@@ -33,6 +33,9 @@ const MOST_PASSES: u32 = 1000;
 
 /// Factor of the edge of shooters: leaves, whose light is constant, are made finer than shares are, since they cost next to nothing.
 const EDGE_FACTOR: f64 = 1.0 / 3.0;
+
+/// Size of the cells in which small leaves shoot together, relative to the longest edge of the shooters.
+const CELL: f64 = 0.5;
 
 /// Keys of the samples' twins, above those of the samples.
 const TWIN_KEYS: u64 = 1 << 34;
@@ -46,15 +49,17 @@ const LEAST_PART: f64 = 0.125;
 /// The gathering strategy.
 #[derive(Default)]
 pub struct GatherRows {
-    /// The shares as polygons, once they are published.
-    shares: Option<ReceiverSet>,
+    /// The polygons of the shares, once they are published.
+    polygons: Option<ReceiverSet>,
+    /// Share of each polygon.
+    share_of: Vec<u32>,
 }
 
 impl GatherRows {
     /// The row of each share over some receivers.
     fn rows(&self, cx: &mut Context, receivers: &Receivers, rays: impl Fn(usize) -> u32) -> Result<Vec<Row>> {
-        let Some(shares) = self.shares else { return Ok(vec![]) };
-        hemisphere_rows(cx.client, shares, receivers, rays)
+        let Some(polygons) = self.polygons else { return Ok(vec![]) };
+        hemisphere_rows(cx.client, polygons, &self.share_of, receivers, rays)
     }
 }
 
@@ -67,23 +72,31 @@ impl RowSource for GatherRows {
         EDGE_FACTOR
     }
 
-    fn shares(&self, scene: &Scene, mesh: &Mesh) -> Vec<Share> {
-        mesh.leaf_shares(|surface, facet| scene.surfaces[surface as usize].facets[facet as usize].plane)
+    fn shares(&self, scene: &Scene, mesh: &Mesh, longest_edge: f64) -> Vec<Share> {
+        mesh.clustered_shares(CELL * longest_edge, |surface, facet| {
+            scene.surfaces[surface as usize].facets[facet as usize].plane
+        })
     }
 
     fn joins_sources(&self) -> bool {
         true
     }
 
-    fn open(&mut self, cx: &mut Context, mesh: &Mesh, shooters: Vec<Shooter>) -> RowTable {
-        let leaves = leaf_polygons(cx.scene, mesh);
-        self.shares = Some(cx.client.publish_polygons(&leaves.polygons, &leaves.opacities));
+    fn open(&mut self, cx: &mut Context, mesh: &ShareMesh, shooters: Vec<Shooter>) -> RowTable {
+        let of_share = |(index, share): (u32, &Share)| {
+            share.corners.chunk_by(|a, b| a.0 == b.0).map(|own| (own[0].0, index)).collect::<Vec<_>>()
+        };
+        let (leaves, share_of): (Vec<PatchId>, Vec<u32>) =
+            (0..).zip(&mesh.shares).flat_map(of_share).unzip();
+        let leaves = leaf_polygons(cx.scene, &mesh.mesh, leaves.into_iter());
+        self.polygons = Some(cx.client.publish_polygons(&leaves.polygons, &leaves.opacities));
+        self.share_of = share_of;
         RowTable::new(shooters, usize::MAX)
     }
 
     fn close(self: Box<Self>, table: RowTable, client: &mut RowClient) {
         table.release(client);
-        self.shares.into_iter().for_each(|set| client.release(set));
+        self.polygons.into_iter().for_each(|set| client.release(set));
     }
 
     fn add_receivers(
@@ -123,8 +136,11 @@ impl RowSource for GatherRows {
 
     fn row_sums(&self, mesh: &ShareMesh, at_vertices: &[f64]) -> Vec<f64> {
         let mean = |share: &Share| {
-            let corners = &mesh.mesh.patch(share.corners[0].0).corners;
-            corners.iter().map(|corner| at_vertices[corner.index()]).sum::<f64>() / corners.len() as f64
+            let at = |(id, corner): &(PatchId, usize)| {
+                let patch = mesh.mesh.patch(*id);
+                at_vertices[patch.corners[*corner].index()] * patch.area / patch.corners.len() as f64
+            };
+            share.corners.iter().map(at).sum::<f64>() / share.area
         };
         mesh.shares.iter().map(mean).collect()
     }
@@ -187,10 +203,11 @@ impl RowSource for GatherRows {
         receivers: &Receivers,
         irradiance: &[DVec3],
     ) -> Result<LeafLight> {
-        let leaves = leaf_polygons(cx.scene, &mesh.mesh);
+        let leaves = leaf_polygons(cx.scene, &mesh.mesh, mesh.mesh.leaves().map(|(id, _)| id));
+        let each: Vec<u32> = (0..leaves.polygons.len() as u32).collect();
         let set = cx.client.publish_polygons(&leaves.polygons, &leaves.opacities);
         let mut gathered = cx.channels.gathering(receivers.receivers.len());
-        let rows = hemisphere_rows(cx.client, set, receivers, |_| cx.settings.rays_per_hemisphere)?;
+        let rows = hemisphere_rows(cx.client, set, &each, receivers, |_| cx.settings.rays_per_hemisphere)?;
         for (row, (leaf, _)) in rows.iter().zip(mesh.mesh.leaves()) {
             gathered.add(row, mesh.leaf_radiosity(cx.scene, leaf, irradiance));
         }
@@ -208,10 +225,11 @@ fn rays_of_vertex(around: &Surroundings, wide: f64, all: u32) -> u32 {
     ((f64::from(all) * part) as u32).next_power_of_two().min(all)
 }
 
-/// The leaves of a mesh as rays see them, each with its opacity where one is not opaque.
-fn leaf_polygons(scene: &Scene, mesh: &Mesh) -> ScenePolygons {
+/// Leaves of a mesh as rays see them, each with its opacity where one is not opaque.
+fn leaf_polygons(scene: &Scene, mesh: &Mesh, ids: impl Iterator<Item = PatchId>) -> ScenePolygons {
     let mut leaves = ScenePolygons::default();
-    for (id, patch) in mesh.leaves() {
+    for id in ids {
+        let patch = mesh.patch(id);
         let surface = &scene.surfaces[patch.surface as usize];
         let corners = mesh.corners(id);
         let opacity = if surface.opacity < 1.0 { surface.mean_opacity(patch.facet, &corners) } else { 1.0 };
@@ -225,10 +243,11 @@ fn leaf_polygons(scene: &Scene, mesh: &Mesh) -> ScenePolygons {
     leaves
 }
 
-/// What receivers see of polygons, as a row for each polygon over all receivers.
+/// What receivers see of polygons, as a row for each share of them over all receivers. `share_of` gives the share of each polygon.
 fn hemisphere_rows(
     client: &mut RowClient,
     polygons: ReceiverSet,
+    share_of: &[u32],
     receivers: &Receivers,
     rays: impl Fn(usize) -> u32,
 ) -> Result<Vec<Row>> {
@@ -238,14 +257,16 @@ fn hemisphere_rows(
         Shooter { key: receivers.first_key + index as u64, shape }
     };
     let shooters: Vec<Shooter> = receivers.receivers.iter().enumerate().map(hemisphere).collect();
-    let mut by_polygon: Vec<Vec<(u32, f32)>> = vec![vec![]; polygons.count()];
+    let shares = share_of.iter().max().map_or(0, |last| last + 1);
+    let mut by_share: Vec<Vec<(usize, f32)>> = vec![vec![]; shares as usize];
     client.each_row(&shooters, polygons, |receiver, row, _| {
-        row.for_each(|polygon, factor| by_polygon[polygon].push((receiver as u32, factor)));
+        row.for_each(|polygon, factor| {
+            let own = &mut by_share[share_of[polygon] as usize];
+            match own.last_mut().filter(|last| last.0 == receiver) {
+                Some(last) => last.1 += factor,
+                None => own.push((receiver, factor)),
+            }
+        });
     })?;
-    let row = |factors: Vec<(u32, f32)>| {
-        let factors: Vec<(usize, f32)> =
-            factors.into_iter().map(|(receiver, factor)| (receiver as usize, factor)).collect();
-        Row::of_some(shooters.len(), &factors)
-    };
-    Ok(by_polygon.into_iter().map(row).collect())
+    Ok(by_share.into_iter().map(|factors| Row::of_some(shooters.len(), &factors)).collect())
 }

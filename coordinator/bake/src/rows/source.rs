@@ -23,14 +23,14 @@ pub trait RowSource {
     /// Longest edge of the shooting mesh, relative to the one in the settings.
     fn edge_factor(&self) -> f64;
 
-    /// Deals the surface of the shooting mesh out among shares.
-    fn shares(&self, scene: &Scene, mesh: &Mesh) -> Vec<Share>;
+    /// Deals the surface of the shooting mesh out among shares. `longest_edge` is that of its patches, in frame units.
+    fn shares(&self, scene: &Scene, mesh: &Mesh, longest_edge: f64) -> Vec<Share>;
 
     /// Whether neighbouring light sources share a row.
     fn joins_sources(&self) -> bool;
 
     /// Publishes what rows are made from, and makes a table for them.
-    fn open(&mut self, cx: &mut Context, mesh: &Mesh, shooters: Vec<Shooter>) -> RowTable;
+    fn open(&mut self, cx: &mut Context, mesh: &ShareMesh, shooters: Vec<Shooter>) -> RowTable;
 
     /// Releases what was published.
     fn close(self: Box<Self>, table: RowTable, client: &mut RowClient);

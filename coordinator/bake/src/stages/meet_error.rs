@@ -87,7 +87,7 @@ impl Measured {
             // Edges are halved: a factor of more than a half might change nothing.
             let factor = (SHOOTERS_PART * asked / error.shooters).clamp(0.25, 0.5);
             let finer = better.with_shooter_edge(cx.settings.shooter_edge * factor);
-            let vertices = shooting_mesh(cx.scene, &finer).vertices.len();
+            let vertices = shooting_mesh(cx.scene, &finer).0.vertices.len();
             if vertices > finer.max_vertices {
                 return None;
             }

@@ -26,12 +26,12 @@ impl Setup {
         cx.client.monitor.check()?;
         cx.client.monitor.set_error(None);
         let (scene, settings) = (cx.scene, cx.settings);
-        let mesh = shooting_mesh(scene, settings);
+        let (mesh, longest_edge) = shooting_mesh(scene, settings);
         if mesh.patches.is_empty() {
             return Err(BakeError::EmptyMesh);
         }
         let mut source = row_source(scene, settings);
-        let shares = source.shares(scene, &mesh);
+        let shares = source.shares(scene, &mesh, longest_edge);
         let mesh = ShareMesh::new(scene, mesh, shares);
         let shooter = |(key, share): (usize, &Share)| Shooter {
             key: key as u64,
@@ -40,7 +40,7 @@ impl Setup {
         let shooters: Vec<Shooter> = mesh.shares.iter().enumerate().map(shooter).collect();
         let sources =
             light::sources(scene, &mesh.mesh, settings, shooters.len() as u64, source.joins_sources());
-        let mut table = source.open(cx, &mesh.mesh, shooters);
+        let mut table = source.open(cx, &mesh, shooters);
         let (vertices, around) = receivers(&mesh.mesh, VertexId(0));
         let coarse = source.add_receivers(cx, &mut table, &vertices, Some(&around))?;
         table.vertices.push(coarse);
@@ -50,15 +50,16 @@ impl Setup {
     }
 }
 
-/// The mesh of the shares. Where an error is asked for and its mesh would have too many vertices, the finest that has not.
-pub fn shooting_mesh(scene: &Scene, settings: &BakeSettings) -> Mesh {
+/// The mesh of the shares, with the longest edge of its patches in frame units. Where an error is asked for and its mesh would have
+/// too many vertices, the finest that has not.
+pub fn shooting_mesh(scene: &Scene, settings: &BakeSettings) -> (Mesh, f64) {
     let extent = extent(scene);
     let mut edge = settings.shooter_edge * row_source(scene, settings).edge_factor();
     loop {
         let mesh = Mesh::new(scene, extent, edge * extent, settings.max_level);
         let fits = mesh.vertices.len() <= settings.max_vertices;
         if fits || settings.error.is_none() || edge >= 1.0 {
-            return mesh;
+            return (mesh, edge * extent);
         }
         edge *= 2.0;
     }
