@@ -1,11 +1,15 @@
 //! Golden rows: digests of encoded rows of small scenes, so that no change of the kernel's bits goes unnoticed.
 
+mod room;
+
 use glam::DVec3;
 use kernel::geometry::{ConvexPolygon, PlaneId};
 use kernel::replica::{Digest, Receiver, ScenePolygons};
 use kernel::row::{Hemisphere, Precision, ROW_VERSION, Row, Shape, Shooter, Spot, encode_row};
 use kernel::visibility::ReceiverGroups;
 use worker::engine::{Scene, compute_hemisphere, compute_row};
+
+use room::{block, polygon, wall_receivers};
 
 /// [`ROW_VERSION`] of the digests below.
 const VERSION: u32 = 1;
@@ -35,12 +39,11 @@ const SIDE: f64 = 4.0;
 /// Receivers along an edge of a wall.
 const ALONG: usize = 7;
 
+/// Cosine and sine of the blocks' turn: exact, whatever the platform.
+const TURN: [f64; 2] = [0.96, 0.28];
+
 /// Factors keep all digits of f32.
 const EXACT: Precision = Precision { factor_rounding: 0.0, ..Precision::DEFAULT };
-
-fn polygon(plane: u32, corners: [DVec3; 4]) -> ConvexPolygon {
-    ConvexPolygon { plane: PlaneId(plane), corners: corners.to_vec() }
-}
 
 /// A horizontal square that faces down, about this centre, turned by 37 degrees without the platform's sine.
 fn square(plane: u32, centre: DVec3, half: f64) -> ConvexPolygon {
@@ -48,19 +51,9 @@ fn square(plane: u32, centre: DVec3, half: f64) -> ConvexPolygon {
     polygon(plane, [centre - u - v, centre + u - v, centre + u + v, centre - u + v])
 }
 
-/// A block that stands on the floor: one convex body.
-fn block(plane: u32, centre: DVec3, half: DVec3) -> Vec<ConvexPolygon> {
-    let (u, v) = (DVec3::new(0.96, 0.0, 0.28) * half.x, DVec3::new(-0.28, 0.0, 0.96) * half.z);
-    let up = DVec3::Y * 2.0 * half.y;
-    let [a, b, c, d] = [-u - v, u - v, u + v, v - u].map(|corner| centre + corner);
-    let sides = [[a, d], [d, c], [c, b], [b, a]].map(|[left, right]| [left, right, right + up, left + up]);
-    let all = sides.into_iter().chain([[d + up, c + up, b + up, a + up], [a, b, c, d]]);
-    (plane..).zip(all).map(|(plane, corners)| polygon(plane, corners)).collect()
-}
-
 fn blocks() -> Vec<ConvexPolygon> {
-    let low = block(20, DVec3::new(1.3, 0.0, 2.6), DVec3::new(0.6, 0.5, 0.6));
-    low.into_iter().chain(block(30, DVec3::new(2.8, 0.0, 1.2), DVec3::new(0.5, 1.2, 0.5))).collect()
+    let low = block(20, DVec3::new(1.3, 0.0, 2.6), DVec3::new(0.6, 0.5, 0.6), TURN);
+    low.into_iter().chain(block(30, DVec3::new(2.8, 0.0, 1.2), DVec3::new(0.5, 1.2, 0.5), TURN)).collect()
 }
 
 /// Small squares on a grid below the lamp, which hide parts of it from everywhere.
@@ -71,21 +64,6 @@ fn squares() -> Vec<ConvexPolygon> {
 
 /// Receivers on the walls and the floor, and some in the air that face all ways; walls have the planes 0 to 4.
 fn receivers() -> Vec<Receiver> {
-    let step = |index: usize| (index as f64 + 0.5) / ALONG as f64 * SIDE;
-    let walls = [
-        (DVec3::ZERO, DVec3::X, DVec3::Z, DVec3::Y),
-        (DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z),
-        (DVec3::Z * SIDE, DVec3::X, DVec3::Y, DVec3::NEG_Z),
-        (DVec3::ZERO, DVec3::Z, DVec3::Y, DVec3::X),
-        (DVec3::X * SIDE, DVec3::Z, DVec3::Y, DVec3::NEG_X),
-    ];
-    let on_wall = |(plane, (corner, u, v, normal)): (u32, (DVec3, DVec3, DVec3, DVec3))| {
-        (0..ALONG * ALONG).map(move |index| Receiver {
-            position: corner + u * step(index % ALONG) + v * step(index / ALONG),
-            normal,
-            plane: PlaneId(plane),
-        })
-    };
     let in_air = (0..40_u32).map(|i| {
         let [x, y, z] = [i * 7 % 11, i * 5 % 13, i * 3 % 17].map(f64::from);
         Receiver {
@@ -94,7 +72,7 @@ fn receivers() -> Vec<Receiver> {
             plane: PlaneId(1000 + i),
         }
     });
-    (0..).zip(walls).flat_map(on_wall).chain(in_air).collect()
+    wall_receivers(SIDE, ALONG).chain(in_air).collect()
 }
 
 fn lamp() -> Shape {

@@ -15,8 +15,8 @@ pub enum Phase {
     Refine,
     /// Measuring the error.
     Measure,
-    /// The final solve.
-    Settle,
+    /// Solving again on the refined mesh.
+    FinalSolve,
     /// Light by groups of its sources.
     Groups,
 }
@@ -24,7 +24,7 @@ pub enum Phase {
 impl Phase {
     /// All phases, in the order in which they first begin.
     pub const ALL: [Self; 6] =
-        [Self::Light, Self::Shoot, Self::Refine, Self::Measure, Self::Settle, Self::Groups];
+        [Self::Light, Self::Shoot, Self::Refine, Self::Measure, Self::FinalSolve, Self::Groups];
 
     /// Its name in metrics.
     #[must_use]
@@ -34,7 +34,7 @@ impl Phase {
             Self::Shoot => "shoot",
             Self::Refine => "refine",
             Self::Measure => "measure",
-            Self::Settle => "settle",
+            Self::FinalSolve => "final solve",
             Self::Groups => "groups",
         }
     }

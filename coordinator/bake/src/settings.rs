@@ -43,17 +43,17 @@ pub struct BakeSettings {
     pub threshold: f64,
     /// Shot n is chosen from the state after shot n - window. Part of the answer: the same whatever the workers.
     pub window: usize,
-    /// Visibility through a shaft with more occluders than this is sampled with rays; that through others is computed exactly.
+    /// [`Precision::exact_occluders`].
     pub exact_occluders: u32,
-    /// Rays that a receiver spends on a hemisphere of such crowded shafts.
+    /// [`Precision::rays_per_hemisphere`].
     pub rays_per_hemisphere: u32,
-    /// Least rays for such a pair; a power of two.
+    /// [`Precision::minimum_rays`].
     pub minimum_rays: u32,
-    /// Most rays for such a pair; a power of two.
+    /// [`Precision::maximum_rays`].
     pub maximum_rays: u32,
-    /// Relative error that a form factor may have before occlusion.
+    /// [`Precision::form_factor_error`].
     pub form_factor_error: f64,
-    /// Relative error to which each form factor may be rounded, so that rows take fewer bytes.
+    /// [`Precision::factor_rounding`].
     pub factor_rounding: f64,
     /// Least number of validation samples: random points at which the error is measured; scenes with many patches get more. At 0
     /// the error of the mesh is predicted from the vertices alone.
@@ -112,7 +112,7 @@ impl BakeSettings {
         Self { shooter_edge: edge.clamp(FINEST_SHOOTERS, COARSEST_SHOOTERS), ..self }
     }
 
-    /// How exactly the workers compute rows.
+    /// Accuracy of the rows.
     #[must_use]
     pub fn precision(&self) -> Precision {
         Precision {

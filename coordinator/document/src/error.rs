@@ -269,7 +269,7 @@ pub enum ImportProblem {
     NoTriangles,
     /// No light source.
     #[error(
-        "has no light: no emissive material in use and no light; give a material an emissiveFactor, add a KHR_lights_punctual light, or give --sky"
+        "has no light; give a material an emissiveFactor, add a light (KHR_lights_punctual, EXT_lights_area), or give --sky"
     )]
     NoLight,
     /// The scene cannot be scaled to a working size.

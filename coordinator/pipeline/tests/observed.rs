@@ -64,7 +64,7 @@ fn an_observer_changes_no_bit() {
         assert_eq!(baked.lit.vertices, expected.lit.vertices);
         assert_eq!(baked.lit.surfaces, expected.lit.surfaces);
         assert!(baked.lit.unshot.is_empty());
-        for phase in [Phase::Light, Phase::Shoot, Phase::Refine, Phase::Settle] {
+        for phase in [Phase::Light, Phase::Shoot, Phase::Refine, Phase::FinalSolve] {
             // Noise of rays may leave nothing to refine.
             let may_be_left_out = phase == Phase::Refine && rows == RowStrategy::Gather;
             assert!(
@@ -144,7 +144,7 @@ fn a_cancelled_bake_ends_and_leaves_its_workers_to_the_next() {
         bake(&scene, &settings(RowStrategy::Exact), &mut cluster().handle(0), &mut Unobserved).unwrap();
     let cluster = cluster();
     let mut handle = cluster.handle(0);
-    for phase in [Phase::Light, Phase::Shoot, Phase::Refine, Phase::Settle, Phase::Measure] {
+    for phase in [Phase::Light, Phase::Shoot, Phase::Refine, Phase::FinalSolve, Phase::Measure] {
         let mut impatient = Impatient { phase, is_there: false };
         let cancelled = bake(&scene, &settings(RowStrategy::Exact), &mut handle, &mut impatient);
         assert!(matches!(cancelled.map(|_| ()), Err(BakeError::Cancelled)), "not cancelled in {phase:?}");

@@ -206,7 +206,7 @@ fn api_phase(phase: Phase) -> api::Phase {
         Phase::Shoot => api::Phase::Shoot,
         Phase::Refine => api::Phase::Refine,
         Phase::Measure => api::Phase::Measure,
-        Phase::Settle => api::Phase::Settle,
+        Phase::FinalSolve => api::Phase::FinalSolve,
         Phase::Groups => api::Phase::Groups,
     }
 }

@@ -102,3 +102,109 @@ fn part_to_divide(error: f64, limit: f64) -> f64 {
     let excess = 1.0 - (limit / error).powi(2);
     (excess / GAIN).clamp(LEAST_PER_ROUND, MOST_PER_ROUND)
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+    use kernel::geometry::PlaneId;
+
+    use super::*;
+    use crate::mesh::{Patch, Vertex, VertexId};
+
+    const PLAN: Plan = Plan { limit: 0.01, found_per_predicted: 1.0, shortest_edge: 0.5, max_vertices: 1000 };
+
+    /// Squares apart from each other, with edges of these lengths.
+    fn squares(edges: &[f64]) -> Mesh {
+        let mut mesh = Mesh::default();
+        for (index, edge) in edges.iter().enumerate() {
+            let first = mesh.vertices.len() as u32;
+            let corners = [DVec3::ZERO, DVec3::X, DVec3::X + DVec3::Y, DVec3::Y];
+            mesh.vertices.extend(corners.map(|corner| Vertex {
+                position: corner * *edge + DVec3::X * 10.0 * index as f64,
+                normal: DVec3::Z,
+                plane: PlaneId(0),
+                smooth: false,
+            }));
+            mesh.patches.push(Patch {
+                surface: 0,
+                facet: 0,
+                corners: (first..first + 4).map(VertexId).collect(),
+                first_child: None,
+                parent: None,
+                area: edge * edge,
+            });
+        }
+        mesh
+    }
+
+    /// Even light of 1 in which these errors were found, one in each patch.
+    fn found(mesh: &Mesh, errors: &[f64]) -> MeshError {
+        let found: Vec<_> = (0..).map(PatchId).zip(errors.iter().map(|error| DVec3::splat(*error))).collect();
+        MeshError::predict(mesh, &vec![DVec3::ONE; mesh.vertices.len()], &[DVec3::ONE], &found)
+    }
+
+    fn ids(ids: &[u32]) -> Vec<PatchId> {
+        ids.iter().copied().map(PatchId).collect()
+    }
+
+    fn divided(step: Step) -> Vec<PatchId> {
+        match step {
+            Step::Divide(patches) => patches,
+            Step::Done => panic!("done"),
+            Step::Stop(obstacle) => panic!("{obstacle:?}"),
+        }
+    }
+
+    #[test]
+    fn refinement_ends_at_the_limit_or_an_obstacle() {
+        let mesh = squares(&[1.0; 4]);
+        let error = found(&mesh, &[0.1; 4]);
+        let is_done = |plan: Plan| matches!(plan.next(&mesh, &error, 0.0), Step::Done);
+        assert!(is_done(Plan { limit: 0.11, ..PLAN }));
+        assert!(!is_done(Plan { limit: 0.11, found_per_predicted: 1.2, ..PLAN }), "measured errors count");
+        for (obstacle, plan, noise) in [
+            (Obstacle::Noise, PLAN, 0.08),
+            (Obstacle::MaxVertices, Plan { max_vertices: 16 + NEW_VERTICES - 1, ..PLAN }, 0.0),
+            (Obstacle::SmallPatches, Plan { shortest_edge: 1.5, ..PLAN }, 0.0),
+        ] {
+            assert!(
+                matches!(plan.next(&mesh, &error, noise), Step::Stop(found) if found == obstacle),
+                "{obstacle:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn the_worst_patches_are_divided_first_and_equals_in_the_order_of_their_ids() {
+        let mesh = squares(&[1.0; 5]);
+        let error = found(&mesh, &[0.1, 0.3, 0.2, 0.3, 0.0]);
+        assert_eq!(
+            divided(PLAN.next(&mesh, &error, 0.0)),
+            ids(&[1, 3, 2]),
+            "four fifths of the square error"
+        );
+        let two = Plan { max_vertices: 20 + 2 * NEW_VERTICES, ..PLAN };
+        assert_eq!(divided(two.next(&mesh, &error, 0.0)), ids(&[1, 3]));
+        let near = Plan { limit: 0.99 * error.relative(), ..PLAN };
+        assert_eq!(
+            divided(near.next(&mesh, &error, 0.0)),
+            ids(&[1]),
+            "no more than brings it under the limit"
+        );
+    }
+
+    #[test]
+    fn patches_that_are_too_small_are_passed_over() {
+        let mesh = squares(&[1.0, 0.4, 2.0]);
+        let error = found(&mesh, &[0.1, 0.9, 0.1]);
+        assert_eq!(divided(PLAN.next(&mesh, &error, 0.0)), ids(&[2]));
+    }
+
+    #[test]
+    fn long_patches_are_divided_as_far_as_there_are_vertices() {
+        let mesh = squares(&[3.0, 1.0, 2.5, 4.0]);
+        assert_eq!(long_patches(&mesh, 2.0, 1000), ids(&[0, 2, 3]));
+        assert_eq!(long_patches(&mesh, 2.0, 16 + 2 * NEW_VERTICES), ids(&[0, 2]));
+        assert!(long_patches(&mesh, 2.0, 16).is_empty());
+    }
+}

@@ -95,7 +95,7 @@ impl Solved {
     /// Solves again with the means of the refined mesh. No rows are needed but those that there are, or were.
     #[tracing::instrument(skip_all)]
     pub fn final_solve(&mut self, cx: &mut Context) -> Result<()> {
-        cx.client.monitor.enter(Phase::Settle, self.mesh.mesh.vertices.len());
+        cx.client.monitor.enter(Phase::FinalSolve, self.mesh.mesh.vertices.len());
         self.takes_means = true;
         let means = self.means();
         let Self { mesh, rows: Rows { source, table }, direct, solution, .. } = self;
@@ -103,7 +103,7 @@ impl Solved {
         let start = std::mem::replace(solution, Solution::dark(0, SamplePoints::default()));
         *solution = problem.solve(cx, source.as_ref(), table, start)?;
         self.preview(cx);
-        cx.end_step("settle");
+        cx.end_step("final solve");
         Ok(())
     }
 

@@ -120,6 +120,14 @@ mod tests {
             ("coordinator relight a.glb --kept k -o b.glb --threads 2", "--threads", "relight", "solve"),
             ("coordinator --workers a:1 jobs", "--workers", "jobs", "render"),
             ("coordinator submit a.glb --row-cache 3", "--row-cache", "submit", "solve"),
+            ("coordinator reference a.glb -o b.csv --weld 1", "--weld", "reference", "form-factors"),
+            ("coordinator form-factors a.glb -o b.csv --sky 1,1,1", "--sky", "form-factors", "reference"),
+            (
+                "coordinator form-factors a.glb -o b.csv --light-unit watt",
+                "--light-unit",
+                "form-factors",
+                "solve",
+            ),
         ] {
             let told = parse(line).err().unwrap().to_string();
             for word in [option, command, owner] {

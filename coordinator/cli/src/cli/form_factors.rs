@@ -12,6 +12,7 @@ use scene::{ImportOptions, import};
 use serde_json::{Value, json};
 use view_factors::{Division, ViewFactorSettings, ViewFactors, view_factors};
 
+use super::options::Unused;
 use super::report::new_table;
 use super::scene_options::SceneOptions;
 use super::workers::ThreadArguments;
@@ -50,7 +51,14 @@ pub struct FormFactorArguments {
     #[command(flatten)]
     pub threads: ThreadArguments,
     #[command(flatten)]
-    options: SceneOptions,
+    options: SceneOptions<OfLight>,
+}
+
+/// View factors do not depend on light.
+struct OfLight;
+
+impl Unused for OfLight {
+    const FLAGS: &'static [&'static str] = &["sky", "light-unit"];
 }
 
 /// Computes the view factors of one scene.

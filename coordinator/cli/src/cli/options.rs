@@ -1,16 +1,33 @@
 //! Options of the command line that the service offers too: built from the schema of `pipeline::options`.
 
+use std::marker::PhantomData;
+
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Arg, ArgAction, ArgMatches, Args, Command, Error, FromArgMatches};
 use pipeline::options::schema::{Kind, Knob, Options, Value};
 
-/// The options of a message, as they are given.
-#[derive(Clone)]
-pub struct Given<M>(pub M);
+/// Options of a message that a command does not use, by their flags.
+pub trait Unused {
+    /// Their flags.
+    const FLAGS: &'static [&'static str];
+}
 
-impl<M: Options> Args for Given<M> {
+/// A command uses all options.
+impl Unused for () {
+    const FLAGS: &'static [&'static str] = &[];
+}
+
+/// The options of a message, as they are given.
+pub struct Given<M, U = ()>(pub M, PhantomData<U>);
+
+/// The options that a command uses.
+fn knobs<M: Options, U: Unused>() -> impl Iterator<Item = &'static Knob<M>> {
+    M::KNOBS.iter().filter(|knob| !U::FLAGS.contains(&knob.flag))
+}
+
+impl<M: Options, U: Unused> Args for Given<M, U> {
     fn augment_args(command: Command) -> Command {
-        command.args(M::KNOBS.iter().map(argument))
+        command.args(knobs::<M, U>().map(argument))
     }
 
     fn augment_args_for_update(command: Command) -> Command {
@@ -18,23 +35,23 @@ impl<M: Options> Args for Given<M> {
     }
 }
 
-impl<M: Options> FromArgMatches for Given<M> {
+impl<M: Options, U: Unused> FromArgMatches for Given<M, U> {
     /// Options that are not given have the default of the settings, if there is one value and no other option chooses it.
     fn from_arg_matches(matches: &ArgMatches) -> Result<Self, Error> {
         let given = |knob: &Knob<M>| {
             matches.get_one::<Value>(knob.path).filter(|value| **value != Value::Flag(false))
         };
         let chosen: Vec<_> =
-            M::KNOBS.iter().filter(|knob| given(knob).is_some()).flat_map(|knob| knob.excludes).collect();
+            knobs::<M, U>().filter(|knob| given(knob).is_some()).flat_map(|knob| knob.excludes).collect();
         let mut message = M::default();
-        for knob in M::KNOBS {
+        for knob in knobs::<M, U>() {
             let default =
                 || knob.default_value().filter(|_| knob.default.is_empty() && !chosen.contains(&&knob.flag));
             if let Some(value) = given(knob).cloned().or_else(default) {
                 knob.set(&mut message, value);
             }
         }
-        Ok(Self(message))
+        Ok(Self(message, PhantomData))
     }
 
     fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), Error> {

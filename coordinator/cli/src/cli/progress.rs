@@ -24,7 +24,7 @@ impl ProgressLine {
     /// Shows an empty bar.
     pub fn new() -> Self {
         let bar = ProgressBar::with_draw_target(Some(1), ProgressDrawTarget::stderr_with_hz(10));
-        let template = "{prefix:8} [{bar:32}] {msg}";
+        let template = "{prefix:11} [{bar:32}] {msg}";
         // The template is fixed and right.
         bar.set_style(
             ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar()),

@@ -14,6 +14,7 @@ use verify::reference::{
     relative_standard_error, to_csv, trace,
 };
 
+use super::options::Unused;
 use super::scene_options::SceneOptions;
 use super::workers::ThreadArguments;
 use super::write_output;
@@ -41,7 +42,14 @@ pub struct ReferenceArguments {
     #[command(flatten)]
     pub threads: ThreadArguments,
     #[command(flatten)]
-    options: SceneOptions,
+    options: SceneOptions<Weld>,
+}
+
+/// Paths are traced between the triangles of the file.
+struct Weld;
+
+impl Unused for Weld {
+    const FLAGS: &'static [&'static str] = &["weld"];
 }
 
 fn at_least_one(text: &str) -> Result<NonZeroUsize, String> {

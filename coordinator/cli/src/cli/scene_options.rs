@@ -5,16 +5,16 @@ use pipeline::options::{Violations, import_options};
 use protocol::api;
 use scene::ImportOptions;
 
-use super::options::Given;
+use super::options::{Given, Unused};
 
 /// How the scene's file is read.
 #[derive(Args)]
-pub struct SceneOptions {
+pub struct SceneOptions<U: Unused = ()> {
     #[command(flatten)]
-    given: Given<api::SceneOptions>,
+    given: Given<api::SceneOptions, U>,
 }
 
-impl SceneOptions {
+impl<U: Unused> SceneOptions<U> {
     /// The options as a message.
     pub fn options(&self) -> api::SceneOptions {
         self.given.0.clone()

@@ -105,11 +105,17 @@ pub(super) async fn dial(
                 None => unreachable(reason(&error)),
             })?;
         let uploads = endpoint.connect_with_connector_lazy(service_fn(connector.clone()));
-        match greet(address.clone(), channel, uploads, security.credentials(), true).await {
-            Err(ClusterError::Unreachable { .. }) if !plain && retries > 0 => retries -= 1,
-            Err(error) if plain => return Err(with_certificates_in_mind(error)),
-            answer => return answer,
-        }
+        let greeting = greet(address.clone(), channel, uploads, security.credentials(), true);
+        let answer = match timeout(CONNECT_TIMEOUT, greeting).await {
+            // The next connection may last until its alert is read. A silent worker sends none.
+            Ok(Err(ClusterError::Unreachable { .. })) if !plain && retries > 0 => {
+                retries -= 1;
+                continue;
+            }
+            Ok(answer) => answer,
+            Err(_) => Err(silent(&address)),
+        };
+        return if plain { answer.map_err(with_certificates_in_mind) } else { answer };
     }
 }
 
@@ -122,6 +128,11 @@ fn with_certificates_in_mind(error: ClusterError) -> ClusterError {
         }
         other => other,
     }
+}
+
+/// The worker does not say hello in time.
+fn silent(address: &str) -> ClusterError {
+    ClusterError::Unreachable { address: address.into(), reason: "it does not say hello in time".into() }
 }
 
 /// Name of a worker in messages: as the user gave it, with the machine's address.
@@ -154,8 +165,9 @@ pub(super) async fn embed(
     let endpoint = with_limits(Endpoint::from_static("http://embedded"));
     let channel = endpoint.connect_with_connector_lazy(service_fn(connector.clone()));
     let uploads = endpoint.connect_with_connector_lazy(service_fn(connector));
+    let greeting = greet(EMBEDDED.into(), channel, uploads, Credentials::default(), false);
     tokio::select! {
-        connection = greet(EMBEDDED.into(), channel, uploads, Credentials::default(), false) => connection,
+        answer = timeout(CONNECT_TIMEOUT, greeting) => answer.unwrap_or_else(|_| Err(silent(EMBEDDED))),
         // Before its shutdown it ends only when it cannot start.
         Ok(Err(error)) = serving => Err(ClusterError::Start(error.to_string())),
     }
@@ -174,7 +186,7 @@ fn client(channel: Channel, credentials: Credentials) -> WorkerClient<SecuredCha
         .max_encoding_message_size(MAX_MESSAGE_BYTES)
 }
 
-/// Opens the session and exchanges hellos.
+/// Opens the session and exchanges hellos. Callers limit its time.
 async fn greet(
     address: String,
     channel: Channel,
@@ -197,20 +209,13 @@ async fn greet(
         None if is_refusal(&status) => refused(words(&status)),
         None => unreachable(words(&status)),
     };
-    let opening = async {
-        let session =
-            client(channel, credentials.clone()).session(UnboundedReceiverStream::new(messages)).await;
-        let mut inbound = session.map_err(failed)?.into_inner();
-        let first = inbound.message().await.map_err(failed)?;
-        match first.map(|message| message.body) {
-            Some(Some(Incoming::Hello(hello))) => Ok((inbound, hello)),
-            Some(_) => Err(refused("it does not say hello".into())),
-            None => Err(unreachable("it ends the session before its hello".into())),
-        }
+    let session = client(channel, credentials.clone()).session(UnboundedReceiverStream::new(messages)).await;
+    let mut inbound = session.map_err(failed)?.into_inner();
+    let hello = match inbound.message().await.map_err(failed)?.map(|message| message.body) {
+        Some(Some(Incoming::Hello(hello))) => hello,
+        Some(_) => return Err(refused("it does not say hello".into())),
+        None => return Err(unreachable("it ends the session before its hello".into())),
     };
-    let (inbound, hello) = timeout(CONNECT_TIMEOUT, opening)
-        .await
-        .map_err(|_| unreachable("it does not say hello in time".into()))??;
     if let Err(mismatch) = check_versions("coordinator", hello.protocol_version, hello.row_version) {
         return Err(ClusterError::Version { address, mismatch });
     }
@@ -218,4 +223,72 @@ async fn greet(
         return Err(refused("it has no threads".into()));
     }
     Ok(Connection { address, hello, inbound, outbound, uploads: client(uploads, credentials), remote })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Mutex;
+
+    use protocol::security::{Tls, TlsFiles, Transport};
+    use tokio_rustls::TlsAcceptor;
+
+    use super::super::network::{Answer, ByteStream};
+    use super::*;
+
+    /// A worker that shakes hands and then hangs up or stays silent.
+    struct Mute {
+        tls: Tls,
+        hangs_up: bool,
+        connections: Mutex<u32>,
+    }
+
+    impl Network for Mute {
+        fn resolve(&self, _: &str) -> Answer<Vec<SocketAddr>> {
+            unreachable!("a socket address is dialled")
+        }
+
+        fn connect(&self, _: SocketAddr) -> Answer<Box<dyn ByteStream>> {
+            *self.connections.lock().unwrap() += 1;
+            let (near, far) = tokio::io::duplex(MEMORY_BUFFER);
+            let (acceptor, hangs_up) = (TlsAcceptor::from(self.tls.server()), self.hangs_up);
+            tokio::spawn(async move {
+                let _stream = acceptor.accept(far).await.unwrap();
+                if !hangs_up {
+                    std::future::pending::<()>().await;
+                }
+            });
+            Box::pin(async move { Ok(Box::new(near) as Box<dyn ByteStream>) })
+        }
+    }
+
+    /// Dials a mute worker: the connections that it takes, and the error.
+    async fn dial_mute(hangs_up: bool) -> (u32, String) {
+        let folder = tempfile::tempdir().unwrap();
+        let write = |name: &str, text: String| {
+            let path = folder.path().join(name);
+            std::fs::write(&path, text).unwrap();
+            path
+        };
+        let own = rcgen::generate_simple_self_signed(["worker".into()]).unwrap();
+        let certificate = write("certificate", own.cert.pem());
+        let key = write("key", own.signing_key.serialize_pem());
+        let tls = TlsFiles { ca: certificate.clone(), certificate, key }.load().unwrap();
+        let security = ClientSecurity { transport: Transport::Tls(tls.clone()), ..ClientSecurity::default() };
+        let worker = Arc::new(Mute { tls, hangs_up, connections: Mutex::default() });
+        let network: Arc<dyn Network> = Arc::<Mute>::clone(&worker);
+        let socket = "127.0.0.1:7070".parse().unwrap();
+        let error = dial(&network, &security, "worker:7070", socket).await.err().unwrap();
+        (*worker.connections.lock().unwrap(), error.to_string())
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn only_a_closed_connection_is_tried_again() {
+        let (connections, error) = dial_mute(false).await;
+        assert!(connections == 1 && error.contains("hello in time"), "{connections} connections: {error}");
+        let (connections, error) = dial_mute(true).await;
+        assert!(
+            connections > ALERT_RETRIES && error.contains("closed"),
+            "{connections} connections: {error}"
+        );
+    }
 }

@@ -91,7 +91,7 @@ pub enum ReferenceError {
     NoReflection,
     /// Nothing gives light.
     #[error(
-        "the scene has no light: give a material an emissiveFactor, add a KHR_lights_punctual light, or give --sky"
+        "the scene has no light: give a material an emissiveFactor, add a light (KHR_lights_punctual, EXT_lights_area), or give --sky"
     )]
     NoLight,
     /// The other reference has points that the scene does not have.

@@ -24,7 +24,7 @@ export const PHASES: Record<Phase, string> = {
   [Phase.SHOOT]: 'shooting',
   [Phase.REFINE]: 'refining the mesh',
   [Phase.MEASURE]: 'measuring the error',
-  [Phase.SETTLE]: 'final solve',
+  [Phase.FINAL_SOLVE]: 'final solve',
   [Phase.GROUPS]: 'light groups',
   [Phase.EXPORT]: 'writing the file',
 };

@@ -78,7 +78,7 @@ fn step(phase: Phase) -> &'static str {
         Phase::Shoot => "shoot",
         Phase::Refine => "refine",
         Phase::Measure => "measure",
-        Phase::Settle => "settle",
+        Phase::FinalSolve => "final solve",
         Phase::Groups => "groups",
         Phase::Export => "export",
     }
