@@ -25,7 +25,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let settings = BakeSettings {
             shooter_edge: EDGE / building.extent,
             mesh_error: MESH_ERROR,
-            max_vertices: 1_000_000,
+            max_vertices: Some(1_000_000),
             ..BakeSettings::default()
         };
         let mut service = RoomsOnly::new(&building, scene.frame);

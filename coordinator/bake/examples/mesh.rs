@@ -16,10 +16,19 @@ fn main() -> anyhow::Result<()> {
     let facets: usize = scene.surfaces.iter().map(|surface| surface.facets.len()).sum();
     let triangles: usize =
         scene.surfaces.iter().flat_map(|surface| &surface.facets).map(|facet| facet.triangles.len()).sum();
-    println!("import {:.2} s: {triangles} triangles, {facets} facets", start.elapsed().as_secs_f64());
+    let vertices = scene.vertex_count;
+    println!(
+        "import {:.2} s: {triangles} triangles, {facets} facets, {vertices} vertices",
+        start.elapsed().as_secs_f64()
+    );
     let start = Instant::now();
     let (mesh, _) = shooting_mesh(&scene, &BakeSettings::for_error(error));
-    println!("mesh {:.2} s: {} vertices, {} patches, {} leaves",
-        start.elapsed().as_secs_f64(), mesh.vertices.len(), mesh.patches.len(), mesh.leaves().count());
+    println!(
+        "mesh {:.2} s: {} vertices, {} patches, {} leaves",
+        start.elapsed().as_secs_f64(),
+        mesh.vertices.len(),
+        mesh.patches.len(),
+        mesh.leaves().count()
+    );
     Ok(())
 }

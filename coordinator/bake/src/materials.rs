@@ -58,7 +58,8 @@ pub fn of_shares(scene: &Scene, mesh: &Mesh, shares: &[Share]) -> Vec<AveragedMa
     let of_share = |share: &Share| {
         let surface = &scene.surfaces[share.surface as usize];
         let is_like = |other: &Surface| {
-            other.appearance.is_none() && AveragedMaterial::uniform(other) == AveragedMaterial::uniform(surface)
+            other.appearance.is_none()
+                && AveragedMaterial::uniform(other) == AveragedMaterial::uniform(surface)
         };
         if share.corners.iter().all(|(id, _)| is_like(surface_of(*id))) {
             return AveragedMaterial::uniform(surface);
@@ -70,7 +71,9 @@ pub fn of_shares(scene: &Scene, mesh: &Mesh, shares: &[Share]) -> Vec<AveragedMa
             } else {
                 own.iter().map(|(id, corner)| mesh.corner_quad(*id, *corner).to_vec()).collect()
             };
-            polygons.into_iter().map(move |polygon| AveragedMaterial::over(surface_of(id), patch.facet, &polygon))
+            polygons
+                .into_iter()
+                .map(move |polygon| AveragedMaterial::over(surface_of(id), patch.facet, &polygon))
         });
         AveragedMaterial::mean(parts).unwrap_or(AveragedMaterial::uniform(surface))
     };

@@ -1,4 +1,5 @@
 use kernel::row::Precision;
+use scene::Scene;
 use serde::Serialize;
 
 use crate::light_parts::{LightGroup, LightPart};
@@ -31,8 +32,9 @@ pub struct BakeSettings {
     /// No triangle of the answer has a longer edge than this, in the file's units, as far as there are vertices for it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_edge: Option<f64>,
-    /// Refinement also ends at this number of vertices.
-    pub max_vertices: usize,
+    /// Refinement also ends at this number of vertices [default: [`BakeSettings::LEAST_MAX_VERTICES`], or twice those of the scene].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_vertices: Option<usize>,
     /// Memory for rows in MiB: those that do not fit are made again when they are needed. No part of the answer, and so not
     /// written beside it.
     #[serde(skip)]
@@ -80,6 +82,15 @@ const COARSEST_SHOOTERS: f64 = 0.4;
 const FINEST_SHOOTERS: f64 = 0.02;
 
 impl BakeSettings {
+    /// Vertices that a bake may have where none are asked for.
+    pub const LEAST_MAX_VERTICES: usize = 200_000;
+
+    /// Most vertices of the mesh of a scene.
+    #[must_use]
+    pub fn most_vertices(&self, scene: &Scene) -> usize {
+        self.max_vertices.unwrap_or_else(|| Self::LEAST_MAX_VERTICES.max(2 * scene.vertex_count))
+    }
+
     /// Settings to start from for a relative L2 error of the radiosity.
     ///
     /// The error of the mesh is shared out among receivers and shooters. That of the shooters was measured to be 2 to 6 %
@@ -136,7 +147,7 @@ impl Default for BakeSettings {
             shooter_edge: 0.15,
             mesh_error: 0.005,
             max_edge: None,
-            max_vertices: 200_000,
+            max_vertices: None,
             row_cache: 2048,
             max_level: 12,
             threshold: 1e-6,

@@ -6,6 +6,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use foldhash::HashSet;
 use glam::DVec3;
 
 use crate::appearance::Appearance;
@@ -29,6 +30,8 @@ pub struct Scene {
     pub frame: Frame,
     /// Number of planes; plane ids are below it.
     pub plane_count: u32,
+    /// Number of vertices: places with one normal, of each lit side.
+    pub vertex_count: usize,
     /// Warnings on what the import changed or left out.
     pub warnings: Vec<String>,
     /// Parts of the file that the bake models or ignores.
@@ -81,6 +84,16 @@ pub struct Surface {
 }
 
 impl Surface {
+    /// Number of its vertices: corners of facets that have a place and a normal to themselves.
+    #[must_use]
+    pub fn vertex_count(&self) -> usize {
+        let bits = |vector: DVec3| vector.to_array().map(f64::to_bits);
+        let corners = self.facets.iter().flat_map(|facet| &facet.corners);
+        let distinct: HashSet<_> =
+            corners.map(|corner| (bits(corner.position), bits(corner.normal))).collect();
+        distinct.len()
+    }
+
     /// Mean reflectance over a polygon of one of its facets, frame positions; the value at a point where only one is given.
     #[must_use]
     pub fn mean_reflectance(&self, facet: u32, polygon: &[DVec3]) -> DVec3 {

@@ -127,7 +127,8 @@ fn the_noise_of_rounding_is_stated() {
 /// What cannot be met is said, with the part that stands in the way; the result is there all the same.
 #[test]
 fn an_error_out_of_reach_is_said() {
-    let bake = measured("doorway", &BakeSettings { max_vertices: 600, ..BakeSettings::for_error(0.02) });
+    let bake =
+        measured("doorway", &BakeSettings { max_vertices: Some(600), ..BakeSettings::for_error(0.02) });
     let said = bake.report.warnings.join("; ");
     assert!(
         bake.report.error.total > 0.02 && bake.report.vertices <= 660,

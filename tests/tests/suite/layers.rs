@@ -121,7 +121,7 @@ fn groups_and_parts_sum_to_the_whole() {
 fn a_group_is_what_its_lights_give_alone() {
     let unrefined = BakeSettings {
         shooter_edge: 9.0,
-        max_vertices: 0,
+        max_vertices: Some(0),
         validation_samples: 0,
         factor_rounding: 0.0,
         ..settings()

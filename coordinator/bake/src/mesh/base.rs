@@ -113,7 +113,8 @@ fn pieces_of(scene: &Scene, region: &Region, lines: &[Contact], longest_edge: f6
 fn is_inside(facet: &Facet, line: &Contact) -> bool {
     let middle = (line[0] + line[1]) / 2.0;
     let next = facet.positions().cycle().skip(1);
-    facet.positions().zip(next).all(|(from, to)| {
-        facet.normal.cross((to - from).normalize_or_zero()).dot(middle - from) > WELD
-    })
+    facet
+        .positions()
+        .zip(next)
+        .all(|(from, to)| facet.normal.cross((to - from).normalize_or_zero()).dot(middle - from) > WELD)
 }

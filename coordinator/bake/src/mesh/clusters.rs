@@ -1,7 +1,7 @@
 //! Leaves that shoot together: what is small against the shooting patches is joined with its neighbours, so that their number
 //! follows the error asked and not the number of triangles.
 
-use std::collections::HashMap;
+use foldhash::{HashMap, HashMapExt};
 
 use glam::DVec3;
 use kernel::geometry::PlaneId;

@@ -34,7 +34,7 @@ mod subdivision;
 mod triangulation;
 mod welding;
 
-use std::collections::HashMap;
+use foldhash::HashMap;
 
 use glam::DVec3;
 use kernel::geometry::{ConvexPolygon, PlaneId};

@@ -3,7 +3,7 @@
 //! Rows are computed and kept for groups of consecutive receivers: the closer together these lie, the more often a whole group is
 //! hidden or turned away, and costs next to nothing.
 
-use std::collections::HashMap;
+use foldhash::HashMap;
 
 use glam::DVec3;
 

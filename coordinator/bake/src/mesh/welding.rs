@@ -1,6 +1,8 @@
 //! Welds the corners of pieces into vertices of the mesh.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
+
+use foldhash::{HashMap, HashMapExt};
 
 use glam::{DVec3, I64Vec3};
 use kernel::geometry::{Bounds, PlaneId, area_vector};

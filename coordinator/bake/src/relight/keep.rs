@@ -92,7 +92,7 @@ pub fn keep_light(cx: &mut Context, measured: &mut Measured) -> Result<Option<Ke
         shooting: ShootingMesh {
             edge: settings.shooter_edge,
             max_level: settings.max_level,
-            max_vertices: settings.max_vertices,
+            max_vertices: settings.most_vertices(cx.scene),
             has_error: settings.error.is_some(),
             is_gathered: solved.rows.source.strategy() == RowStrategy::Gather,
         },

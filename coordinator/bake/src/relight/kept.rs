@@ -95,7 +95,7 @@ impl KeptLight {
             rows: if is_gathered { RowStrategy::Gather } else { RowStrategy::Exact },
             shooter_edge: edge,
             max_level,
-            max_vertices,
+            max_vertices: Some(max_vertices),
             ..BakeSettings::default()
         };
         let other = || RelightError::Damaged("its mesh is not one of the scene".into());

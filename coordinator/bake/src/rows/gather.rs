@@ -86,8 +86,7 @@ impl RowSource for GatherRows {
         let of_share = |(index, share): (u32, &Share)| {
             share.corners.chunk_by(|a, b| a.0 == b.0).map(|own| (own[0].0, index)).collect::<Vec<_>>()
         };
-        let (leaves, share_of): (Vec<PatchId>, Vec<u32>) =
-            (0..).zip(&mesh.shares).flat_map(of_share).unzip();
+        let (leaves, share_of): (Vec<PatchId>, Vec<u32>) = (0..).zip(&mesh.shares).flat_map(of_share).unzip();
         let leaves = leaf_polygons(cx.scene, &mesh.mesh, leaves.into_iter());
         self.polygons = Some(cx.client.publish_polygons(&leaves.polygons, &leaves.opacities));
         self.share_of = share_of;

@@ -88,7 +88,7 @@ impl Measured {
             let factor = (SHOOTERS_PART * asked / error.shooters).clamp(0.25, 0.5);
             let finer = better.with_shooter_edge(cx.settings.shooter_edge * factor);
             let vertices = shooting_mesh(cx.scene, &finer).0.vertices.len();
-            if vertices > finer.max_vertices {
+            if vertices > finer.most_vertices(cx.scene) {
                 return None;
             }
             finer

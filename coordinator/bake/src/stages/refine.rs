@@ -24,7 +24,7 @@ impl Solved {
             limit,
             found_per_predicted: self.found_per_predicted,
             shortest_edge: cx.extent() * 2.0_f64.powi(-(cx.settings.max_level as i32)),
-            max_vertices: cx.settings.max_vertices,
+            max_vertices: cx.settings.most_vertices(cx.scene),
         };
         self.divide_long(cx)?;
         let obstacle = loop {
@@ -47,8 +47,9 @@ impl Solved {
         // A patch's diagonals, too, may become edges of triangles.
         let longest = |edge: f64| edge / cx.scene.frame.scale / SQRT_2;
         let Some(longest) = cx.settings.max_edge.map(longest) else { return Ok(()) };
+        let most = cx.settings.most_vertices(cx.scene);
         loop {
-            let long = long_patches(&self.mesh.mesh, longest, cx.settings.max_vertices);
+            let long = long_patches(&self.mesh.mesh, longest, most);
             if long.is_empty() {
                 return Ok(());
             }

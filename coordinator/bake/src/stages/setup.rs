@@ -11,6 +11,9 @@ use crate::rows::{Rows, ShareMesh, row_source};
 use crate::settings::BakeSettings;
 use scene::Scene;
 
+/// Edges longer than the scene divide nothing: diagonals are.
+const COARSEST: f64 = 2.0;
+
 /// A bake before any light.
 pub struct Setup {
     pub mesh: ShareMesh,
@@ -50,17 +53,20 @@ impl Setup {
     }
 }
 
-/// The mesh of the shares, with the longest edge of its patches in frame units. Where an error is asked for and its mesh would have
-/// too many vertices, the finest that has not.
+/// The mesh of the shares, with the longest edge of its patches in frame units. Where it would have too many vertices, the finest
+/// that has not; the scene's own vertices it has in any case.
 pub fn shooting_mesh(scene: &Scene, settings: &BakeSettings) -> (Mesh, f64) {
     let extent = extent(scene);
+    let most = settings.most_vertices(scene);
     let mut edge = settings.shooter_edge * row_source(scene, settings).edge_factor();
+    if scene.vertex_count >= most {
+        edge = edge.max(COARSEST);
+    }
     loop {
         let mesh = Mesh::new(scene, extent, edge * extent, settings.max_level);
-        let fits = mesh.vertices.len() <= settings.max_vertices;
-        if fits || settings.error.is_none() || edge >= 1.0 {
+        if mesh.vertices.len() <= most || edge >= COARSEST {
             return (mesh, edge * extent);
         }
-        edge *= 2.0;
+        edge = (2.0 * edge).min(COARSEST);
     }
 }

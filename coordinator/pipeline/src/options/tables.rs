@@ -70,7 +70,8 @@ impl Options for BakeOptions {
             .help("How form factors are computed")
             .details("Automatic takes hemisphere rows (gather) for dense meshes, and exact rows for others."),
         knob!("bake." + max_vertices -> max_vertices, "max-vertices", ANY_64)
-            .help("Number of vertices at which refinement ends")
+            .help("Most vertices of the mesh")
+            .default("200000, or twice those of the scene where that is more")
             .label("Maximum vertices"),
         knob!("bake." + max_edge -> max_edge, "max-edge", Kind::Number(POSITIVE))
             .value_name("LENGTH")

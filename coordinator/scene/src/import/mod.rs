@@ -251,8 +251,10 @@ impl Content {
         }
         let rounding = rounding.max(triangles::rounding_of(frame.centre.abs().max_element() / frame.scale));
         let plane_count = planes::assign(&mut surfaces, &mut lights, rounding);
+        let vertex_count = surfaces.par_iter().map(Surface::vertex_count).sum();
         let mut scene = Scene {
             source,
+            vertex_count,
             surfaces,
             lights,
             sky: options.sky,

@@ -209,5 +209,5 @@ proptest! {
 
 /// As little as makes a bake.
 fn quick() -> BakeSettings {
-    BakeSettings { max_vertices: 1500, validation_samples: 256, ..coarse() }
+    BakeSettings { max_vertices: Some(1500), validation_samples: 256, ..coarse() }
 }

@@ -1,4 +1,6 @@
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
+
+use foldhash::{HashMap, HashMapExt};
 
 use glam::{DVec2, DVec3};
 
@@ -28,8 +30,7 @@ pub struct Arrangement {
 impl Arrangement {
     /// Of the outer border alone where `joins`, else of the borders of all facets. `None` where there are too many.
     pub fn new(facets: &[(u32, &Facet)], lines: &[Contact], joins: bool, axes: &Axes) -> Option<Self> {
-        let mut all =
-            Self { points: vec![], positions: vec![], segments: vec![], cells: HashMap::new() };
+        let mut all = Self { points: vec![], positions: vec![], segments: vec![], cells: HashMap::new() };
         let mut uses: BTreeMap<[u32; 2], u32> = BTreeMap::new();
         for (_, facet) in facets {
             let corners: Vec<u32> =

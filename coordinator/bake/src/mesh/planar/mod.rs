@@ -48,9 +48,10 @@ impl Axes {
     fn new(facet: &Facet) -> Self {
         let normal = facet.normal;
         let origin = facet.corners[0].position;
-        let farthest = facet.positions().map(|position| position - origin).fold(DVec3::ZERO, |a, b| {
-            if b.length_squared() > a.length_squared() { b } else { a }
-        });
+        let farthest = facet
+            .positions()
+            .map(|position| position - origin)
+            .fold(DVec3::ZERO, |a, b| if b.length_squared() > a.length_squared() { b } else { a });
         let along = farthest - normal * normal.dot(farthest);
         let x = along.try_normalize().unwrap_or_else(|| normal.any_orthonormal_vector());
         Self { origin, x, y: normal.cross(x) }
@@ -68,12 +69,7 @@ impl Axes {
 
 /// Cuts a region along lines. `joins`: a piece may lie in several facets. Triangles with sides shorter than `finest` are not
 /// divided to improve their shape. `None` where the region cannot be triangulated: its facets then stay as they are.
-pub fn pieces(
-    facets: &[(u32, &Facet)],
-    lines: &[Contact],
-    joins: bool,
-    finest: f64,
-) -> Option<Vec<Piece>> {
+pub fn pieces(facets: &[(u32, &Facet)], lines: &[Contact], joins: bool, finest: f64) -> Option<Vec<Piece>> {
     if facets.len() > MOST_FACETS {
         return None;
     }

@@ -1,4 +1,4 @@
-use std::collections::HashMap;
+use foldhash::{HashMap, HashMapExt};
 
 use glam::DVec3;
 use kernel::geometry::Bounds;

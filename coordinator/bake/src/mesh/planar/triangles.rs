@@ -1,8 +1,10 @@
-use std::collections::HashMap;
+use foldhash::{HashMap, HashMapExt};
 
 use glam::DVec2;
 use spade::handles::FixedFaceHandle;
-use spade::{AngleLimit, ConstrainedDelaunayTriangulation, HasPosition, Point2, RefinementParameters, Triangulation};
+use spade::{
+    AngleLimit, ConstrainedDelaunayTriangulation, HasPosition, Point2, RefinementParameters, Triangulation,
+};
 
 use super::Axes;
 use super::arrangement::Arrangement;
