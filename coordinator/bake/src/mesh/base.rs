@@ -2,7 +2,7 @@ use glam::DVec3;
 use kernel::geometry::area_vector;
 use smallvec::SmallVec;
 
-use super::contact::contacts;
+use super::contact::{Contact, contacts};
 use super::order::FacetPlaces;
 use super::pieces::{cut_along, cut_long};
 use super::welding::Welder;
@@ -12,9 +12,17 @@ use scene::Scene;
 impl Mesh {
     /// The mesh of a scene's facets, divided until no edge is longer than `longest_edge`, but no more than `max_level` times.
     /// `extent` is the scene's. Lengths are in frame units.
+    /// `lines`, in the order of surfaces and facets, become edges as the contacts do; there may be none.
     #[must_use]
-    pub fn new(scene: &Scene, extent: f64, longest_edge: f64, max_level: u32) -> Self {
-        let contacts = contacts(scene, extent, longest_edge / 16.0);
+    pub fn new(
+        scene: &Scene,
+        extent: f64,
+        longest_edge: f64,
+        max_level: u32,
+        lines: &[Vec<Vec<Contact>>],
+    ) -> Self {
+        let mut contacts = contacts(scene, extent, longest_edge / 16.0);
+        contacts.iter_mut().flatten().zip(lines.iter().flatten()).for_each(|(own, more)| own.extend(more));
         let mut welder = Welder::default();
         let mut places = vec![];
         scene.surfaces.iter().flat_map(|surface| &surface.facets).for_each(|facet| welder.add_corners(facet));

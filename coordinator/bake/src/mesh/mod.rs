@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `base` | facets of the scene to first patches |
 //! | `contact` | lines where facets stand on others |
+//! | `shadow` | lines where the shadows of point lights, spots and the sun end |
 //! | `pieces` | cuts facets along contacts, and long ones across |
 //! | `welding` | corners to vertices; T-vertices made corners |
 //! | `subdivision` | divides patches, keeping neighbours within one level of each other |
@@ -25,6 +26,7 @@ mod locate;
 mod order;
 mod pieces;
 mod receivers;
+mod shadow;
 mod shares;
 mod subdivision;
 mod triangulation;
@@ -41,6 +43,7 @@ pub use order::along_curve;
 
 pub use locate::{Interpolation, interpolation};
 pub use receivers::{INWARD, receivers};
+pub use shadow::shadow_lines;
 pub use shares::{Share, Surroundings, surroundings};
 pub use triangulation::triangulate;
 

@@ -5,7 +5,7 @@ use kernel::row::{Shape, Shooter};
 use super::light::{self, LightSource};
 use crate::context::{Context, extent};
 use crate::error::{BakeError, Result};
-use crate::mesh::{Mesh, Share, VertexId, receivers};
+use crate::mesh::{Mesh, Share, VertexId, receivers, shadow_lines};
 use crate::refinement::SamplePoints;
 use crate::rows::{Rows, ShareMesh, row_source};
 use crate::settings::BakeSettings;
@@ -54,8 +54,9 @@ impl Setup {
 pub fn shooting_mesh(scene: &Scene, settings: &BakeSettings) -> Mesh {
     let extent = extent(scene);
     let mut edge = settings.shooter_edge * row_source(scene, settings).edge_factor();
+    let lines = shadow_lines(scene, extent, settings.error.unwrap_or(settings.mesh_error));
     loop {
-        let mesh = Mesh::new(scene, extent, edge * extent, settings.max_level);
+        let mesh = Mesh::new(scene, extent, edge * extent, settings.max_level, &lines);
         let fits = mesh.vertices.len() <= settings.max_vertices;
         if fits || settings.error.is_none() || edge >= 1.0 {
             return mesh;
