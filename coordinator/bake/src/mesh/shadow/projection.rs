@@ -21,7 +21,7 @@ pub enum Shadow {
 pub fn shadow_on(source: &Source, edge: &Silhouette, facet: &Facet, shortest: f64) -> Option<Shadow> {
     let origin = facet.corners[0].position;
     let light = source.height_over(origin, facet.normal);
-    if !(light > WELD) {
+    if light.is_nan() || light <= WELD {
         return None;
     }
     let snapped = |height: f64| if height.abs() <= WELD { 0.0 } else { height };
@@ -42,7 +42,7 @@ pub fn shadow_on(source: &Source, edge: &Silhouette, facet: &Facet, shortest: f6
             to = to.min(start / (start - end));
         }
     }
-    if !(from < to) {
+    if from >= to {
         return None;
     }
     let shadow_at = |t: f64| {

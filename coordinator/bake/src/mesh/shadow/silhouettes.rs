@@ -70,8 +70,7 @@ pub fn seen_from(source: &Source, edges: &[Edge], shortest: f64, most: usize) ->
         .enumerate()
         .filter_map(|(index, edge)| {
             let length = LEANING * source.longest_shadow(edge.ends, farthest);
-            // Not the other way round: no comparison holds of what is no number.
-            if !(length >= shortest) {
+            if length.is_nan() || length < shortest {
                 return None;
             }
             Some((length, index, silhouette(source, edge)?))
