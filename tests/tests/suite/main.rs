@@ -61,6 +61,7 @@ mod relight;
 mod scenes;
 mod security;
 mod service;
+mod shadow_lines;
 mod size;
 mod sky;
 mod spheres;

@@ -45,7 +45,7 @@ fn mesh_of(scene: &Scene, longest_edge: f64) -> Mesh {
     let corners =
         || scene.surfaces.iter().flat_map(|s| &s.facets).flat_map(|f| &f.corners).map(|c| c.position);
     let extent = corners().fold(DVec3::MIN, DVec3::max) - corners().fold(DVec3::MAX, DVec3::min);
-    Mesh::new(scene, extent.max_element(), longest_edge * extent.max_element(), 8)
+    Mesh::new(scene, extent.max_element(), longest_edge * extent.max_element(), 8, &[])
 }
 
 /// Divides leaves, chosen by numbers of any size.

@@ -15,13 +15,26 @@ use scene::{Facet, Scene};
 impl Mesh {
     /// The mesh of a scene's facets, divided until no edge is longer than `longest_edge`, but no more than `max_level` times.
     /// `extent` is the scene's. Lengths are in frame units.
+    /// `lines`, in the order of surfaces and facets, become edges as the contacts do; there may be none.
     #[must_use]
-    pub fn new(scene: &Scene, extent: f64, longest_edge: f64, max_level: u32) -> Self {
+    pub fn new(
+        scene: &Scene,
+        extent: f64,
+        longest_edge: f64,
+        max_level: u32,
+        lines: &[Vec<Vec<Contact>>],
+    ) -> Self {
         let regions = regions(scene);
-        let lines = contacts(scene, &regions, extent, longest_edge);
+        let mut contacts = contacts(scene, &regions, extent, longest_edge);
+        for (region, own) in regions.iter().zip(&mut contacts) {
+            let of_facets = lines.get(region.surface).into_iter();
+            own.extend(
+                of_facets.flat_map(|facets| region.facets.iter().flat_map(|facet| &facets[*facet as usize])),
+            );
+        }
         let pieces: Vec<Vec<Piece>> = regions
             .par_iter()
-            .zip(&lines)
+            .zip(&contacts)
             .map(|(region, lines)| pieces_of(scene, region, lines, longest_edge))
             .collect();
         let mut welder = Welder::default();

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `base` | facets of the scene to first patches |
 //! | `contact` | lines where facets stand on others |
+//! | `shadow` | lines where the shadows of point lights, spots and the sun end |
 //! | `planar` | cuts flat regions along lines, by constrained Delaunay triangulation |
 //! | `pieces` | cuts long pieces across |
 //! | `welding` | corners to vertices; T-vertices made corners |
@@ -29,6 +30,7 @@ mod order;
 mod pieces;
 mod planar;
 mod receivers;
+mod shadow;
 mod shares;
 mod subdivision;
 mod triangulation;
@@ -45,6 +47,7 @@ pub use order::along_curve;
 
 pub use locate::{Interpolation, interpolation};
 pub use receivers::{INWARD, receivers};
+pub use shadow::shadow_lines;
 pub use shares::{Share, Surroundings, surroundings};
 pub use triangulation::triangulate;
 

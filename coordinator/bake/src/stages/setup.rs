@@ -5,7 +5,7 @@ use kernel::row::{Shape, Shooter};
 use super::light::{self, LightSource};
 use crate::context::{Context, extent};
 use crate::error::{BakeError, Result};
-use crate::mesh::{Mesh, Share, VertexId, receivers};
+use crate::mesh::{Mesh, Share, VertexId, receivers, shadow_lines};
 use crate::refinement::SamplePoints;
 use crate::rows::{Rows, ShareMesh, row_source};
 use crate::settings::BakeSettings;
@@ -62,8 +62,9 @@ pub fn shooting_mesh(scene: &Scene, settings: &BakeSettings) -> (Mesh, f64) {
     if scene.vertex_count >= most {
         edge = edge.max(COARSEST);
     }
+    let lines = shadow_lines(scene, extent, settings.error.unwrap_or(settings.mesh_error));
     loop {
-        let mesh = Mesh::new(scene, extent, edge * extent, settings.max_level);
+        let mesh = Mesh::new(scene, extent, edge * extent, settings.max_level, &lines);
         if mesh.vertices.len() <= most || edge >= COARSEST {
             return (mesh, edge * extent);
         }

@@ -83,7 +83,7 @@ fn half_a_million_triangles_are_imported_and_meshed() {
     }
     let corners = scene.surfaces.iter().flat_map(|surface| &surface.facets).flat_map(|facet| &facet.corners);
     let extent = corners.map(|corner| corner.position.abs().max_element()).fold(0.0, f64::max) * 2.0;
-    let mesh = Mesh::new(&scene, extent, 0.3 * extent, 8);
+    let mesh = Mesh::new(&scene, extent, 0.3 * extent, 8, &[]);
     assert!(mesh.vertices.iter().all(|vertex| vertex.position.is_finite() && vertex.normal.is_normalized()));
     assert!(mesh.vertices.len() < 200_000, "{}", mesh.vertices.len());
 }
