@@ -13,6 +13,7 @@
 //! | [`scenes`] | a furnished room, a house and a Cornell box with textures, as they stand in `tests/scenes` |
 //! | [`rooms_only`] | rows of a building whose rooms do not see each other: what a bake costs beside visibility |
 //! | [`dirty`] | a furnished room as careless tools write it |
+//! | [`flip`] | how different two pictures look |
 //! | [`certificates`] | certificates of an authority of the test's own |
 //! | [`programs`] | the binaries of the workspace as processes |
 //! | [`service`] | a coordinator that serves clients, as a process |
@@ -24,6 +25,7 @@ pub mod cases;
 pub mod certificates;
 pub mod city;
 pub mod dirty;
+pub mod flip;
 pub mod measured;
 pub mod painting;
 pub mod programs;

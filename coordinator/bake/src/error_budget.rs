@@ -50,6 +50,13 @@ impl ErrorBudget {
         Self { unshot, visibility, form_factors, mesh, receivers, shooters, total }
     }
 
+    /// The same where the output interpolates between fewer vertices.
+    #[must_use]
+    pub fn with_simplification(&self, difference: f64) -> Self {
+        let receivers = self.receivers.hypot(difference);
+        Self::new(self.unshot, self.visibility, self.form_factors, receivers, self.shooters)
+    }
+
     /// All parts but the interpolation.
     #[must_use]
     pub fn without_receivers(&self) -> f64 {

@@ -10,6 +10,7 @@
 //! |---|---|
 //! | `run` | [`bake()`] |
 //! | `relight` | a finished bake with other light |
+//! | `output_mesh` | fewer vertices, no T-junctions |
 //! | `stages` | the stages of a bake, in their order |
 //! | `rows` | row strategies, exact or gather, and the solution with them |
 //! | `refinement` | where the mesh needs more vertices |
@@ -29,6 +30,7 @@ pub mod lit;
 mod materials;
 pub mod mesh;
 mod observer;
+mod output_mesh;
 mod preview;
 mod refinement;
 mod relight;

@@ -5,6 +5,7 @@ use crate::error::Result;
 use crate::jobs::{RowClient, RowService};
 use crate::lit::LitMesh;
 use crate::observer::Observer;
+use crate::output_mesh::output_mesh;
 use crate::preview::lit_mesh;
 use crate::relight::{KeptLight, keep_light};
 use crate::settings::BakeSettings;
@@ -62,8 +63,11 @@ fn finish(mut measured: Measured, mut cx: Context, occluders: usize) -> Result<B
     let (mesh, irradiance) = (&solved.mesh.mesh, &solved.solution.irradiance);
     let (lit, fitted) = lit_mesh(cx.scene, mesh, cx.settings.only, irradiance, &solved.direct);
     solved.solution.irradiance = fitted;
+    let error = cx.settings.simplify.then_some(&measured.error);
+    let (lit, difference) = output_mesh(cx.scene, LitMesh { layers, ..lit }, error);
+    measured.error = measured.error.with_simplification(difference);
     cx.end_step("export mesh");
     let mut report = measured.report(cx, occluders);
     report.warnings.extend(warnings);
-    Ok(Baked { lit: LitMesh { layers, ..lit }, report, kept })
+    Ok(Baked { lit, report, kept })
 }

@@ -71,6 +71,9 @@ pub struct BakeSettings {
     /// Keep the light of each source for relighting, if it takes at most this many bytes. Does not affect the result.
     #[serde(skip)]
     pub keep_light: Option<u64>,
+    /// Drop the vertices of the output that its light does not need.
+    #[serde(skip_serializing)]
+    pub simplify: bool,
     /// Weigh point lights by the cosine of an imaginary horizontal plane instead of evenly by solid angle.
     pub planar_point_lights: bool,
 }
@@ -163,6 +166,7 @@ impl Default for BakeSettings {
             only: LightPart::All,
             groups: vec![],
             keep_light: None,
+            simplify: true,
             planar_point_lights: false,
         }
     }

@@ -88,6 +88,7 @@ fn unrefined(rows: RowStrategy) -> BakeSettings {
         threshold: 1e-9,
         rows,
         factor_rounding: 0.0,
+        simplify: false,
         ..BakeSettings::default()
     }
 }
@@ -144,7 +145,7 @@ fn rows_are_those_of_parallel_rectangles_and_disks() {
 fn a_disk_over_a_point_gives_what_the_formula_says() {
     let place = DMat4::from_translation(DVec3::new(0.5, 0.5, 0.5)) * DMat4::from_rotation_x(-FRAC_PI_2);
     let scene = imported(&room(NEARLY_BLACK).light(lamp("disk"), place).glb());
-    let settings = BakeSettings { mesh_error: 0.002, ..BakeSettings::default() };
+    let settings = BakeSettings { mesh_error: 0.002, simplify: false, ..BakeSettings::default() };
     let lit = baked(&scene, &settings).lit;
     let expected = PI * LUMINANCE * 0.04 / (0.04 + 0.25);
     let below = walls(&lit)

@@ -53,9 +53,15 @@ pub fn groups() -> Vec<LightGroup> {
     vec![group("warm", &["lamp", "bulb"]), group("cold", &["panel"]), group("outside", &["sky"])]
 }
 
-/// Coarse: that lights and groups are many is not to take long.
+/// Coarse: that lights and groups are many is not to take long. With all vertices, which are then those of any light.
 fn settings() -> BakeSettings {
-    BakeSettings { shooter_edge: 0.25, mesh_error: 0.03, validation_samples: 64, ..BakeSettings::default() }
+    BakeSettings {
+        shooter_edge: 0.25,
+        mesh_error: 0.03,
+        validation_samples: 64,
+        simplify: false,
+        ..BakeSettings::default()
+    }
 }
 
 fn irradiances(lit: &LitMesh) -> Vec<DVec3> {

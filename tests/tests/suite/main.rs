@@ -13,6 +13,7 @@
 //! | `relight` | scenes lit otherwise against bakes of the changed scenes |
 //! | `leaks` | closed walls against light |
 //! | `mesh` | the mesh against its promises: tiling, convexity, no cracks, balance |
+//! | `output_mesh` | output meshes against T-junctions, triangles of the input and path-traced pictures |
 //! | `furnace` | enclosures of constant radiosity against E / (1 - rho) |
 //! | `enclosures` | a cube with one bright face and with a point light against their exact answers |
 //! | `error_budget` | the stated error of a bake against the found one, knobs against its parts |
@@ -52,6 +53,7 @@ mod lights;
 mod made_scenes;
 mod mesh;
 mod occlusion;
+mod output_mesh;
 mod pictures;
 mod point_lights;
 mod public_files;

@@ -14,7 +14,7 @@ use tests::programs::binary;
 
 use super::layers::{SKY, court, groups};
 
-/// On one and the same mesh: nothing is refined.
+/// On one and the same mesh: nothing is refined, and no vertex dropped.
 fn unrefined(rows: RowStrategy) -> BakeSettings {
     BakeSettings {
         shooter_edge: 0.25,
@@ -23,6 +23,7 @@ fn unrefined(rows: RowStrategy) -> BakeSettings {
         validation_samples: 64,
         rays_per_hemisphere: 256,
         keep_light: Some(u64::MAX),
+        simplify: false,
         rows,
         ..BakeSettings::default()
     }

@@ -15,5 +15,5 @@ mod samples;
 
 pub use fit::{best_fit, best_fit_of_part};
 pub use plan::{Obstacle, Plan, Step, long_patches};
-pub use prediction::MeshError;
+pub use prediction::{LEAST_WEIGHT, MeshError};
 pub use samples::{FIRST, SamplePoints};

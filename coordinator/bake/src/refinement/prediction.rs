@@ -14,7 +14,7 @@ use crate::mesh::{Mesh, PatchId};
 const DECAY: std::ops::RangeInclusive<f64> = 1.0 / 16.0..=0.75;
 
 /// Least reflectance by which errors are weighted: a viewer shows the irradiance of a black metal times its base colour.
-const LEAST_WEIGHT: f64 = 0.05;
+pub const LEAST_WEIGHT: f64 = 0.05;
 
 /// Decay taken where only one level is known.
 const FIRST_DECAY: f64 = 0.25;

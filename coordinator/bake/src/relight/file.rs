@@ -51,6 +51,8 @@ pub(super) struct Body {
     /// In the order of the fields of [`ErrorBudget`], without sums.
     #[prost(double, repeated, tag = "14")]
     pub(super) error: Vec<f64>,
+    #[prost(bool, tag = "15")]
+    pub(super) simplify: bool,
 }
 
 /// The light of a part.
@@ -121,6 +123,7 @@ impl KeptLight {
             points,
             reflectance: self.reflectance,
             error: vec![unshot, visibility, form_factors, receivers, shooters],
+            simplify: self.simplify,
         }
     }
 
@@ -150,6 +153,7 @@ impl KeptLight {
             validation,
             reflectance: body.reflectance,
             error: ErrorBudget::new(unshot, visibility, form_factors, receivers, shooters),
+            simplify: body.simplify,
         })
         .filter(|_| can_be && all.into_iter().all(|number| number.is_finite() && number >= 0.0))
     }

@@ -34,6 +34,8 @@ pub struct KeptLight {
     pub(super) reflectance: f64,
     /// Of the finished bake.
     pub(super) error: ErrorBudget,
+    /// Drop the vertices of the output that its light does not need.
+    pub(super) simplify: bool,
 }
 
 /// What the shooting mesh depends on beside the scene.

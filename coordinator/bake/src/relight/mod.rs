@@ -33,6 +33,7 @@ pub use kept::KeptLight;
 
 use crate::error_budget::{ErrorBudget, INTERPOLATED_NOISE, RETURNING};
 use crate::lit::{LitLayer, LitMesh};
+use crate::output_mesh::output_mesh;
 use crate::preview::lit_mesh;
 use crate::refinement::best_fit_of_part;
 use kept::KeptPart;
@@ -133,7 +134,8 @@ pub fn relight(scene: &Scene, kept: &KeptLight, light: &NewLight) -> Result<Reli
         }
     });
     let lit = LitMesh { layers: layers.collect(), ..lit };
-    let error = error(kept, &factors, &mesh, &fitted);
+    let (lit, difference) = output_mesh(scene, lit, kept.simplify.then_some(&kept.error));
+    let error = error(kept, &factors, &mesh, &fitted).with_simplification(difference);
     let (scene, warnings) = relit_scene::changed(scene, light);
     let report = RelightReport {
         vertices: mesh.vertices.len(),

@@ -1,0 +1,61 @@
+//! The lit mesh of the triangles that are left.
+
+use std::collections::HashMap;
+
+use glam::DVec3;
+
+use super::fit::Fit;
+use super::working::{Corner, NONE, Working};
+use crate::lit::{LitLayer, LitMesh, LitTriangle, LitVertex};
+use scene::Scene;
+
+impl Working {
+    /// The lit mesh with these triangles.
+    pub fn into_lit(self, scene: &Scene, lit: LitMesh, fit: Option<&Fit>) -> LitMesh {
+        let mut vertices = vec![];
+        let mut sources: Vec<u32> = vec![];
+        let mut known: HashMap<(u32, [u32; 2], u64, [u64; 3]), u32> = HashMap::new();
+        let mut surfaces = vec![vec![]; scene.surfaces.len()];
+        for (_, triangle) in self.alive() {
+            let corners = triangle.corners.map(|index| {
+                let corner = &self.corners[index as usize];
+                let (from, weight) = corner.from;
+                let place = corner.position.to_array().map(f64::to_bits);
+                // A fit may differ from surface to surface.
+                let own = if fit.is_some() { index } else { NONE };
+                *known.entry((own, from, weight.to_bits(), place)).or_insert_with(|| {
+                    let (position, normal) = (corner.position, corner.normal);
+                    vertices.push(LitVertex { position, normal, irradiance: DVec3::ZERO });
+                    sources.push(index);
+                    vertices.len() as u32 - 1
+                })
+            });
+            surfaces[triangle.surface as usize]
+                .push(LitTriangle { facet: triangle.facet, vertices: corners });
+        }
+        let moved = |values: &[DVec3]| -> Vec<DVec3> {
+            let of_corner = |corner: &Corner| {
+                let ([a, b], weight) = corner.from;
+                values[a as usize].lerp(values[b as usize], weight)
+            };
+            let of_corners: Vec<DVec3> = self.corners.iter().map(of_corner).collect();
+            let of_corners = fit.map_or_else(|| of_corners.clone(), |fit| fit.apply(&of_corners));
+            sources.iter().map(|corner| of_corners[*corner as usize]).collect()
+        };
+        let irradiance: Vec<DVec3> = lit.vertices.iter().map(|vertex| vertex.irradiance).collect();
+        let irradiance = moved(&irradiance);
+        let is_dark: Vec<_> = irradiance.iter().map(|irradiance| irradiance.cmple(DVec3::ZERO)).collect();
+        for (vertex, irradiance) in vertices.iter_mut().zip(irradiance) {
+            vertex.irradiance = if fit.is_some() { irradiance.max(DVec3::ZERO) } else { irradiance };
+        }
+        // Where the whole fell below 0, all parts are 0.
+        let layer = |layer: &LitLayer| {
+            let light = moved(&layer.irradiance).into_iter().zip(&is_dark);
+            let irradiance = light.map(|(light, is_dark)| DVec3::select(*is_dark, DVec3::ZERO, light));
+            LitLayer { irradiance: irradiance.collect(), ..layer.clone() }
+        };
+        let layers = lit.layers.iter().map(layer).collect();
+        let unshot = if lit.unshot.is_empty() { vec![] } else { moved(&lit.unshot) };
+        LitMesh { vertices, surfaces, layers, unshot }
+    }
+}

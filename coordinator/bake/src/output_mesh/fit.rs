@@ -1,0 +1,133 @@
+//! Values of the vertices that are left: those of least square difference from the light before.
+//!
+//! Values that a vertex had for itself put the light between distant vertices on one side of the truth, and keep the noise of single
+//! vertices. The best fit evens both out. It is linear in the light, so that layers still sum to the whole.
+
+use glam::DVec3;
+
+use super::limits::Limits;
+use super::linear::LightIn;
+use super::working::Working;
+
+/// Iterations of conjugate gradients: the matrix of linear functions on triangles needs no more.
+const ITERATIONS: usize = 12;
+
+/// Weight of the values that vertices had, against the light around them.
+const OWN: f64 = 0.02;
+
+/// Least squares over the samples of each triangle.
+pub struct Fit {
+    triangles: Vec<Element>,
+    /// Diagonal of the matrix, with the weight of the old values.
+    diagonal: Vec<f64>,
+    /// Weight of the old values.
+    own: Vec<f64>,
+    /// Part of the way to the fit that each corner goes.
+    part: Vec<f64>,
+}
+
+struct Element {
+    corners: [u32; 3],
+    /// Sums over the samples of weight times products of interpolation weights: of both corners of each edge, then of each corner.
+    products: [f64; 6],
+    /// Corners that each sample lies between, and its weight times the interpolation weights.
+    samples: Vec<([u32; 2], DVec3)>,
+}
+
+impl Fit {
+    /// The fit of a mesh, no farther from its values than the limits allow.
+    pub fn new(working: &Working, limits: &Limits) -> Self {
+        let mut fit = Self {
+            triangles: vec![],
+            diagonal: vec![0.0; working.corners.len()],
+            own: vec![],
+            part: vec![1.0; working.corners.len()],
+        };
+        for (_, triangle) in working.alive() {
+            let light: LightIn = working.light_in(triangle);
+            let mut element = Element { corners: triangle.corners, products: [0.0; 6], samples: vec![] };
+            for sample in &triangle.samples {
+                let sample = &working.samples[*sample as usize];
+                let weights = light.weights(sample.position);
+                if sample.weight > 0.0 && weights.is_finite() {
+                    let [a, b, c] = weights.to_array();
+                    let products = [a * b, b * c, c * a, a * a, b * b, c * c];
+                    for (sum, product) in element.products.iter_mut().zip(products) {
+                        *sum += sample.weight * product;
+                    }
+                    element.samples.push((sample.between, weights * sample.weight));
+                }
+            }
+            for (corner, product) in triangle.corners.iter().zip(&element.products[3..]) {
+                fit.diagonal[*corner as usize] += product;
+            }
+            fit.triangles.push(element);
+        }
+        fit.own = fit.diagonal.iter().map(|diagonal| OWN * diagonal + f64::MIN_POSITIVE).collect();
+        fit.diagonal.iter_mut().zip(&fit.own).for_each(|(diagonal, own)| *diagonal += own);
+        let light: Vec<DVec3> = working.corners.iter().map(|corner| corner.light).collect();
+        let fitted = fit.apply(&light);
+        for ((part, light), fitted) in fit.part.iter_mut().zip(&light).zip(&fitted) {
+            let step = light.distance(*fitted);
+            *part = if step > 0.0 { (limits.at(*light) / step).min(1.0) } else { 1.0 };
+        }
+        fit
+    }
+
+    /// Fits values, given those that all corners had.
+    pub fn apply(&self, values: &[DVec3]) -> Vec<DVec3> {
+        // Residual of the values that are there.
+        let mut residual: Vec<DVec3> = vec![DVec3::ZERO; values.len()];
+        for element in &self.triangles {
+            for ([a, b], weights) in &element.samples {
+                let value = (values[*a as usize] + values[*b as usize]) / 2.0;
+                for (corner, weight) in element.corners.iter().zip(weights.to_array()) {
+                    residual[*corner as usize] += value * weight;
+                }
+            }
+        }
+        let product = self.times(values, false);
+        residual.iter_mut().zip(product).for_each(|(residual, product)| *residual -= product);
+        let mut change = vec![DVec3::ZERO; values.len()];
+        let precondition = |residual: &[DVec3]| -> Vec<DVec3> {
+            residual.iter().zip(&self.diagonal).map(|(residual, diagonal)| *residual / *diagonal).collect()
+        };
+        let dot = |a: &[DVec3], b: &[DVec3]| a.iter().zip(b).map(|(a, b)| *a * *b).sum::<DVec3>();
+        let over = |a: DVec3, b: DVec3| DVec3::select(b.cmpgt(DVec3::ZERO), a / b, DVec3::ZERO);
+        let mut scaled = precondition(&residual);
+        let mut direction = scaled.clone();
+        let mut square = dot(&residual, &scaled);
+        for _ in 0..ITERATIONS {
+            let product = self.times(&direction, true);
+            let step = over(square, dot(&direction, &product));
+            for (index, product) in product.iter().enumerate() {
+                change[index] += step * direction[index];
+                residual[index] -= step * *product;
+            }
+            scaled = precondition(&residual);
+            let next = dot(&residual, &scaled);
+            let turn = over(next, square);
+            direction.iter_mut().zip(&scaled).for_each(|(own, scaled)| *own = *scaled + turn * *own);
+            square = next;
+        }
+        let moved = values.iter().zip(change).zip(&self.part);
+        moved.map(|((value, change), part)| *value + change * *part).collect()
+    }
+
+    /// The matrix times values, with the weight of the old ones or without.
+    fn times(&self, values: &[DVec3], with_own: bool) -> Vec<DVec3> {
+        let mut product: Vec<DVec3> = if with_own {
+            values.iter().zip(&self.own).map(|(value, own)| *value * *own).collect()
+        } else {
+            vec![DVec3::ZERO; values.len()]
+        };
+        for Element { corners, products: [ab, bc, ca, aa, bb, cc], .. } in &self.triangles {
+            let [i, j, k] = corners.map(|corner| corner as usize);
+            let (a, b, c) = (values[i], values[j], values[k]);
+            product[i] += a * *aa + b * *ab + c * *ca;
+            product[j] += a * *ab + b * *bb + c * *bc;
+            product[k] += a * *ca + b * *bc + c * *cc;
+        }
+        product
+    }
+}

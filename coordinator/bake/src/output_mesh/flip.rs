@@ -1,0 +1,101 @@
+//! Diagonals that follow the light.
+
+use super::collapse::under;
+use super::working::{NONE, Working};
+
+/// Weight of a triangle's shape against the mean square deviation, in limits.
+const WEIGHT_OF_SHAPE: f64 = 0.02;
+
+/// A flip must better the cost by this part.
+const GAIN: f64 = 0.99;
+
+impl Working {
+    /// Flips those of these edges where the light fits better, or triangles get a better shape. Returns the points of the triangles that
+    /// changed.
+    pub fn flip_edges(&mut self, candidates: &[(u32, u32)]) -> Vec<u32> {
+        let mut changed = vec![];
+        for (a, b) in candidates {
+            if let Some(both) = self.both_sides(*a, *b)
+                && self.flip(*a, *b, both)
+            {
+                let corners = both.map(|triangle| self.triangles[triangle as usize].corners);
+                changed
+                    .extend(corners.as_flattened().iter().map(|corner| self.corners[*corner as usize].point));
+            }
+        }
+        changed
+    }
+
+    /// Edges of the triangles around points, the lesser corner first, in order.
+    pub fn inner_edges(&self, points: &[u32]) -> Vec<(u32, u32)> {
+        let mut edges: Vec<(u32, u32)> = vec![];
+        let corners = points.iter().flat_map(|point| &self.points[*point as usize]);
+        for triangle in corners.flat_map(|corner| &self.corners[*corner as usize].around) {
+            let [a, b, c] = self.triangles[*triangle as usize].corners;
+            edges.extend([(a, b), (b, c), (c, a)].map(|(a, b)| (a.min(b), a.max(b))));
+        }
+        edges.sort_unstable();
+        edges.dedup();
+        edges
+    }
+
+    fn flip(&mut self, a: u32, b: u32, [one, other]: [u32; 2]) -> bool {
+        let region = self.triangles[one as usize].region;
+        let turned = |triangle: u32| {
+            let corners = self.triangles[triangle as usize].corners;
+            let at = corners.iter().position(|corner| *corner != a && *corner != b).unwrap_or(0);
+            [0, 1, 2].map(|step| corners[(at + step) % 3])
+        };
+        // The corners opposite of the edge, and the edge as each triangle walks it.
+        let ([p, from, to], [q, back, _]) = (turned(one), turned(other));
+        if p == q || back != to {
+            return false;
+        }
+        let new = [[p, from, q], [q, to, p]];
+        let old = [one, other].map(|triangle| self.triangles[triangle as usize].corners);
+        let [Some(before), Some(after)] =
+            [old, new].map(|pair| self.cost_of_pair(region, pair, [one, other]))
+        else {
+            return false;
+        };
+        if after >= GAIN * before || self.along(p, q).next().is_some() {
+            return false;
+        }
+        let mut samples = vec![];
+        for (index, corners) in [one, other].into_iter().zip(new) {
+            let triangle = &mut self.triangles[index as usize];
+            samples.append(&mut triangle.samples);
+            let gone = std::mem::replace(&mut triangle.corners, corners);
+            for corner in gone {
+                self.corners[corner as usize].around.retain(|around| *around != index);
+            }
+            for corner in corners {
+                self.corners[corner as usize].around.push(index);
+            }
+        }
+        debug_assert!(new.iter().flatten().all(|corner| *corner != NONE));
+        self.deal_out(samples, &[one, other]);
+        true
+    }
+
+    /// Mean square deviation in two triangles, in limits, and their shape; `None` where a limit is exceeded or a triangle is turned.
+    fn cost_of_pair(&self, region: u32, pair: [[u32; 3]; 2], with_samples: [u32; 2]) -> Option<f64> {
+        let [one, two] = pair.map(|corners| self.shape(region, corners));
+        let shape = 2.0 - one?.1 - two?.1;
+        let lights = pair.map(|corners| self.light_between(region, corners));
+        let (mut sum, mut count) = (0.0, 0.0_f64);
+        for index in with_samples {
+            for sample in &self.triangles[index as usize].samples {
+                let sample = &self.samples[*sample as usize];
+                let (light, weights) = under(&lights, sample.position);
+                let square = lights[light].deviation(weights, sample).length_squared() / sample.limit;
+                if square > 1.0 {
+                    return None;
+                }
+                sum += square;
+                count += 1.0;
+            }
+        }
+        Some(sum / count.max(1.0) + WEIGHT_OF_SHAPE * shape)
+    }
+}

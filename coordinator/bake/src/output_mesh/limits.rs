@@ -1,0 +1,125 @@
+//! How far the light may deviate, and where it is compared.
+//!
+//! What the eye sees is relative to the light around: a limit is a part of the light at its place, never less than a hundredth of the
+//! mean light, so that noise in the dark costs no vertices, and never more than the mean, so that the error stays small where it is bright.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::linear::Sample;
+use super::working::{Corner, NONE, Triangle, Working};
+
+/// Largest deviation, relative to the light at its place: what no one sees.
+const VISIBLE: f64 = 0.015;
+
+/// Largest deviation over the L2 difference that it comes to.
+const LARGEST_PER_MEAN: f64 = 3.0;
+
+/// Deviation that the noise of the rays may explain, in standard errors of a vertex: a few of many are off by that much.
+const NOISE: f64 = 4.0;
+
+/// Deviations are relative to this part of the mean light at least.
+const DARK: f64 = 0.01;
+
+/// Times that the limits are made tighter.
+const MOST_TIGHTENED: u32 = 4;
+
+/// The limits of a mesh.
+#[derive(Debug, Clone)]
+pub struct Limits {
+    /// Largest deviation, relative to the light.
+    part: f64,
+    /// Root mean square of the radiosity.
+    mean: f64,
+    /// Square of the radiosity, integrated over the mesh.
+    norm: f64,
+    /// L2 difference that is allowed.
+    allowed: f64,
+    tightened: u32,
+}
+
+impl Limits {
+    /// Limits for an L2 difference; `None` where none is allowed, or all is dark.
+    pub fn new(working: &Working, allowed: f64, noise: f64) -> Option<Self> {
+        let parts: Vec<(f64, f64)> = working
+            .triangles
+            .par_iter()
+            .map(|triangle| {
+                let area = working.area(triangle);
+                let squares = triangle.corners.map(|c| working.corners[c as usize].light.length_squared());
+                (area, area * squares.iter().sum::<f64>() / 3.0)
+            })
+            .collect();
+        let (area, norm) = parts.into_iter().fold((0.0, 0.0), |sum, part| (sum.0 + part.0, sum.1 + part.1));
+        let part = (LARGEST_PER_MEAN * allowed).min(VISIBLE) + NOISE * noise;
+        let is_lit = norm.is_finite() && norm > 0.0 && part > 0.0;
+        is_lit.then(|| Self { part, mean: (norm / area).sqrt(), norm, allowed, tightened: 0 })
+    }
+
+    /// Makes the limits tighter, given the difference that they came to; false where that was done often enough.
+    pub fn tighten(&mut self, difference: f64) -> bool {
+        self.part *= 0.9 * self.allowed / difference;
+        self.tightened += 1;
+        self.tightened <= MOST_TIGHTENED
+    }
+
+    /// Relative L2 difference of the light from what it was.
+    pub fn difference(&self, working: &Working) -> f64 {
+        let of = |triangle: &Triangle| -> f64 {
+            let deviation = working.light_in(triangle);
+            let samples = triangle.samples.iter().map(|sample| &working.samples[*sample as usize]);
+            let square = |sample: &Sample| sample.weight * deviation.at(sample).length_squared();
+            samples.map(square).filter(|square| square.is_finite()).sum()
+        };
+        let is_alive = |triangle: &&Triangle| triangle.corners[0] != NONE;
+        let parts: Vec<f64> = working.triangles.par_iter().filter(is_alive).map(of).collect();
+        (parts.into_iter().sum::<f64>() / self.norm).sqrt()
+    }
+
+    /// Largest deviation where the radiosity is this.
+    pub fn at(&self, light: DVec3) -> f64 {
+        self.part * light.length().clamp(DARK * self.mean, self.mean)
+    }
+
+    /// Puts a sample in the middle of each edge. Sums over them integrate squares of linear differences exactly.
+    pub fn sample(&self, working: &mut Working) {
+        let mut samples = vec![];
+        for index in 0..working.triangles.len() {
+            let triangle = &working.triangles[index];
+            let weight = working.area(triangle) / 3.0;
+            let corners = triangle.corners;
+            for (a, b) in [(0, 1), (1, 2), (2, 0)].map(|(a, b)| (corners[a], corners[b])) {
+                // Of both triangles along an edge the first has the sample.
+                let first = working.both_sides(a, b).map_or(index as u32, |both| both[0].min(both[1]));
+                let factor = if working.both_sides(a, b).is_some() { 2.0 } else { 1.0 };
+                if first == index as u32 {
+                    let between = [a, b];
+                    let [a, b] = between.map(|corner| &working.corners[corner as usize]);
+                    let light = (a.light + b.light) / 2.0;
+                    working.triangles[index].samples.push(samples.len() as u32);
+                    samples.push(Sample {
+                        position: (a.position + b.position) / 2.0,
+                        light,
+                        limit: self.at(light).powi(2),
+                        weight: weight * factor,
+                        between,
+                    });
+                }
+            }
+        }
+        // Each corner has a sample for when it is gone.
+        let of_corner = |(index, corner): (u32, &Corner)| Sample {
+            position: corner.position,
+            light: corner.light,
+            limit: self.at(corner.light).powi(2),
+            weight: 0.0,
+            between: [index; 2],
+        };
+        let corners: Vec<Sample> = (0..).zip(&working.corners).map(of_corner).collect();
+        // First those of the corners: the sample of a corner has its number.
+        let shift = corners.len() as u32;
+        working.triangles.iter_mut().flat_map(|t| &mut t.samples).for_each(|sample| *sample += shift);
+        working.samples = corners;
+        working.samples.extend(samples);
+    }
+}

@@ -1,0 +1,83 @@
+//! The mesh of the output: no more vertices than its light needs, and no T-junctions.
+//!
+//! The mesh of the bake is divided where light was uncertain, facet by facet. Here its triangles are first made *conforming*: where
+//! a vertex of any surface lies inside the open edge of another triangle, that triangle is split at the same position. Then vertices
+//! are collapsed into a neighbour while the light on the surface stays within a limit, in all triangles at once that meet at a
+//! position, so that the mesh stays conforming. The surface itself does not change: a vertex moves within its plane only, or along a
+//! straight edge.
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `working` | the triangles with what lies around them |
+//! | `join` | joins both sides of contact lines with the same light |
+//! | `conform` | vertices at one position; splits at T-junctions |
+//! | `linear` | light that is linear over a triangle, and samples of it |
+//! | `limits` | how far light may deviate |
+//! | `collapse` | which vertices can go |
+//! | `simplify` | collapses and flips, in rounds |
+//! | `fit` | values of the vertices that are left |
+//! | `flip` | diagonals that follow the light |
+//! | `assemble` | the lit mesh of what is left |
+//! | `own_triangles` | the input's own triangles where their corners suffice |
+
+mod assemble;
+mod collapse;
+mod conform;
+mod fit;
+mod flip;
+mod join;
+mod limits;
+mod linear;
+mod own_triangles;
+mod simplify;
+mod working;
+
+use glam::DVec3;
+
+use crate::error_budget::{ErrorBudget, INTERPOLATED_NOISE, without};
+use crate::lit::LitMesh;
+use fit::Fit;
+use limits::Limits;
+use scene::Scene;
+use working::Working;
+
+/// Interpolation errors below this are treated as this, if the whole error is larger.
+const LEAST_ERROR: f64 = 0.002;
+
+/// Part of the estimated interpolation error that simplification may add, in quadrature: it then grows by 3 %.
+const PART_OF_ERROR: f64 = 0.25;
+
+/// Makes the output of a lit mesh whose relative L2 error is estimated to be `error`; without one it is conforming only. Vertices are
+/// chosen by `LitMesh::vertices`' irradiance; layers and unshot radiosity follow.
+///
+/// Returns the relative L2 difference too.
+#[must_use]
+pub fn output_mesh(scene: &Scene, lit: LitMesh, error: Option<&ErrorBudget>) -> (LitMesh, f64) {
+    let mut working = Working::new(scene, &lit);
+    let allowed =
+        PART_OF_ERROR * error.map_or(0.0, |error| error.receivers.max(error.total.min(LEAST_ERROR)));
+    // Between the vertices it evens out in part.
+    let between = error.map_or(0.0, |error| error.visibility);
+    let noise = between / INTERPOLATED_NOISE.sqrt();
+    let Some(mut limits) = Limits::new(&working, allowed, noise) else {
+        conform::conform(&mut working);
+        return (working.into_lit(scene, lit, None), 0.0);
+    };
+    loop {
+        join::join(&mut working, &limits);
+        conform::conform(&mut working);
+        limits.sample(&mut working);
+        simplify::simplify(&mut working);
+        let fit = Fit::new(&working, &limits);
+        let light: Vec<DVec3> = working.corners.iter().map(|corner| corner.light).collect();
+        let fitted = fit.apply(&light);
+        working.corners.iter_mut().zip(fitted).for_each(|(corner, fitted)| corner.light = fitted);
+        // Noise that is no longer there is no error.
+        let difference = without(limits.difference(&working), between);
+        if difference <= allowed || !limits.tighten(difference) {
+            own_triangles::restore(&mut working, scene);
+            return (working.into_lit(scene, lit, Some(&fit)), difference);
+        }
+        working = Working::new(scene, &lit);
+    }
+}

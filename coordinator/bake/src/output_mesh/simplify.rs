@@ -1,0 +1,89 @@
+//! Collapses and flips, in rounds.
+//!
+//! In a round each point that changed has its cheapest collapse found, all at once; then those are carried out whose surroundings no
+//! other one of the round has changed, the cheapest first. The limit rises from part to part, so that what shows least goes first.
+
+use rayon::prelude::*;
+
+use super::collapse::Collapse;
+use super::working::Working;
+
+/// Limits of the rounds, relative to the last.
+const LEVELS: [f64; 2] = [0.3, 1.0];
+
+/// Most passes of flips after a level.
+const MOST_FLIPS: usize = 4;
+
+/// Fewest points that a thread takes.
+const AT_ONCE: usize = 64;
+
+/// Removes the vertices that light does not need.
+pub fn simplify(working: &mut Working) {
+    let count = working.points.len();
+    let mut found: Vec<Option<Collapse>> = vec![None; count];
+    let mut dirty: Vec<u32> = (0..count as u32).collect();
+    for level in LEVELS {
+        let mut changed: Vec<u32> = vec![];
+        loop {
+            let best: Vec<Option<Collapse>> = dirty
+                .par_iter()
+                .with_min_len(AT_ONCE)
+                .map(|point| working.best_collapse(*point, 1.0))
+                .collect();
+            for (point, best) in dirty.iter().zip(best) {
+                found[*point as usize] = best;
+            }
+            dirty = round(working, &mut found, level);
+            if dirty.is_empty() {
+                break;
+            }
+            changed.extend(&dirty);
+        }
+        dirty = flip_around(working, changed);
+    }
+}
+
+/// Carries out collapses that cost less than this and do not touch each other. Returns the points whose surroundings changed.
+fn round(working: &mut Working, found: &mut [Option<Collapse>], level: f64) -> Vec<u32> {
+    let mut order: Vec<(f64, u32, u32)> = (0..)
+        .zip(found.iter())
+        .filter_map(|(point, found)| found.map(|collapse| (collapse.cost, point, collapse.into)))
+        .filter(|(cost, _, _)| *cost < level)
+        .collect();
+    order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    let mut is_touched = vec![false; found.len()];
+    let mut dirty = vec![];
+    for (_, point, into) in order {
+        let around = working.neighbours(point);
+        if is_touched[point as usize] || around.iter().any(|other| is_touched[*other as usize]) {
+            continue;
+        }
+        working.collapse(point, into);
+        found[point as usize] = None;
+        is_touched[point as usize] = true;
+        for other in around {
+            is_touched[other as usize] = true;
+            dirty.push(other);
+        }
+    }
+    dirty.sort_unstable();
+    dirty
+}
+
+/// Flips edges around these points. Returns the points whose surroundings changed.
+fn flip_around(working: &mut Working, mut points: Vec<u32>) -> Vec<u32> {
+    let mut all_changed = vec![];
+    for _ in 0..MOST_FLIPS {
+        points.sort_unstable();
+        points.dedup();
+        let changed = working.flip_edges(&working.inner_edges(&points));
+        if changed.is_empty() {
+            break;
+        }
+        all_changed.extend(&changed);
+        points = changed;
+    }
+    all_changed.sort_unstable();
+    all_changed.dedup();
+    all_changed
+}
