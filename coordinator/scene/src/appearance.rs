@@ -71,7 +71,7 @@ impl VertexValues {
 /// A pattern with the vertex values of a surface.
 pub struct Appearance {
     pattern: Arc<Pattern>,
-    vertices: VertexValues,
+    vertices: Arc<VertexValues>,
     /// The largest triangle of each facet: it tells best how values change over the facet.
     largest: Vec<u32>,
 }
@@ -86,13 +86,16 @@ impl Appearance {
     /// The appearance of these facets. Values of vertices that are not there count as 0.
     #[must_use]
     pub fn new(pattern: Arc<Pattern>, vertices: VertexValues, facets: &[Facet]) -> Self {
-        let area = |triangle: &SourceTriangle| area_vector(&triangle.positions).length_squared();
-        let largest = |facet: &Facet| {
-            let best = (0..facet.triangles.len())
-                .reduce(|a, b| if area(&facet.triangles[b]) > area(&facet.triangles[a]) { b } else { a });
-            best.unwrap_or(0) as u32
-        };
-        Self { largest: facets.iter().map(largest).collect(), pattern, vertices }
+        Self { largest: largest_triangles(facets), pattern, vertices: Arc::new(vertices) }
+    }
+
+    /// The same for other facets, pieces of its own.
+    pub(crate) fn of_pieces(&self, facets: &[Facet]) -> Self {
+        Self {
+            largest: largest_triangles(facets),
+            pattern: self.pattern.clone(),
+            vertices: self.vertices.clone(),
+        }
     }
 
     /// Mean reflectance over a polygon of a facet.
@@ -180,6 +183,17 @@ impl Appearance {
         let triangle = facet.triangles.get(*self.largest.get(index as usize)? as usize)?;
         Some(Place { vertices: &self.vertices, triangle, polygon })
     }
+}
+
+/// The largest triangle of each facet.
+fn largest_triangles(facets: &[Facet]) -> Vec<u32> {
+    let area = |triangle: &SourceTriangle| area_vector(&triangle.positions).length_squared();
+    let largest = |facet: &Facet| {
+        let best = (0..facet.triangles.len())
+            .reduce(|a, b| if area(&facet.triangles[b]) > area(&facet.triangles[a]) { b } else { a });
+        best.unwrap_or(0) as u32
+    };
+    facets.iter().map(largest).collect()
 }
 
 /// Mean opacity of the image and of what the vertices and the factor bring.

@@ -1,10 +1,13 @@
 //! Exact rows: those of shooters, with visibility computed pair by pair, exactly where little stands between. Solved for by
 //! shooting, then by sweeps.
 
+use std::borrow::Cow;
+
 use glam::DVec3;
 use kernel::replica::Receivers;
 use kernel::row::{Row, Shape, Shooter};
 
+use super::bounds::Bounds;
 use super::means::{Means, ShareValues};
 use super::share_mesh::ShareMesh;
 use super::shoot;
@@ -122,7 +125,9 @@ impl RowSource for ExactRows {
         let bytes = if means.is_some() { table.coarse_bytes + table.coarse_bytes / 4 } else { 0 };
         let reserved = table.cache().reserve(bytes);
         let vertices = table.vertices.clone();
+        let bounds = table.bounds.clone();
         let mut transfer = Factors {
+            bounds: &bounds,
             client: cx.client,
             means,
             sets: &vertices,
@@ -188,6 +193,7 @@ impl RowSource for ExactRows {
 struct Factors<'a, 'b> {
     table: &'a mut RowTable,
     client: &'a mut RowClient<'b>,
+    bounds: &'a Bounds,
     /// Where shares take means over the refined mesh rather than the value at their vertex.
     means: Option<&'a Means>,
     /// All vertices.
@@ -200,13 +206,14 @@ impl Transfer for Factors<'_, '_> {
     type Error = BakeError;
 
     fn pass(&mut self, take: &mut dyn FnMut(usize, &Row)) -> Result<()> {
+        let bounds = self.bounds;
         let Some(means) = self.means else {
             return self.table.each(
                 self.client,
                 &[COARSE],
                 |_| true,
                 |share, rows| {
-                    rows.into_iter().flatten().for_each(|row| take(share.index(), row));
+                    rows.into_iter().flatten().for_each(|row| take(share.index(), &bounds.row(0, row)));
                 },
             );
         };
@@ -220,7 +227,19 @@ impl Transfer for Factors<'_, '_> {
             self.sets,
             |share| missing[share.index()],
             |share, rows| {
-                let made = rows.map(|rows| sums.column(rows));
+                let made = rows.map(|rows| {
+                    if bounds.count() == 0 {
+                        return sums.column(rows);
+                    }
+                    let starts = rows.iter().scan(0, |next, row| {
+                        let start = *next;
+                        *next += row.receivers();
+                        Some(start)
+                    });
+                    let bounded: Vec<Cow<Row>> =
+                        starts.zip(rows).map(|(start, row)| bounds.row(start, row)).collect();
+                    sums.column(&bounded.iter().map(AsRef::as_ref).collect::<Vec<_>>())
+                });
                 if let Some(column) = made.as_ref().or(columns.column(share)) {
                     take(share.index(), column);
                 }

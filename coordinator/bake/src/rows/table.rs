@@ -6,6 +6,7 @@ use glam::DVec3;
 use kernel::row::{Row, Shooter};
 use smallvec::SmallVec;
 
+use super::bounds::Bounds;
 use super::solution::Solution;
 use crate::channels::Gathering;
 use crate::context::Context;
@@ -33,6 +34,8 @@ pub struct RowTable {
     variances: Vec<Vec<Option<f64>>>,
     /// The vertices: those of the shooting mesh, then those of each round of refinement.
     pub vertices: Vec<SetId>,
+    /// Scales vertices that see more than a hemisphere.
+    pub bounds: Bounds,
     /// The refinement samples, if there are any.
     pub samples: Option<SetId>,
     /// The refinement samples with other rays, where their noise is measured by the difference.
@@ -52,6 +55,7 @@ impl RowTable {
             cache: RowCache::new(bytes),
             variances: vec![],
             vertices: vec![],
+            bounds: Bounds::default(),
             samples: None,
             twins: None,
             coarse_bytes: 0,
@@ -154,7 +158,8 @@ impl RowTable {
             solution.ray_noise =
                 solution.samples.relative(differences.into_iter()) / std::f64::consts::SQRT_2;
         }
-        let gathered = gathered.into_iter().flatten();
+        let mut gathered = gathered.concat();
+        self.bounds.apply(0, &mut gathered);
         solution.irradiance = direct.iter().zip(gathered).map(|(direct, light)| *direct + light).collect();
         let is_finite = solution.irradiance.iter().all(|irradiance| irradiance.is_finite());
         if is_finite { Ok(()) } else { Err(BakeError::NotFinite) }

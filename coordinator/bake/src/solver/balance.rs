@@ -40,7 +40,7 @@ impl EnergyBalance {
     }
 }
 
-/// How much of their hemisphere vertices see covered by the scene: sums of form factors, never normalised.
+/// How much of their hemisphere vertices see covered by the scene: sums of form factors, before any is bounded.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct RowSums {
     /// Smallest sum.

@@ -7,7 +7,7 @@ use super::measure::Measured;
 use super::solved::Solved;
 use crate::context::Context;
 use crate::error_budget::ErrorBudget;
-use crate::settings::{BakeSettings, RowStrategy};
+use crate::settings::RowStrategy;
 use crate::solver::balance::{EnergyBalance, RowSums};
 
 /// Row sums over this are worth a warning.
@@ -101,7 +101,7 @@ impl Measured {
         let sums: Vec<(f64, f64)> = self.solved.row_sums.iter().copied().zip(areas).collect();
         let row_sums = RowSums::new(&sums);
         BakeReport {
-            warnings: self.warnings(cx.settings, &row_sums),
+            warnings: self.warnings(cx, &row_sums),
             vertices: mesh.mesh.vertices.len(),
             shooting_vertices: mesh.shares.len(),
             patches: mesh.mesh.leaves().count(),
@@ -145,13 +145,21 @@ impl Measured {
         }
     }
 
-    fn warnings(&self, settings: &BakeSettings, row_sums: &RowSums) -> Vec<String> {
+    fn warnings(&self, cx: &Context, row_sums: &RowSums) -> Vec<String> {
+        let settings = cx.settings;
         let mut warnings = vec![];
         warnings.extend(self.describe_obstacle(settings));
-        if row_sums.largest > LARGEST_ROW_SUM {
+        let bounds = &self.solved.rows.table.bounds;
+        let largest = row_sums.largest.max(bounds.largest_sum());
+        if largest > LARGEST_ROW_SUM {
+            let sums = self.solved.row_sums.iter().zip(&self.solved.mesh.shares);
+            let worst = sums.max_by(|a, b| a.0.total_cmp(b.0));
+            let place =
+                worst.map_or("", |(_, share)| cx.scene.surfaces[share.surface as usize].name.as_str());
             warnings.push(format!(
-                "form factors of a vertex sum to {:.4}, more than 1: surfaces overlap, or smooth normals bend far",
-                row_sums.largest
+                "form factors of {} vertices sum to more than 1, up to {largest:.4}, most on {place}: their light is scaled down; \
+                 surfaces overlap, or smooth normals bend far",
+                bounds.count(),
             ));
         }
         let unshot = self.solved.solution.unshot_bound;

@@ -40,10 +40,10 @@ impl Lit {
     /// Solves for the light on the shooting mesh, well enough to see where it must be refined.
     #[tracing::instrument(skip_all)]
     pub fn solve(self, cx: &mut Context) -> Result<Solved> {
-        let Self { mesh, mut rows, sources, samples, direct } = self;
+        let Self { mesh, mut rows, sources, samples, mut direct } = self;
         cx.client.monitor.enter(Phase::Shoot, mesh.mesh.vertices.len());
         let Rows { source, table } = &mut rows;
-        let radiosity = source.shoot(cx, &mesh, table, &direct)?;
+        let mut radiosity = source.shoot(cx, &mesh, table, &direct)?;
         // A first look at all rows, those too that no shot needed.
         let mut exposed = vec![false; direct.len()];
         let mut sums = vec![0.0; direct.len()];
@@ -64,6 +64,12 @@ impl Lit {
             },
         )?;
         table.coarse_bytes = bytes;
+        table.bounds.add(&sums);
+        table.bounds.apply(0, &mut direct);
+        if table.bounds.count() > 0 {
+            // Shots were not bounded, and may have run away.
+            radiosity.fill(DVec3::ZERO);
+        }
         let row_sums = source.row_sums(&mesh, &sums);
         let values = source.first_values(&mesh, &exposed);
         let tolerance = cx.settings.threshold.max(FIRST_TOLERANCE);
@@ -129,12 +135,22 @@ impl Solved {
         let id = source.add_receivers(cx, table, &vertices, Some(&around))?;
         table.vertices.push(id);
         let mut exposed = vec![false; vertices.receivers.len()];
+        let mut sums = vec![0.0; vertices.receivers.len()];
+        let materials = &self.mesh.materials;
         let lights = Lights { sources: &self.sources.all, radiosity: &self.solution.radiosity };
-        let light = irradiance_at(cx, &mut self.rows, Place::Kept(id), &[lights], |_, row| {
-            row.for_each(|receiver, _| exposed[receiver] = true);
+        let light = irradiance_at(cx, &mut self.rows, Place::Kept(id), &[lights], |share, row| {
+            let opacity = materials[share.index()].opacity;
+            row.for_each(|receiver, factor| {
+                exposed[receiver] = true;
+                sums[receiver] += f64::from(factor) * opacity;
+            });
         })?;
+        let bounds = &mut self.rows.table.bounds;
+        bounds.add(&sums);
         self.exposed.extend(exposed);
-        for Irradiance { direct, all } in light {
+        for Irradiance { mut direct, mut all } in light {
+            bounds.apply(self.direct.len(), &mut direct);
+            bounds.apply(self.direct.len(), &mut all);
             self.direct.extend(direct);
             self.solution.irradiance.extend(all);
         }
@@ -170,6 +186,7 @@ impl Solved {
         for set in &self.rows.table.vertices {
             direct.extend(light::irradiance(sources, self.rows.table.set(*set), cx.client, |_, _, _| ())?);
         }
+        self.rows.table.bounds.apply(0, &mut direct);
         Ok(direct)
     }
 

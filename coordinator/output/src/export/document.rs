@@ -64,7 +64,8 @@ pub(super) fn assemble(
     Ok(Assembled { root, binary, vertices, triangles, warnings })
 }
 
-/// The lit sides of each node. A side without triangles, which glTF cannot express, does not count.
+/// The lit sides of each node. A side without triangles, which glTF cannot express, does not count; a primitive of which other
+/// primitives in its plane hide all sides has none.
 fn lit_nodes(scene: &Scene, lit: &LitMesh) -> Result<BTreeMap<usize, LitPrimitives>, ExportError> {
     if scene.surfaces.len() != lit.surfaces.len() {
         return Err(ExportError::Mismatch(format!(
@@ -75,8 +76,10 @@ fn lit_nodes(scene: &Scene, lit: &LitMesh) -> Result<BTreeMap<usize, LitPrimitiv
     }
     let mut nodes: BTreeMap<usize, LitPrimitives> = BTreeMap::new();
     for (index, (surface, triangles)) in scene.surfaces.iter().zip(&lit.surfaces).enumerate() {
-        if !triangles.is_empty() {
-            nodes.entry(surface.node).or_default().entry(surface.primitive).or_default().push(index);
+        let is_hidden = surface.facets.is_empty();
+        if !triangles.is_empty() || is_hidden {
+            let sides = nodes.entry(surface.node).or_default().entry(surface.primitive).or_default();
+            sides.extend((!is_hidden).then_some(index));
         }
     }
     Ok(nodes)
@@ -137,6 +140,7 @@ impl<'a> Assembler<'a> {
                 .retain(|name, _| !matches!(name, Valid(Semantic::Joints(_) | Semantic::Weights(_))));
         }
         let mut further_sides = Vec::new();
+        let mut hidden = BTreeSet::new();
         for (&index, surfaces) in primitives {
             let original =
                 mesh.primitives.get(index).cloned().ok_or_else(|| {
@@ -147,12 +151,19 @@ impl<'a> Assembler<'a> {
                 .map(|&surface| self.light_primitive(surface, source, &original))
                 .collect::<Result<Vec<_>, _>>()?
                 .into_iter();
-            if let Some(first) = sides.next() {
-                mesh.primitives[index] = first;
+            match sides.next() {
+                Some(first) => mesh.primitives[index] = first,
+                None => _ = hidden.insert(index),
             }
             further_sides.extend(sides);
         }
-        mesh.primitives.extend(further_sides);
+        let shown = mesh.primitives.into_iter().enumerate().filter(|(index, _)| !hidden.contains(index));
+        mesh.primitives = shown.map(|(_, primitive)| primitive).chain(further_sides).collect();
+        if mesh.primitives.is_empty() {
+            let node = &mut self.root.nodes[node];
+            (node.mesh, node.skin, node.weights) = (None, None, None);
+            return Ok(());
+        }
         // The first takes the place of the input's mesh: what names it by its index then means the lit one.
         let place = if self.taken_meshes.insert(source.value()) {
             self.root.meshes[source.value()] = mesh;

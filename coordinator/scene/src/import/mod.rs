@@ -9,6 +9,7 @@
 //! | `facets` | flat convex pieces |
 //! | `averaged` | materials averaged over surfaces, with textures and vertex colours |
 //! | `planes` | coplanar facets |
+//! | `layers` | of coplanar facets on one another, all but the first cut away |
 //! | `tally` | the import report |
 //! | `lit` | files that are lit already, for pictures |
 //!
@@ -17,6 +18,7 @@
 mod averaged;
 mod facets;
 mod frame;
+mod layers;
 mod lights;
 mod lit;
 mod materials;
@@ -251,6 +253,7 @@ impl Content {
         }
         let rounding = rounding.max(triangles::rounding_of(frame.centre.abs().max_element() / frame.scale));
         let plane_count = planes::assign(&mut surfaces, &mut lights, rounding);
+        warnings.extend(layers::cut(&mut surfaces, plane_count, planes::tolerance(rounding), &frame));
         let vertex_count = surfaces.par_iter().map(Surface::vertex_count).sum();
         let mut scene = Scene {
             source,

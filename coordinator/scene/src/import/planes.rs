@@ -50,6 +50,11 @@ pub(super) fn assign(surfaces: &mut [Surface], lights: &mut [Light], rounding: f
     count
 }
 
+/// Distance from a plane, frame units, within which corners lie in it.
+pub(super) fn tolerance(rounding: f64) -> f64 {
+    OFFSET_TOLERANCE + (ROUNDINGS * rounding).min(MOST_OFFSET_DOUBT)
+}
+
 /// A flat light as a facet: in the plane of a ceiling it is neither blocked by the ceiling nor does it light it.
 fn facet(light: &AreaLight) -> Facet {
     let (plane, normal) = (light.plane, light.normal());
@@ -58,7 +63,7 @@ fn facet(light: &AreaLight) -> Facet {
 }
 
 fn assign_facets(mut facets: Vec<&mut Facet>, rounding: f64) -> u32 {
-    let mut planes = Planes::new(ROUNDINGS * rounding);
+    let mut planes = Planes::new(tolerance(rounding));
     let doubt = |thickness: f64| (NORMAL_TOLERANCE + ROUNDINGS * rounding / thickness).min(MOST_NORMAL_DOUBT);
     // The facets with the surest normals define the planes.
     let mut order: Vec<(f64, u32)> =
@@ -111,8 +116,7 @@ struct Planes {
 }
 
 impl Planes {
-    fn new(rounding: f64) -> Self {
-        let offset_tolerance = OFFSET_TOLERANCE + rounding.min(MOST_OFFSET_DOUBT);
+    fn new(offset_tolerance: f64) -> Self {
         let offset_cell = OFFSET_CELL.max(4.0 * offset_tolerance);
         Self { count: 0, planes: Vec::new(), cells: HashMap::default(), offset_tolerance, offset_cell }
     }

@@ -75,9 +75,11 @@ fn scene(surfaces: Vec<Vec<Facet>>, lights: Vec<LightKind>) -> Scene {
         intensity: DVec3::splat(1e6),
         entry: LightEntry::Punctual(0),
     };
+    let surfaces: Vec<Surface> = surfaces.into_iter().map(surface).collect();
     Scene {
         source: SourceDocument { root: gltf::json::Root::default(), buffers: vec![], folder: None },
-        surfaces: surfaces.into_iter().map(surface).collect(),
+        vertex_count: surfaces.iter().map(Surface::vertex_count).sum(),
+        surfaces,
         lights: lights.into_iter().map(light).collect(),
         sky: DVec3::ZERO,
         frame: Frame { centre: DVec3::ZERO, scale: 1.0 },
