@@ -63,7 +63,7 @@ fn finish(mut measured: Measured, mut cx: Context, occluders: usize) -> Result<B
     let (mesh, irradiance) = (&solved.mesh.mesh, &solved.solution.irradiance);
     let (lit, fitted) = lit_mesh(cx.scene, mesh, cx.settings.only, irradiance, &solved.direct);
     solved.solution.irradiance = fitted;
-    let error = cx.settings.simplify.then_some(&measured.error);
+    let error = cx.settings.simplifies().then_some(&measured.error);
     let (lit, difference) = output_mesh(cx.scene, LitMesh { layers, ..lit }, error);
     measured.error = measured.error.with_simplification(difference);
     cx.end_step("export mesh");

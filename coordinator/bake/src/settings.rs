@@ -71,7 +71,7 @@ pub struct BakeSettings {
     /// Keep the light of each source for relighting, if it takes at most this many bytes. Does not affect the result.
     #[serde(skip)]
     pub keep_light: Option<u64>,
-    /// Drop the vertices of the output that its light does not need.
+    /// Drop the vertices of the output that its light does not need. Has no effect with `max_edge`.
     #[serde(skip_serializing)]
     pub simplify: bool,
     /// Weigh point lights by the cosine of an imaginary horizontal plane instead of evenly by solid angle.
@@ -124,6 +124,12 @@ impl BakeSettings {
     #[must_use]
     pub fn with_shooter_edge(self, edge: f64) -> Self {
         Self { shooter_edge: edge.clamp(FINEST_SHOOTERS, COARSEST_SHOOTERS), ..self }
+    }
+
+    /// Whether vertices of the output are dropped: its edges would become longer than `max_edge`.
+    #[must_use]
+    pub fn simplifies(&self) -> bool {
+        self.simplify && self.max_edge.is_none()
     }
 
     /// Accuracy of the rows.

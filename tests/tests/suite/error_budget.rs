@@ -50,7 +50,13 @@ fn cornell(settings: &BakeSettings) -> ErrorBudget {
 }
 
 fn quick() -> BakeSettings {
-    BakeSettings { shooter_edge: 0.3, mesh_error: 0.02, factor_rounding: 0.0, ..BakeSettings::default() }
+    BakeSettings {
+        shooter_edge: 0.3,
+        mesh_error: 0.02,
+        factor_rounding: 0.0,
+        simplify: false,
+        ..BakeSettings::default()
+    }
 }
 
 /// Each knob turns its own part of the budget. What is measured at some hundred points is known to a fifth or so.

@@ -16,22 +16,32 @@ impl Working {
         let mut sources: Vec<u32> = vec![];
         let mut known: HashMap<(u32, [u32; 2], u64, [u64; 3]), u32> = HashMap::new();
         let mut surfaces = vec![vec![]; scene.surfaces.len()];
-        for (_, triangle) in self.alive() {
-            let corners = triangle.corners.map(|index| {
-                let corner = &self.corners[index as usize];
-                let (from, weight) = corner.from;
-                let place = corner.position.to_array().map(f64::to_bits);
-                // A fit may differ from surface to surface.
-                let own = if fit.is_some() { index } else { NONE };
+        // In the order of the vertices before: it depends on the mesh alone, not on its light.
+        let mut used: Vec<u32> = self.alive().flat_map(|(_, triangle)| triangle.corners).collect();
+        used.sort_unstable();
+        used.dedup();
+        used.sort_by_key(|index| {
+            let Corner { from: (from, weight), .. } = self.corners[*index as usize];
+            (from, weight.to_bits())
+        });
+        let mut number = vec![NONE; self.corners.len()];
+        for index in used {
+            let corner = &self.corners[index as usize];
+            let (from, weight) = corner.from;
+            let place = corner.position.to_array().map(f64::to_bits);
+            // A fit may differ from surface to surface.
+            let own = if fit.is_some() { index } else { NONE };
+            number[index as usize] =
                 *known.entry((own, from, weight.to_bits(), place)).or_insert_with(|| {
                     let (position, normal) = (corner.position, corner.normal);
                     vertices.push(LitVertex { position, normal, irradiance: DVec3::ZERO });
                     sources.push(index);
                     vertices.len() as u32 - 1
-                })
-            });
-            surfaces[triangle.surface as usize]
-                .push(LitTriangle { facet: triangle.facet, vertices: corners });
+                });
+        }
+        for (_, triangle) in self.alive() {
+            let vertices = triangle.corners.map(|corner| number[corner as usize]);
+            surfaces[triangle.surface as usize].push(LitTriangle { facet: triangle.facet, vertices });
         }
         let moved = |values: &[DVec3]| -> Vec<DVec3> {
             let of_corner = |corner: &Corner| {

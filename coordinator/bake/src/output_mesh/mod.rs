@@ -41,8 +41,8 @@ use limits::Limits;
 use scene::Scene;
 use working::Working;
 
-/// Interpolation errors below this are treated as this, if the whole error is larger.
-const LEAST_ERROR: f64 = 0.002;
+/// Least interpolation error that the difference is a part of: a hundredth of a per cent is then allowed where light is even.
+const LEAST_ERROR: f64 = 4e-4;
 
 /// Part of the estimated interpolation error that simplification may add, in quadrature: it then grows by 3 %.
 const PART_OF_ERROR: f64 = 0.25;
@@ -54,8 +54,7 @@ const PART_OF_ERROR: f64 = 0.25;
 #[must_use]
 pub fn output_mesh(scene: &Scene, lit: LitMesh, error: Option<&ErrorBudget>) -> (LitMesh, f64) {
     let mut working = Working::new(scene, &lit);
-    let allowed =
-        PART_OF_ERROR * error.map_or(0.0, |error| error.receivers.max(error.total.min(LEAST_ERROR)));
+    let allowed = PART_OF_ERROR * error.map_or(0.0, |error| error.receivers.max(LEAST_ERROR));
     // Between the vertices it evens out in part.
     let between = error.map_or(0.0, |error| error.visibility);
     let noise = between / INTERPOLATED_NOISE.sqrt();

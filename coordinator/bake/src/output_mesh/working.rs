@@ -82,11 +82,27 @@ impl Working {
             extent: crate::context::extent(scene),
         };
         let mut of_vertex = vec![NONE; lit.vertices.len()];
-        let mut used = vec![];
+        let mut used: Vec<u32> = vec![];
         for (index, (surface, triangles)) in scene.surfaces.iter().zip(&lit.surfaces).enumerate() {
             let weight = surface.reflectance.max(DVec3::splat(LEAST_WEIGHT));
             let has_attributes = has_attributes(scene, surface);
             let mut regions = HashMap::new();
+            used.extend(triangles.iter().flat_map(|triangle| triangle.vertices));
+            used.sort_unstable();
+            used.dedup();
+            for vertex in &used {
+                of_vertex[*vertex as usize] = working.corners.len() as u32;
+                let LitVertex { position, normal, irradiance } = lit.vertices[*vertex as usize];
+                working.corners.push(Corner {
+                    position,
+                    normal,
+                    light: weight * irradiance,
+                    from: ([*vertex; 2], 0.0),
+                    fixed: fixed.contains(&bits(position)),
+                    point: NONE,
+                    around: SmallVec::new(),
+                });
+            }
             for triangle in triangles {
                 let facet = &surface.facets[triangle.facet as usize];
                 let is_flat = triangle
@@ -102,28 +118,11 @@ impl Working {
                     working.regions.push(Region::new(facet.normal));
                     working.regions.len() as u32 - 1
                 });
-                let corners = triangle.vertices.map(|vertex| {
-                    let corner = &mut of_vertex[vertex as usize];
-                    if *corner == NONE {
-                        *corner = working.corners.len() as u32;
-                        used.push(vertex);
-                        let LitVertex { position, normal, irradiance } = lit.vertices[vertex as usize];
-                        working.corners.push(Corner {
-                            position,
-                            normal,
-                            light: weight * irradiance,
-                            from: ([vertex; 2], 0.0),
-                            fixed: fixed.contains(&bits(position)),
-                            point: NONE,
-                            around: SmallVec::new(),
-                        });
-                    }
-                    *corner
-                });
+                let corners = triangle.vertices.map(|vertex| of_vertex[vertex as usize]);
                 let surface = index as u32;
                 working.add(Triangle { corners, surface, facet: triangle.facet, region, samples: vec![] });
             }
-            used.drain(..).for_each(|vertex: u32| of_vertex[vertex as usize] = NONE);
+            used.drain(..).for_each(|vertex| of_vertex[vertex as usize] = NONE);
         }
         working
     }

@@ -102,7 +102,7 @@ pub fn keep_light(cx: &mut Context, measured: &mut Measured) -> Result<Option<Ke
         validation: validation.clone(),
         reflectance: solved.mean_reflectance(),
         error: *error,
-        simplify: settings.simplify,
+        simplify: settings.simplifies(),
     }))
 }
 
