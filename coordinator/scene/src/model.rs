@@ -79,7 +79,8 @@ pub struct Surface {
     pub opacity: f64,
     /// Its textures and vertex colours; `None` if it is uniform.
     pub appearance: Option<Arc<Appearance>>,
-    /// Flat convex pieces that cover the surface's triangles exactly, without overlap.
+    /// Flat convex pieces that cover the surface's triangles without overlap, but for what lies under others in their plane; empty
+    /// where all of it does.
     pub facets: Vec<Facet>,
 }
 

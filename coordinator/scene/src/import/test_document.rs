@@ -90,10 +90,14 @@ impl TestDocument {
         self.accessor(&bytes, UNSIGNED_INT, "SCALAR", values.len())
     }
 
-    /// A root node `thing` with a mesh of one primitive.
+    /// A root node `thing` with a mesh of one primitive, below those before it: on them it would be a layer.
     pub(super) fn node_with(&mut self, primitive: Value) -> usize {
         let mesh = self.push("meshes", json!({ "primitives": [primitive] }));
-        self.root_node(json!({ "name": "thing", "mesh": mesh }))
+        let node = self.root_node(json!({ "name": "thing", "mesh": mesh }));
+        if node > 0 {
+            self.root["nodes"][node]["translation"] = json!([0, 0, -(node as i32)]);
+        }
+        node
     }
 
     /// A node of the scene.

@@ -18,6 +18,7 @@
 //! | smoothed vertices over creases | `hard_cases::smoothed_over_creases` |
 //! | non-manifold edges | `hard_cases::non_manifold_edges` |
 //! | emissions 1e12 apart | `hard_cases::{channels_of_a_lamp_far_apart, closed_rooms_far_apart_in_brightness}` |
+//! | coplanar layers, stacks with gaps, nested shells | `layers`, coordinator: `import` (`layers`) |
 //! | open scenes | `hard_cases::open_scene` |
 //! | permuted, mirrored, rotated, split, scaled by powers of two, emitter and receiver swapped | `metamorphic` |
 //! | random polygons, random scenes | `random` |
@@ -25,5 +26,6 @@
 mod checked;
 mod flipped;
 mod hard_cases;
+mod layers;
 mod metamorphic;
 mod random;

@@ -97,10 +97,10 @@ fn numbers(json: &str) -> Vec<usize> {
 /// A scene, if there is one, has only numbers that the solver can take.
 fn check_answer(bytes: &[u8]) {
     let Ok(scene) = import_slice(bytes, &options()) else { return };
-    assert!(!scene.surfaces.is_empty());
+    assert!(scene.surfaces.iter().any(|surface| !surface.facets.is_empty()));
     for surface in &scene.surfaces {
         assert!(surface.reflectance.min_element() >= 0.0 && surface.reflectance.max_element() < 1.0);
-        assert!(surface.exitance.is_finite() && !surface.facets.is_empty());
+        assert!(surface.exitance.is_finite());
         for facet in &surface.facets {
             assert!(facet.plane.0 < scene.plane_count && facet.corners.len() >= 3);
             for corner in &facet.corners {

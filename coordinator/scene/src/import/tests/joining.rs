@@ -219,7 +219,7 @@ fn finely_divided_concave_arcs_do_not_pass_as_straight() {
 
 #[test]
 fn edges_of_three_triangles_are_not_joined_across() {
-    let points = [[0.0; 3], [1.0, 0.0, 0.0], [0.5, 1.0, 0.0], [0.5, -1.0, 0.0], [0.5, -2.0, 0.0]];
+    let points = [[0.0; 3], [1.0, 0.0, 0.0], [0.5, 1.0, 0.0], [0.5, -1.0, 0.0], [0.5, -2.0, 1.0]];
     let scene = TestDocument::with_triangles(&points, &[0, 1, 2, 1, 0, 3, 1, 0, 4]).scene();
     assert_eq!(facets(&scene).len(), 3);
 }

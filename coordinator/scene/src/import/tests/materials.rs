@@ -56,7 +56,7 @@ fn default_material_is_metallic() {
 fn reflectance_of_one_is_clamped_with_one_warning_per_material() {
     let mut document =
         document_with(json!({ "name": "snow", "pbrMetallicRoughness": { "metallicFactor": 0.0 } }));
-    document.root_node(json!({ "mesh": 1 }));
+    document.root_node(json!({ "mesh": 1, "translation": [0, 0, 1] }));
     let scene = document.scene();
     assert_eq!(scene.surfaces[1].reflectance, DVec3::splat(0.999));
     assert_eq!(scene.surfaces[2].reflectance, DVec3::splat(0.999));
