@@ -66,6 +66,7 @@ fn finish(mut measured: Measured, mut cx: Context, occluders: usize) -> Result<B
     let error = cx.settings.simplifies().then_some(&measured.error);
     let (lit, difference) = output_mesh(cx.scene, LitMesh { layers, ..lit }, error);
     measured.error = measured.error.with_simplification(difference);
+    cx.client.monitor.set_error(Some(measured.error.total));
     cx.end_step("export mesh");
     let mut report = measured.report(cx, occluders);
     report.warnings.extend(warnings);

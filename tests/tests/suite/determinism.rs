@@ -67,7 +67,7 @@ fn point_light() {
 fn row_cache() {
     let folder = tempfile::tempdir().unwrap();
     let with = |cache: &[&str]| {
-        let knobs = ["--mesh-error", "0.05", "--shooter-edge", "0.25", "--threads", "2"];
+        let knobs = ["--mesh-error", "0.05", "--shooter-edge", "0.17", "--threads", "2"];
         solve(&data("scenes/table.glb"), folder.path(), &[&knobs, cache].concat())
     };
     let (expected, report) = with(&[]);

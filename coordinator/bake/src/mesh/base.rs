@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::contact::{Contact, contacts};
 use super::order::FacetPlaces;
-use super::pieces::cut_long;
+use super::pieces::{Lengths, cut_long, lengths};
 use super::planar::{self, Piece, Region, regions};
 use super::welding::Welder;
 use super::{Mesh, Patch, PatchId, VertexId, WELD, distance_to_line, edge};
@@ -32,10 +32,13 @@ impl Mesh {
                 of_facets.flat_map(|facets| region.facets.iter().flat_map(|facet| &facets[*facet as usize])),
             );
         }
+        let facets = scene.surfaces.par_iter().flat_map_iter(|surface| &surface.facets);
+        let most = MOST_CUT.max(scene.vertex_count / VERTICES_PER_CUT);
+        let lengths = lengths(facets, longest_edge, most);
         let pieces: Vec<Vec<Piece>> = regions
             .par_iter()
             .zip(&contacts)
-            .map(|(region, lines)| pieces_of(scene, region, lines, longest_edge))
+            .map(|(region, lines)| pieces_of(scene, region, lines, lengths))
             .collect();
         let mut welder = Welder::default();
         let facet = |surface: usize, facet: u32| &scene.surfaces[surface].facets[facet as usize];
@@ -95,15 +98,21 @@ impl Mesh {
     }
 }
 
+/// Most facets shorter than the longest edge that are cut across because they are thin, at least.
+const MOST_CUT: usize = 1024;
+
+/// One more for so many vertices of the scene.
+const VERTICES_PER_CUT: usize = 64;
+
 /// Part of the longest edge down to which the triangles around lines are made finer for their shape's sake.
 const FINEST: f64 = 1.0 / 16.0;
 
 /// The pieces of a region: cut along its lines where these run through it, and across where they are long.
-fn pieces_of(scene: &Scene, region: &Region, lines: &[Contact], longest_edge: f64) -> Vec<Piece> {
+fn pieces_of(scene: &Scene, region: &Region, lines: &[Contact], lengths: Lengths) -> Vec<Piece> {
     let facets = region.facets(scene);
     let runs_through = |line: &Contact| facets.iter().any(|(_, facet)| is_inside(facet, line));
     if lines.iter().any(runs_through)
-        && let Some(pieces) = planar::pieces(&facets, lines, false, FINEST * longest_edge)
+        && let Some(pieces) = planar::pieces(&facets, lines, false, FINEST * lengths.longest)
     {
         return pieces;
     }
@@ -115,7 +124,7 @@ fn pieces_of(scene: &Scene, region: &Region, lines: &[Contact], longest_edge: f6
             facet.positions().zip(next).any(|(a, b)| ends([a, b]))
         };
         let lines: SmallVec<[Contact; 2]> = lines.iter().filter(on_border).copied().collect();
-        cut_long(facet.corners.clone(), facet.normal, longest_edge, &mut |corners| {
+        cut_long(facet.corners.clone(), facet.normal, lengths, &mut |corners| {
             pieces.push(Piece { facet: index, corners, lines: lines.clone() });
         });
     }

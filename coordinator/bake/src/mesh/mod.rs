@@ -110,15 +110,6 @@ pub struct Patch {
     pub area: f64,
 }
 
-impl Patch {
-    /// Mean of its corners' values, from one value per vertex.
-    #[must_use]
-    pub fn mean(&self, values: &[DVec3]) -> DVec3 {
-        let corners = self.corners.iter().map(|corner| values[corner.index()]);
-        corners.sum::<DVec3>() / self.corners.len() as f64
-    }
-}
-
 /// An edge, whichever way it is walked.
 type Edge = (VertexId, VertexId);
 
@@ -192,6 +183,30 @@ impl Mesh {
     pub fn centre(&self, id: PatchId) -> DVec3 {
         let corners = &self.patch(id).corners;
         corners.iter().map(|corner| self.position(*corner)).sum::<DVec3>() / corners.len() as f64
+    }
+
+    /// Areas of the triangles that a patch's centre makes with its edges, in their order.
+    #[must_use]
+    pub fn fan(&self, id: PatchId) -> SmallVec<[f64; 8]> {
+        let centre = self.centre(id);
+        let area = |(a, b)| (self.position(a) - centre).cross(self.position(b) - centre).length() / 2.0;
+        self.edges(id).map(area).collect()
+    }
+
+    /// Mean over a patch of what its corners have: linear over each of the triangles around its centre, which has the mean of the
+    /// corners. Exact for linear values, whatever the patch's shape.
+    #[must_use]
+    pub fn mean(&self, id: PatchId, values: &[DVec3]) -> DVec3 {
+        let corners = &self.patch(id).corners;
+        let at = |i: usize| values[corners[i % corners.len()].index()];
+        let centre = (0..corners.len()).map(at).sum::<DVec3>() / corners.len() as f64;
+        let fan = self.fan(id);
+        let whole: f64 = fan.iter().sum();
+        if whole <= 0.0 {
+            return centre;
+        }
+        let sum: DVec3 = fan.iter().enumerate().map(|(i, area)| (at(i) + at(i + 1) + centre) * *area).sum();
+        sum / (3.0 * whole)
     }
 
     /// Longest edge of a patch, or of the square with its diagonal where that is longer: T-vertices may leave a large patch

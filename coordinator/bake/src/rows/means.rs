@@ -155,8 +155,7 @@ fn mean_weights(mesh: &Mesh, share: &Share, exposed: &[bool]) -> Vec<(usize, f64
         if mesh.patch(patch).first_child.is_some() {
             add_leaves(mesh, patch, corner, &mut weights);
         } else {
-            let area = mesh.patch(patch).area / mesh.patch(patch).corners.len() as f64;
-            add_quarter(mesh, patch, corner, area, &mut weights);
+            add_quarter(mesh, patch, corner, 1.0, &mut weights);
         }
     }
     weights.sort_unstable_by_key(|(vertex, _)| *vertex);
@@ -190,21 +189,22 @@ fn add_leaves(mesh: &Mesh, parent: PatchId, corner: usize, weights: &mut Vec<(us
         (0..patch.corners.len()).for_each(|corner| add_leaves(mesh, id, corner, weights));
         return;
     }
-    let weight = patch.area / patch.corners.len() as f64;
-    weights.extend(patch.corners.iter().map(|corner| (corner.index(), weight * 4.0 / 3.0)));
-    add_quarter(mesh, parent, corner, -patch.area / 3.0, weights);
+    (0..patch.corners.len()).for_each(|corner| add_quarter(mesh, id, corner, 4.0 / 3.0, weights));
+    add_quarter(mesh, parent, corner, -1.0 / 3.0, weights);
 }
 
-/// Adds `part` times the mean over a corner's part of a patch, interpolated between the patch's corners.
+/// Adds `part` times the integral over a corner's part of a patch: of what is linear over the triangles around the patch's centre,
+/// which has the mean of the corners.
 fn add_quarter(mesh: &Mesh, id: PatchId, corner: usize, part: f64, weights: &mut Vec<(usize, f64)>) {
     let patch = mesh.patch(id);
     let count = patch.corners.len();
+    let fan = mesh.fan(id);
     let mut add = |i: usize, weight: f64| weights.push((patch.corners[i % count].index(), weight * part));
-    // A quarter each for the corner, the middles of its two edges and the centre.
-    add(corner, 0.5);
-    add(corner + 1, 0.125);
-    add(corner + count - 1, 0.125);
-    for i in 0..count {
-        add(i, 0.25 / count as f64);
+    // Half of each of the two triangles at the corner: between it, the middle of an edge and the centre.
+    for (triangle, beside) in [(corner, corner + 1), (corner + count - 1, corner + count - 1)] {
+        let third = fan[triangle % count] / 6.0;
+        add(corner, 1.5 * third);
+        add(beside, 0.5 * third);
+        (0..count).for_each(|i| add(i, third / count as f64));
     }
 }

@@ -40,7 +40,7 @@ impl ShareMesh {
     /// Radiosity that a leaf reflects, from the irradiance at its corners.
     pub fn leaf_radiosity(&self, scene: &Scene, id: PatchId, irradiance: &[DVec3]) -> DVec3 {
         let material = self.patch_materials.of(scene, &self.mesh, id);
-        material.reflectance * self.mesh.patch(id).mean(irradiance)
+        material.reflectance * self.mesh.mean(id, irradiance)
     }
 
     /// Reflected flux over incident flux, where the shares have this radiosity.

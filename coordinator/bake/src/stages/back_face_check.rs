@@ -97,8 +97,8 @@ impl Solved {
     /// Area, in the frame, and mean irradiance of each surface.
     fn mean_irradiance(&self, scene: &Scene) -> Vec<(f64, DVec3)> {
         let mut sums = vec![(0.0, DVec3::ZERO); scene.surfaces.len()];
-        for (_, patch) in self.mesh.mesh.leaves() {
-            let mean = patch.mean(&self.solution.irradiance);
+        for (id, patch) in self.mesh.mesh.leaves() {
+            let mean = self.mesh.mesh.mean(id, &self.solution.irradiance);
             let (area, flux) = &mut sums[patch.surface as usize];
             *area += patch.area;
             *flux += mean * patch.area;
