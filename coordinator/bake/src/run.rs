@@ -4,7 +4,7 @@ use crate::context::{Context, Work};
 use crate::error::Result;
 use crate::jobs::{RowClient, RowService};
 use crate::lit::LitMesh;
-use crate::observer::Observer;
+use crate::observer::{Observer, Phase};
 use crate::output_mesh::output_mesh;
 use crate::preview::lit_mesh;
 use crate::relight::{KeptLight, keep_light};
@@ -67,6 +67,7 @@ fn finish(mut measured: Measured, mut cx: Context, occluders: usize) -> Result<B
     let (lit, difference) = output_mesh(cx.scene, LitMesh { layers, ..lit }, error);
     measured.error = measured.error.with_simplification(difference);
     cx.client.monitor.set_error(Some(measured.error.total));
+    cx.client.monitor.enter(Phase::Measure, lit.vertices.len());
     cx.end_step("export mesh");
     let mut report = measured.report(cx, occluders);
     report.warnings.extend(warnings);

@@ -215,6 +215,7 @@ fn bakes_look_like_path_traced_pictures() {
         ("doorway", ("doorway-dark", at(7.6, 1.8, 0.4), at(4.1, 1.0, 3.2), 70.0, 2.412_51), [0.061, 0.25]),
     ];
     let mut lit: HashMap<&str, (TempDir, PathBuf)> = HashMap::new();
+    let mut worse = vec![];
     for (name, view, [most_mean, most_percentile]) in views {
         let (_, path) = lit.entry(name).or_insert_with(|| {
             let scene = imported(&fs::read(tests::data(&format!("scenes/{name}.glb"))).unwrap());
@@ -222,6 +223,9 @@ fn bakes_look_like_path_traced_pictures() {
         });
         let (mean, percentile) = flip_of(path, view);
         eprintln!("{}: FLIP {mean:.4}, 99th percentile {percentile:.4}", view.0);
-        assert!(mean <= most_mean && percentile <= most_percentile, "{}: {mean} {percentile}", view.0);
+        if mean > most_mean || percentile > most_percentile {
+            worse.push(format!("{}: {mean} {percentile}", view.0));
+        }
     }
+    assert!(worse.is_empty(), "{worse:?}");
 }

@@ -38,7 +38,9 @@ fn irradiance_at(lit: &LitMesh, surface: usize, point: DVec3) -> DVec3 {
 fn irradiance_jumps_within_a_hair() {
     let scene = import(&data("scenes/table.glb"), &ImportOptions::default()).unwrap();
     let asked = 0.05;
-    let baked = baked(&scene, &BakeSettings::for_error(asked));
+    // The output mesh may move values by a part of the error asked: this is about the mesh of the bake.
+    let settings = BakeSettings { simplify: false, ..BakeSettings::for_error(asked) };
+    let baked = baked(&scene, &settings);
     assert!(baked.report.error.total <= asked, "{:?}", baked.report.error);
     let [low, high] = shadow();
     let corners = [low, DVec3::new(high.x, 0.0, low.z), high, DVec3::new(low.x, 0.0, high.z)];

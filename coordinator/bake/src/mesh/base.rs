@@ -4,12 +4,13 @@ use smallvec::SmallVec;
 
 use rayon::prelude::*;
 
-use super::contact::{Contact, contacts};
+use super::contact::contacts;
+use super::line::{Contact, distance_to_line};
 use super::order::FacetPlaces;
-use super::pieces::{Lengths, cut_long, lengths};
+use super::pieces::{cut_along, cut_long};
 use super::planar::{self, Piece, Region, regions};
 use super::welding::Welder;
-use super::{Mesh, Patch, PatchId, VertexId, WELD, distance_to_line, edge};
+use super::{Mesh, Patch, PatchId, VertexId, WELD, edge};
 use scene::{Facet, Scene};
 
 impl Mesh {
@@ -32,13 +33,10 @@ impl Mesh {
                 of_facets.flat_map(|facets| region.facets.iter().flat_map(|facet| &facets[*facet as usize])),
             );
         }
-        let facets = scene.surfaces.par_iter().flat_map_iter(|surface| &surface.facets);
-        let most = MOST_CUT.max(scene.vertex_count / VERTICES_PER_CUT);
-        let lengths = lengths(facets, longest_edge, most);
         let pieces: Vec<Vec<Piece>> = regions
             .par_iter()
             .zip(&contacts)
-            .map(|(region, lines)| pieces_of(scene, region, lines, lengths))
+            .map(|(region, lines)| pieces_of(scene, region, lines, longest_edge))
             .collect();
         let mut welder = Welder::default();
         let facet = |surface: usize, facet: u32| &scene.surfaces[surface].facets[facet as usize];
@@ -98,37 +96,44 @@ impl Mesh {
     }
 }
 
-/// Most facets shorter than the longest edge that are cut across because they are thin, at least.
-const MOST_CUT: usize = 1024;
-
-/// One more for so many vertices of the scene.
-const VERTICES_PER_CUT: usize = 64;
+/// Regions with more lines than this are triangulated around them. Few lines cut facets from border to border: patches stay
+/// rectangles, and have the light of a turned or mirrored scene to the last digits.
+const MOST_CUTS: usize = 32;
 
 /// Part of the longest edge down to which the triangles around lines are made finer for their shape's sake.
-const FINEST: f64 = 1.0 / 16.0;
+const FINEST: f64 = 1.0 / 8.0;
 
 /// The pieces of a region: cut along its lines where these run through it, and across where they are long.
-fn pieces_of(scene: &Scene, region: &Region, lines: &[Contact], lengths: Lengths) -> Vec<Piece> {
+fn pieces_of(scene: &Scene, region: &Region, lines: &[Contact], longest_edge: f64) -> Vec<Piece> {
     let facets = region.facets(scene);
     let runs_through = |line: &Contact| facets.iter().any(|(_, facet)| is_inside(facet, line));
-    if lines.iter().any(runs_through)
-        && let Some(pieces) = planar::pieces(&facets, lines, false, FINEST * lengths.longest)
+    if lines.len() > MOST_CUTS
+        && lines.iter().any(runs_through)
+        && let Some(pieces) = planar::pieces(&facets, lines, false, FINEST * longest_edge)
     {
         return pieces;
     }
     let mut pieces = vec![];
     for (index, facet) in facets {
-        let on_border = |line: &&Contact| {
-            let ends = |[a, b]: [DVec3; 2]| line.iter().all(|end| distance_to_line(*end, &[a, b]) < WELD);
-            let next = facet.positions().cycle().skip(1);
-            facet.positions().zip(next).any(|(a, b)| ends([a, b]))
+        let (cuts, own) = if lines.len() > MOST_CUTS {
+            let on_border = lines.iter().filter(|line| is_on_border(facet, line)).copied().collect();
+            (&[][..], on_border)
+        } else {
+            (lines, SmallVec::from_slice(lines))
         };
-        let lines: SmallVec<[Contact; 2]> = lines.iter().filter(on_border).copied().collect();
-        cut_long(facet.corners.clone(), facet.normal, lengths, &mut |corners| {
-            pieces.push(Piece { facet: index, corners, lines: lines.clone() });
-        });
+        for piece in cut_along(facet.corners.clone(), facet.normal, cuts) {
+            cut_long(piece, facet.normal, longest_edge, &mut |corners| {
+                pieces.push(Piece { facet: index, corners, lines: own.clone() });
+            });
+        }
     }
     pieces
+}
+
+/// Whether a line lies on an edge of a facet.
+fn is_on_border(facet: &Facet, line: &Contact) -> bool {
+    let next = facet.positions().cycle().skip(1);
+    facet.positions().zip(next).any(|(a, b)| line.iter().all(|end| distance_to_line(*end, &[a, b]) < WELD))
 }
 
 /// Whether a line runs through the inside of a facet.

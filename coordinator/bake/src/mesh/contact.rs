@@ -13,6 +13,7 @@ use obvhs::bvh2::builder::build_bvh2;
 use rayon::prelude::*;
 
 use super::WELD;
+use super::line::Contact;
 use super::planar::Region;
 use scene::{Corner, Facet, Scene, Side};
 
@@ -36,9 +37,6 @@ const MOST_OF_SCENE: usize = 4096;
 
 /// Most lines of a scene, per facet.
 const LINES_PER_FACET: f64 = 0.125;
-
-/// A line on a facet along which another facet rises from it.
-pub type Contact = [DVec3; 2];
 
 struct FacetBox<'a> {
     facet: &'a Facet,

@@ -3,6 +3,7 @@
 //! | file | what it does |
 //! |---|---|
 //! | `base` | facets of the scene to first patches |
+//! | `line` | lines that become edges |
 //! | `contact` | lines where facets stand on others |
 //! | `shadow` | lines where the shadows of point lights, spots and the sun end |
 //! | `planar` | cuts flat regions along lines, by constrained Delaunay triangulation |
@@ -25,6 +26,7 @@
 mod base;
 mod clusters;
 mod contact;
+mod line;
 mod locate;
 mod order;
 mod pieces;
@@ -220,10 +222,4 @@ impl Mesh {
         let reach = positions().map(|corner| corner.distance(centre)).fold(0.0, f64::max);
         edge.max(reach * std::f64::consts::SQRT_2)
     }
-}
-
-fn distance_to_line(point: DVec3, [start, end]: &[DVec3; 2]) -> f64 {
-    let span = *end - *start;
-    let t = ((point - *start).dot(span) / span.length_squared()).clamp(0.0, 1.0);
-    point.distance(*start + span * t)
 }

@@ -69,7 +69,9 @@ impl Fit {
         let fitted = fit.apply(&light);
         for ((part, light), fitted) in fit.part.iter_mut().zip(&light).zip(&fitted) {
             let step = light.distance(*fitted);
-            *part = if step > 0.0 { (limits.at(*light) / step).min(1.0) } else { 1.0 };
+            // What no light reaches stays dark: a wall must not leak, not even by rounding.
+            let reached = *light != DVec3::ZERO;
+            *part = if reached && step > 0.0 { (limits.at(*light) / step).min(1.0) } else { 0.0 };
         }
         fit
     }

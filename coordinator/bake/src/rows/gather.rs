@@ -35,7 +35,7 @@ const MOST_PASSES: u32 = 1000;
 const EDGE_FACTOR: f64 = 1.0 / 3.0;
 
 /// Size of the cells in which small leaves shoot together, relative to the longest edge of the shooters.
-const CELL: f64 = 0.5;
+const CELL: f64 = 0.125;
 
 /// Keys of the samples' twins, above those of the samples.
 const TWIN_KEYS: u64 = 1 << 34;

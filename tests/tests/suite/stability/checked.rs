@@ -34,6 +34,8 @@ pub fn coarse() -> BakeSettings {
         mesh_error: 0.015,
         validation_samples: 0,
         factor_rounding: 0.0,
+        // The values of the solver itself.
+        simplify: false,
         ..BakeSettings::default()
     }
 }

@@ -6,7 +6,7 @@ use glam::{DVec2, DVec3};
 
 use super::Axes;
 use crate::mesh::WELD;
-use crate::mesh::contact::Contact;
+use crate::mesh::line::Contact;
 use scene::Facet;
 
 /// Most segments of a region that is cut along lines.

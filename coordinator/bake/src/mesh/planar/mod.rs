@@ -18,7 +18,7 @@ mod triangles;
 use glam::{DVec2, DVec3};
 use smallvec::SmallVec;
 
-use super::contact::Contact;
+use super::line::Contact;
 use arrangement::Arrangement;
 use scene::{Corner, Facet};
 
@@ -87,7 +87,7 @@ pub fn pieces(facets: &[(u32, &Facet)], lines: &[Contact], joins: bool, finest: 
         let middles: SmallVec<[DVec3; 4]> =
             corners.iter().zip(next).map(|(a, b)| (a.position + b.position) / 2.0).collect();
         let touched = |line: &&Contact| {
-            middles.iter().any(|middle| super::distance_to_line(*middle, line) < super::WELD)
+            middles.iter().any(|middle| super::line::distance_to_line(*middle, line) < super::WELD)
         };
         lines.iter().filter(touched).copied().collect()
     };

@@ -31,7 +31,7 @@ use rayon::prelude::*;
 use scene::{Facet, Scene, Side};
 
 use super::WELD;
-use super::contact::Contact;
+use super::line::Contact;
 use projection::{Shadow, shadow_on};
 use search::Receivers;
 use silhouettes::Silhouette;
