@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::contact::contacts;
 use super::line::{Contact, distance_to_line};
 use super::order::FacetPlaces;
-use super::pieces::{cut_along, cut_long};
+use super::pieces::{Lengths, cut_along, cut_long, lengths};
 use super::planar::{self, Piece, Region, regions};
 use super::welding::Welder;
 use super::{Mesh, Patch, PatchId, VertexId, WELD, edge};
@@ -33,10 +33,19 @@ impl Mesh {
                 of_facets.flat_map(|facets| region.facets.iter().flat_map(|facet| &facets[*facet as usize])),
             );
         }
+        let facets: usize = scene.surfaces.iter().map(|surface| surface.facets.len()).sum();
+        let is_large = facets > FEW_FACETS;
+        let most_cuts = if is_large { 0 } else { MOST_CUTS };
+        let lengths = if is_large {
+            let facets = scene.surfaces.par_iter().flat_map_iter(|surface| &surface.facets);
+            lengths(facets, longest_edge, MOST_CUT.max(scene.vertex_count / VERTICES_PER_CUT))
+        } else {
+            Lengths { longest: longest_edge, shortest: longest_edge }
+        };
         let pieces: Vec<Vec<Piece>> = regions
             .par_iter()
             .zip(&contacts)
-            .map(|(region, lines)| pieces_of(scene, region, lines, longest_edge))
+            .map(|(region, lines)| pieces_of(scene, region, lines, most_cuts, lengths))
             .collect();
         let mut welder = Welder::default();
         let facet = |surface: usize, facet: u32| &scene.surfaces[surface].facets[facet as usize];
@@ -96,33 +105,48 @@ impl Mesh {
     }
 }
 
+/// Most thin facets shorter than the longest edge that are cut across in a large scene, at least.
+const MOST_CUT: usize = 1024;
+
+/// One more for so many vertices of the scene.
+const VERTICES_PER_CUT: usize = 64;
+
 /// Regions with more lines than this are triangulated around them. Few lines cut facets from border to border: patches stay
 /// rectangles, and have the light of a turned or mirrored scene to the last digits.
 const MOST_CUTS: usize = 32;
 
+/// In scenes with more facets than this all lines are triangulated around: there a facet is no wall, and strips are what is dear.
+const FEW_FACETS: usize = 20_000;
+
 /// Part of the longest edge down to which the triangles around lines are made finer for their shape's sake.
-const FINEST: f64 = 1.0 / 8.0;
+const FINEST: f64 = 1.0 / 16.0;
 
 /// The pieces of a region: cut along its lines where these run through it, and across where they are long.
-fn pieces_of(scene: &Scene, region: &Region, lines: &[Contact], longest_edge: f64) -> Vec<Piece> {
+fn pieces_of(
+    scene: &Scene,
+    region: &Region,
+    lines: &[Contact],
+    most_cuts: usize,
+    lengths: Lengths,
+) -> Vec<Piece> {
     let facets = region.facets(scene);
     let runs_through = |line: &Contact| facets.iter().any(|(_, facet)| is_inside(facet, line));
-    if lines.len() > MOST_CUTS
+    if lines.len() > most_cuts
         && lines.iter().any(runs_through)
-        && let Some(pieces) = planar::pieces(&facets, lines, false, FINEST * longest_edge)
+        && let Some(pieces) = planar::pieces(&facets, lines, false, FINEST * lengths.longest)
     {
         return pieces;
     }
     let mut pieces = vec![];
     for (index, facet) in facets {
-        let (cuts, own) = if lines.len() > MOST_CUTS {
+        let (cuts, own) = if lines.len() > most_cuts {
             let on_border = lines.iter().filter(|line| is_on_border(facet, line)).copied().collect();
             (&[][..], on_border)
         } else {
             (lines, SmallVec::from_slice(lines))
         };
         for piece in cut_along(facet.corners.clone(), facet.normal, cuts) {
-            cut_long(piece, facet.normal, longest_edge, &mut |corners| {
+            cut_long(piece, facet.normal, lengths, &mut |corners| {
                 pieces.push(Piece { facet: index, corners, lines: own.clone() });
             });
         }

@@ -32,8 +32,14 @@ const GAP: f64 = 1.0 / 16.0;
 /// Most lines of a region: the longest contacts, then the longest outlines of hovering facets.
 const MOST: usize = 1024;
 
-/// Most lines of a scene, at least; the longest are kept.
+/// Most lines of a scene, at least; the longest are kept. Of buildings with many rooms none may be missing, or light leaks.
 const MOST_OF_SCENE: usize = 4096;
+
+/// Most lines of a scene whose facets are few: they are walls.
+const MOST_OF_SMALL_SCENE: usize = 65_536;
+
+/// Facets of such a scene.
+const FEW_FACETS: usize = 20_000;
 
 /// Most lines of a scene, per facet.
 const LINES_PER_FACET: f64 = 0.125;
@@ -89,7 +95,12 @@ pub fn contacts(scene: &Scene, regions: &[Region], extent: f64, longest_edge: f6
         found
     };
     let mut all: Vec<Vec<Contact>> = regions.par_iter().map(of_region).collect();
-    keep_longest(&mut all, MOST_OF_SCENE.max((risers.len() as f64 * LINES_PER_FACET) as usize));
+    let most = if risers.len() <= FEW_FACETS {
+        MOST_OF_SMALL_SCENE
+    } else {
+        MOST_OF_SCENE.max((risers.len() as f64 * LINES_PER_FACET) as usize)
+    };
+    keep_longest(&mut all, most);
     all
 }
 

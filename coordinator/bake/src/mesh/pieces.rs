@@ -2,13 +2,21 @@
 
 use glam::DVec3;
 use kernel::geometry::area_vector;
+use rayon::prelude::*;
 
 use super::WELD;
 use super::line::Contact;
-use scene::Corner;
+use scene::{Corner, Facet};
 
 /// Pieces more elongated than this are cut across before they are divided about their centre, which keeps proportions.
 const LONGEST_PROPORTION: f64 = 2.0;
+
+/// The same for pieces that are shorter than the longest edge of a patch: legs and frames, whose ends lie in corners and say nothing of
+/// the light between.
+const LONGEST_OF_SMALL: f64 = 4.0;
+
+/// Length of the shortest pieces that are cut, relative to the longest edge of a patch.
+const SHORTEST: f64 = 0.125;
 
 /// Cuts a convex facet along lines. A cut goes on to the border of the piece that it starts in, so that all pieces stay
 /// convex.
@@ -50,29 +58,70 @@ fn overlap(piece: &[Corner], heights: &[f64], start: DVec3, end: DVec3) -> bool 
     high.min(end.distance(start)) - low.max(0.0) > 4.0 * WELD
 }
 
+/// Which pieces are cut.
+#[derive(Debug, Clone, Copy)]
+pub struct Lengths {
+    /// Longest edge of a patch.
+    pub longest: f64,
+    /// Pieces up to this length stay whole, however thin.
+    pub shortest: f64,
+}
+
+impl Lengths {
+    /// Whether a piece is long and thin.
+    fn is_long(&self, length: f64, area: f64) -> bool {
+        let proportion = if length > self.longest { LONGEST_PROPORTION } else { LONGEST_OF_SMALL };
+        length > self.shortest.max(4.0 * WELD) && length * length > proportion * area
+    }
+}
+
+/// The lengths with which at most so many facets that are shorter than the longest edge of a patch are cut, the longest of them.
+pub fn lengths<'a>(facets: impl ParallelIterator<Item = &'a Facet>, longest: f64, most: usize) -> Lengths {
+    let shortest = longest * SHORTEST;
+    let all = Lengths { longest, shortest };
+    let mut cut: Vec<f64> = facets
+        .filter_map(|facet| {
+            let positions: Vec<DVec3> = facet.positions().collect();
+            let (_, low, high) = extent(&positions);
+            let length = high - low;
+            (length <= longest && all.is_long(length, area_vector(&positions).length())).then_some(length)
+        })
+        .collect();
+    if cut.len() <= most {
+        return all;
+    }
+    cut.sort_by(|a, b| b.total_cmp(a));
+    Lengths { longest, shortest: cut[most] }
+}
+
 /// Cuts a convex polygon across its longest side until it is short or of fair proportions.
-pub fn cut_long(corners: Vec<Corner>, normal: DVec3, longest_edge: f64, done: &mut impl FnMut(Vec<Corner>)) {
+pub fn cut_long(corners: Vec<Corner>, normal: DVec3, lengths: Lengths, done: &mut impl FnMut(Vec<Corner>)) {
     let positions: Vec<DVec3> = corners.iter().map(|corner| corner.position).collect();
     let area = area_vector(&positions).length();
-    // Along the longest side rather than the diagonal, so that rectangles are cut into rectangles.
-    let direction = longest_side(&positions).normalize_or_zero();
-    let along: Vec<f64> = positions.iter().map(|position| direction.dot(*position)).collect();
-    let (low, high) = along.iter().fold((f64::MAX, f64::MIN), |(low, high), s| (low.min(*s), high.max(*s)));
-    let length = high - low;
-    if length <= longest_edge.max(4.0 * WELD) || length * length <= LONGEST_PROPORTION * area {
+    let (along, low, high) = extent(&positions);
+    if !lengths.is_long(high - low, area) {
         done(corners);
         return;
     }
     let middle = (low + high) / 2.0;
     let heights: Vec<f64> = along.iter().map(|s| snapped(s - middle)).collect();
     for half in split(&corners, &heights, normal) {
-        cut_long(half, normal, longest_edge, done);
+        cut_long(half, normal, lengths, done);
     }
 }
 
 /// A height over a cut; corners within the welding distance lie on it.
 fn snapped(height: f64) -> f64 {
     if height.abs() <= WELD { 0.0 } else { height }
+}
+
+/// Place of each corner along the longest side, with the least and the largest. Along that side rather than the diagonal, so that
+/// rectangles are cut into rectangles.
+fn extent(positions: &[DVec3]) -> (Vec<f64>, f64, f64) {
+    let direction = longest_side(positions).normalize_or_zero();
+    let along: Vec<f64> = positions.iter().map(|position| direction.dot(*position)).collect();
+    let (low, high) = along.iter().fold((f64::MAX, f64::MIN), |(low, high), s| (low.min(*s), high.max(*s)));
+    (along, low, high)
 }
 
 fn longest_side(positions: &[DVec3]) -> DVec3 {
