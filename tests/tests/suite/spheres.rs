@@ -50,7 +50,7 @@ impl Irradiance {
 
 /// Finer than default: the mesh is to have less error than the facets.
 fn settings() -> BakeSettings {
-    BakeSettings { mesh_error: 0.003, simplify: false, ..BakeSettings::default() }
+    BakeSettings { mesh_error: 0.003, ..BakeSettings::default() }
 }
 
 /// A cap of half angle 30 degrees emits. The irradiance is the mean of the emission over 1 - rho.

@@ -108,7 +108,7 @@ impl Mesh {
 /// Most thin facets shorter than the longest edge that are cut across in a large scene, at least.
 const MOST_CUT: usize = 1024;
 
-/// One more for so many vertices of the scene.
+/// One more may be cut for this many vertices of the scene.
 const VERTICES_PER_CUT: usize = 64;
 
 /// Regions with more lines than this are triangulated around them. Few lines cut facets from border to border: patches stay
@@ -133,7 +133,7 @@ fn pieces_of(
     let runs_through = |line: &Contact| facets.iter().any(|(_, facet)| is_inside(facet, line));
     if lines.len() > most_cuts
         && lines.iter().any(runs_through)
-        && let Some(pieces) = planar::pieces(&facets, lines, false, FINEST * lengths.longest)
+        && let Some(pieces) = planar::pieces(&facets, lines, FINEST * lengths.longest)
     {
         return pieces;
     }

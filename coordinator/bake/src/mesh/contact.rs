@@ -104,7 +104,7 @@ pub fn contacts(scene: &Scene, regions: &[Region], extent: f64, longest_edge: f6
     all
 }
 
-/// Keeps so many lines of all regions.
+/// Keeps the longest lines of all regions, `most` in all.
 fn keep_longest(all: &mut [Vec<Contact>], most: usize) {
     let length = |line: &Contact| line[0].distance(line[1]);
     let mut lengths: Vec<f64> = all.iter().flatten().map(length).collect();

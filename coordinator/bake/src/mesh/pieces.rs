@@ -75,7 +75,7 @@ impl Lengths {
     }
 }
 
-/// The lengths with which at most so many facets that are shorter than the longest edge of a patch are cut, the longest of them.
+/// The lengths that cut, of the facets shorter than the longest edge of a patch, the longest `most`.
 pub fn lengths<'a>(facets: impl ParallelIterator<Item = &'a Facet>, longest: f64, most: usize) -> Lengths {
     let shortest = longest * SHORTEST;
     let all = Lengths { longest, shortest };

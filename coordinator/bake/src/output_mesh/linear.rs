@@ -48,6 +48,12 @@ pub struct LightIn {
 }
 
 impl LightIn {
+    /// The light between three positions.
+    pub fn new(region: Region, positions: [DVec3; 3], light: [DVec3; 3]) -> Self {
+        let [a, b, c] = positions.map(|position| region.flat(position));
+        Self { axes: region, origin: a, inverse: DMat2::from_cols(b - a, c - a).inverse(), light }
+    }
+
     /// Weights of the three corners.
     pub fn weights(&self, position: DVec3) -> DVec3 {
         let weights = self.inverse * (self.axes.flat(position) - self.origin);
@@ -63,13 +69,5 @@ impl LightIn {
     /// Deviation at a sample.
     pub fn at(&self, sample: &Sample) -> DVec3 {
         self.deviation(self.weights(sample.position), sample)
-    }
-}
-
-impl LightIn {
-    /// The light between three positions.
-    pub fn new(region: Region, positions: [DVec3; 3], light: [DVec3; 3]) -> Self {
-        let [a, b, c] = positions.map(|position| region.flat(position));
-        Self { axes: region, origin: a, inverse: DMat2::from_cols(b - a, c - a).inverse(), light }
     }
 }

@@ -1,5 +1,3 @@
-use std::collections::BTreeMap;
-
 use foldhash::{HashMap, HashMapExt};
 
 use glam::{DVec2, DVec3};
@@ -28,20 +26,20 @@ pub struct Arrangement {
 }
 
 impl Arrangement {
-    /// Of the outer border alone where `joins`, else of the borders of all facets. `None` where there are too many.
-    pub fn new(facets: &[(u32, &Facet)], lines: &[Contact], joins: bool, axes: &Axes) -> Option<Self> {
+    /// Of the borders of all facets. `None` where there are too many segments.
+    pub fn new(facets: &[(u32, &Facet)], lines: &[Contact], axes: &Axes) -> Option<Self> {
         let mut all = Self { points: vec![], positions: vec![], segments: vec![], cells: HashMap::new() };
-        let mut uses: BTreeMap<[u32; 2], u32> = BTreeMap::new();
         for (_, facet) in facets {
             let corners: Vec<u32> =
                 facet.positions().map(|position| all.point(axes.flat(position), Some(position))).collect();
             for (from, to) in corners.iter().zip(corners.iter().cycle().skip(1)) {
                 if from != to {
-                    *uses.entry([*from.min(to), *from.max(to)]).or_default() += 1;
+                    all.segments.push([*from.min(to), *from.max(to)]);
                 }
             }
         }
-        all.segments.extend(uses.iter().filter(|(_, uses)| !joins || **uses == 1).map(|(ends, _)| *ends));
+        all.segments.sort_unstable();
+        all.segments.dedup();
         for line in lines {
             let [from, to] = line.map(|end| all.on_border(axes.flat(end)));
             if from != to {

@@ -27,7 +27,7 @@ pub use region::{Region, regions};
 /// Most facets of a region that is cut along lines.
 const MOST_FACETS: usize = 4096;
 
-/// A convex piece of a facet, or of several in a region.
+/// A convex piece of a facet.
 pub struct Piece {
     /// Index of the facet within its surface.
     pub facet: u32,
@@ -67,14 +67,14 @@ impl Axes {
     }
 }
 
-/// Cuts a region along lines. `joins`: a piece may lie in several facets. Triangles with sides shorter than `finest` are not
-/// divided to improve their shape. `None` where the region cannot be triangulated: its facets then stay as they are.
-pub fn pieces(facets: &[(u32, &Facet)], lines: &[Contact], joins: bool, finest: f64) -> Option<Vec<Piece>> {
+/// Cuts a region along lines. Triangles with sides shorter than `finest` are not divided to improve their shape. `None` where the
+/// region cannot be triangulated: its facets then stay as they are.
+pub fn pieces(facets: &[(u32, &Facet)], lines: &[Contact], finest: f64) -> Option<Vec<Piece>> {
     if facets.len() > MOST_FACETS {
         return None;
     }
     let axes = Axes::new(facets.first()?.1);
-    let arrangement = Arrangement::new(facets, lines, joins, &axes)?;
+    let arrangement = Arrangement::new(facets, lines, &axes)?;
     let triangulation = triangles::triangulate(&arrangement, facets, &axes, finest)?;
     let corner = |point: DVec2, known: Option<u32>, facet: &Facet| {
         let position = known
