@@ -13,7 +13,7 @@ use obvhs::bvh2::builder::build_bvh2;
 use rayon::prelude::*;
 
 use super::WELD;
-use super::line::Contact;
+use super::line::{Contact, narrow};
 use super::planar::Region;
 use scene::{Corner, Facet, Scene, Side};
 
@@ -174,19 +174,14 @@ fn contact(facet: &Facet, riser: &Facet) -> Option<Contact> {
 
 /// The part of a line within a facet, its border included.
 fn clip_to_facet(line: Contact, facet: &Facet) -> Option<Contact> {
-    let (mut from, mut to) = (0.0_f64, 1.0_f64);
+    let mut part = (0.0, 1.0);
     for (i, corner) in facet.corners.iter().enumerate() {
         let next = facet.corners[(i + 1) % facet.corners.len()].position;
         let inward = facet.normal.cross(next - corner.position).normalize_or_zero();
-        let [start, end] = line.map(|point| inward.dot(point - corner.position) + WELD);
-        if start < 0.0 && end < 0.0 {
+        if !narrow(&mut part, line.map(|point| inward.dot(point - corner.position) + WELD)) {
             return None;
         }
-        if start < 0.0 {
-            from = from.max(start / (start - end));
-        } else if end < 0.0 {
-            to = to.min(start / (start - end));
-        }
     }
+    let (from, to) = part;
     (from < to).then(|| [line[0].lerp(line[1], from), line[0].lerp(line[1], to)])
 }

@@ -3,9 +3,9 @@ use std::collections::BTreeMap;
 use glam::DVec3;
 use scene::Scene;
 
-use super::projection::nearest;
 use super::visibility::HAIR;
 use super::{Contact, Line, WELD, facet_at};
+use crate::mesh::line::nearest;
 
 /// Sine of the least angle at which lines meet.
 const LEAST_SINE: f64 = 0.02;

@@ -1,9 +1,9 @@
-use glam::DVec3;
 use scene::Facet;
 
 use super::silhouettes::Silhouette;
 use super::source::Source;
 use super::{Contact, WELD};
+use crate::mesh::line::narrow;
 
 /// An edge this near to the light's own height over a plane, relative to it, has its shadow infinitely far.
 const LEVEL: f64 = 1e-6;
@@ -31,17 +31,13 @@ pub fn shadow_on(source: &Source, edge: &Silhouette, facet: &Facet, shortest: f6
     }
     // From the plane up to the light.
     let most = light * (1.0 - LEVEL);
-    let (mut from, mut to) = (0.0_f64, 1.0_f64);
-    for (start, end) in [(heights[0], heights[1]), (most - heights[0], most - heights[1])] {
-        if start < 0.0 && end < 0.0 {
+    let mut part = (0.0, 1.0);
+    for ends in [heights, heights.map(|height| most - height)] {
+        if !narrow(&mut part, ends) {
             return None;
         }
-        if start < 0.0 {
-            from = from.max(start / (start - end));
-        } else if end < 0.0 {
-            to = to.min(start / (start - end));
-        }
     }
+    let (from, to) = part;
     if from >= to {
         return None;
     }
@@ -56,30 +52,17 @@ pub fn shadow_on(source: &Source, edge: &Silhouette, facet: &Facet, shortest: f6
 
 /// The part of a line within a facet, its border included.
 fn clipped(line: Contact, facet: &Facet) -> Option<Contact> {
-    let (mut from, mut to) = (0.0_f64, 1.0_f64);
+    let mut part = (0.0, 1.0);
     for (i, corner) in facet.corners.iter().enumerate() {
         let next = facet.corners[(i + 1) % facet.corners.len()].position;
         let inward = facet.normal.cross(next - corner.position).normalize_or_zero();
-        let [start, end] = line.map(|point| inward.dot(point - corner.position));
-        if start >= -WELD && end >= -WELD {
-            continue;
-        }
-        if start < 0.0 && end < 0.0 {
+        let heights = line.map(|point| inward.dot(point - corner.position));
+        let is_inside = heights.iter().all(|height| *height >= -WELD);
+        if !is_inside && !narrow(&mut part, heights) {
             return None;
         }
-        if start < 0.0 {
-            from = from.max(start / (start - end));
-        } else if end < 0.0 {
-            to = to.min(start / (start - end));
-        }
     }
+    let (from, to) = part;
     let part = [line[0].lerp(line[1], from), line[0].lerp(line[1], to)];
     (from < to && part[0].distance(part[1]) > 4.0 * WELD).then_some(part)
-}
-
-/// Nearest point of a segment.
-pub fn nearest([start, end]: Contact, point: DVec3) -> DVec3 {
-    let span = end - start;
-    let t = (point - start).dot(span) / span.length_squared();
-    start + span * t.clamp(0.0, 1.0)
 }
