@@ -126,7 +126,10 @@ pub(super) async fn run(
                     uploads.spawn(upload(upload_client.clone(), replica));
                     Ok(())
                 }
-                Some(command) => session.obey(command),
+                Some(command) => {
+                    session.obey(command);
+                    Ok(())
+                }
                 None => Err(LostWorkerReason::Leaving),
             },
             message = inbound.message() => {
@@ -150,7 +153,8 @@ pub(super) async fn run(
                 } else if session.idle > MOST_IDLE {
                     Err(LostWorkerReason::Idle)
                 } else {
-                    session.send(Outgoing::KeepAlive(KeepAlive { number: unanswered.into() }))
+                    session.send(Outgoing::KeepAlive(KeepAlive { number: unanswered.into() }));
+                    Ok(())
                 }
             }
         };
@@ -179,27 +183,27 @@ struct Session<T> {
 }
 
 impl<T: Fn(News)> Session<T> {
-    fn send(&self, body: Outgoing) -> Result<(), LostWorkerReason> {
-        self.outbound
-            .send(CoordinatorMessage { body: Some(body) })
-            .map_err(|_| LostWorkerReason::Broken("nothing can be sent any more".into()))
+    /// Sends a message. Where none can be sent any more, what the worker sent last tells why: its goodbye may not be read yet, and a
+    /// worker that says nothing is found to be silent.
+    fn send(&self, body: Outgoing) {
+        self.outbound.send(CoordinatorMessage { body: Some(body) }).ok();
     }
 
-    fn obey(&mut self, command: Command) -> Result<(), LostWorkerReason> {
+    fn obey(&mut self, command: Command) {
         match command {
             Command::Job(job, request) => {
                 let body = request.to_body(job);
                 self.count_sent(body.encoded_len());
                 self.under_way.insert(job, (request, self.metrics.in_flight()));
-                self.send(body)
+                self.send(body);
             }
             Command::Cancel(job) => self.send(Outgoing::Cancel(CancelJob { job_id: job.0 })),
             Command::Release(digest) => {
-                self.send(Outgoing::Release(ReleaseReplica { digest: digest.to_bytes() }))
+                self.send(Outgoing::Release(ReleaseReplica { digest: digest.to_bytes() }));
             }
             Command::Goodbye => self.send(Outgoing::Goodbye(Goodbye { reason: "the work is done".into() })),
             // Uploads are started where they are awaited.
-            Command::Load(_) => Ok(()),
+            Command::Load(_) => {}
         }
     }
 

@@ -21,7 +21,7 @@ use std::sync::OnceLock;
 use tests::programs::{Solved, Solving};
 
 /// Long enough that things can go wrong in its middle: some seconds of one thread.
-const KNOBS: [&str; 2] = ["--mesh-error", "0.004"];
+const KNOBS: [&str; 2] = ["--mesh-error", "0.002"];
 
 /// A line of the coordinator's by which a bake is well under way, with most of its work to come.
 const UNDER_WAY: &str = "refine: ";
