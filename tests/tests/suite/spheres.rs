@@ -48,9 +48,9 @@ impl Irradiance {
     }
 }
 
-/// Finer than default: the mesh is to have less error than the facets.
+/// Finer than default: the mesh is to have less error than the facets, and no more than is allowed for the mean.
 fn settings() -> BakeSettings {
-    BakeSettings { mesh_error: 0.003, ..BakeSettings::default() }
+    BakeSettings { mesh_error: 0.001, ..BakeSettings::default() }
 }
 
 /// A cap of half angle 30 degrees emits. The irradiance is the mean of the emission over 1 - rho.
