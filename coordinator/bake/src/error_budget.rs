@@ -57,6 +57,12 @@ impl ErrorBudget {
         Self::new(self.unshot, self.visibility, self.form_factors, receivers, self.shooters)
     }
 
+    /// The same with another error of the shooters.
+    #[must_use]
+    pub fn with_shooters(&self, shooters: f64) -> Self {
+        Self::new(self.unshot, self.visibility, self.form_factors, self.receivers, shooters)
+    }
+
     /// All parts but the interpolation.
     #[must_use]
     pub fn without_receivers(&self) -> f64 {

@@ -14,6 +14,7 @@ use sobol_burley::sample_4d;
 use crate::error_budget::{INTERPOLATED_NOISE, without_noise};
 use crate::mesh::{INWARD, Mesh, PatchId, VertexId, along_curve, interpolation};
 use crate::settings::BakeSettings;
+use crate::solver::bounds::Bounds;
 use scene::Scene;
 
 /// Key of the first point of the first draw as a receiver: above all vertices, so that its rays are its own.
@@ -41,6 +42,8 @@ pub struct SamplePoints {
     direct: Vec<DVec3>,
     /// Total irradiance.
     irradiance: Vec<DVec3>,
+    /// Scales the light of those that see more than a hemisphere: vertices there are scaled, too.
+    bounds: Bounds,
 }
 
 /// A point on the surface.
@@ -136,6 +139,17 @@ impl SamplePoints {
         self.points.len()
     }
 
+    /// Sets the sums of the form factors: light that is set from now on is scaled down where they are above 1.
+    pub fn set_row_sums(&mut self, sums: &[f64]) {
+        self.bounds = Bounds::default();
+        self.bounds.add(sums);
+    }
+
+    /// Scales the light of points that see more than a hemisphere.
+    pub fn bound(&self, light: &mut [DVec3]) {
+        self.bounds.apply(0, light);
+    }
+
     /// Sets the direct irradiance.
     pub fn set_direct(&mut self, direct: Vec<DVec3>) {
         self.direct = direct;
@@ -143,11 +157,14 @@ impl SamplePoints {
 
     /// Sets the total irradiance, given that from the shares.
     pub fn set_gathered(&mut self, gathered: &[DVec3]) {
-        self.irradiance = self.direct.iter().zip(gathered).map(|(direct, light)| *direct + *light).collect();
+        self.set_irradiance(
+            self.direct.iter().zip(gathered).map(|(direct, light)| *direct + *light).collect(),
+        );
     }
 
     /// Sets the total irradiance.
-    pub fn set_irradiance(&mut self, irradiance: Vec<DVec3>) {
+    pub fn set_irradiance(&mut self, mut irradiance: Vec<DVec3>) {
+        self.bound(&mut irradiance);
         self.irradiance = irradiance;
     }
 
@@ -208,8 +225,11 @@ impl SamplePoints {
 
     /// Differences of the radiosity at the first points where other shooters give these irradiances.
     pub fn differences(&self, other: &[DVec3]) -> Vec<DVec3> {
-        let pairs = self.points.iter().zip(&self.irradiance).zip(&self.direct).zip(other);
-        pairs.map(|(((point, own), direct), other)| point.reflectance * (*other + *direct - *own)).collect()
+        let mut all: Vec<DVec3> =
+            self.direct.iter().zip(other).map(|(direct, other)| *direct + *other).collect();
+        self.bound(&mut all);
+        let pairs = self.points.iter().zip(&self.irradiance).zip(all);
+        pairs.map(|((point, own), all)| point.reflectance * (all - *own)).collect()
     }
 
     /// Root mean square of radiosity errors at the first points, relative to that of the radiosity.

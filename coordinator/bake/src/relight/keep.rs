@@ -174,9 +174,10 @@ impl Solved {
         let sets = self.rows.table.vertices.clone();
         for parts in parts.chunks_mut(together) {
             let radiosities: Vec<&[DVec3]> = parts.iter().map(|solved| &*solved.radiosity).collect();
-            let gathered = self.rows.table.gather_each(cx, &sets, &radiosities)?;
+            let gathered = self.rows.table.gather_each(cx, &sets, &radiosities, |_, _| ())?;
             for (solved, gathered) in parts.iter_mut().zip(gathered) {
-                let reflected = gathered.into_iter().flatten();
+                let mut reflected = gathered.concat();
+                self.rows.table.bounds.apply(0, &mut reflected);
                 let direct = &solved.part.direct;
                 let all = direct
                     .iter()
@@ -204,7 +205,8 @@ impl Solved {
             .map(|solved| Lights { sources: &solved.sources, radiosity: &solved.radiosity })
             .collect();
         let light = irradiance_at(cx, &mut self.rows, Place::Once(&receivers), &lights, |_, _| ())?;
-        for (solved, light) in parts.iter_mut().zip(light) {
+        for (solved, mut light) in parts.iter_mut().zip(light) {
+            samples.bound(&mut light.all);
             solved.part.gathered = light.all.into_iter().map(|light| solved.unit.of(light)).collect();
         }
         Ok(())

@@ -7,7 +7,6 @@ use glam::DVec3;
 use kernel::replica::Receivers;
 use kernel::row::{Row, Shape, Shooter};
 
-use super::bounds::Bounds;
 use super::means::{Means, ShareValues};
 use super::share_mesh::ShareMesh;
 use super::shoot;
@@ -20,6 +19,7 @@ use crate::error::{BakeError, Result};
 use crate::jobs::{ReceiverSet, RowClient};
 use crate::mesh::{Mesh, Share, Surroundings};
 use crate::settings::RowStrategy;
+use crate::solver::bounds::Bounds;
 use crate::solver::cache::{ColumnCache, SetId};
 use crate::solver::sweeps::{self, Transfer, solve};
 use crate::solver::{Light, ShareEnergy, ShareId};

@@ -169,7 +169,7 @@ impl RowSource for GatherRows {
         let areas: Vec<f64> = energies.iter().map(|share| share.area).collect();
         let mut acceleration = Acceleration::new(areas.clone());
         for _ in 0..MOST_PASSES {
-            table.complete(cx, problem.direct, &mut solution)?;
+            table.complete(cx, problem.mesh, problem.direct, &mut solution)?;
             let incident = problem.values.of(energies, &solution.irradiance);
             problem.mesh.preview(cx, problem.direct, || {
                 (solution.irradiance.clone(), problem.mesh.unshot(&incident, &solution.radiosity))
@@ -191,7 +191,7 @@ impl RowSource for GatherRows {
             }
             solution.radiosity = acceleration.next(before, &solution.radiosity);
         }
-        table.complete(cx, problem.direct, &mut solution)?;
+        table.complete(cx, problem.mesh, problem.direct, &mut solution)?;
         Ok(solution)
     }
 

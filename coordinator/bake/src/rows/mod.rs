@@ -8,13 +8,11 @@
 //! | `gather` | hemisphere rows, solved for by passes |
 //! | `table` | rows kept, or made again |
 //! | `solution` | radiosity, irradiance and what is missing |
-//! | `bounds` | vertices whose form factors sum to more than 1, scaled down |
 //! | `means` | which irradiance a share reflects |
 //! | `share_mesh` | the mesh and its shares |
 //!
 //! A new strategy is a new file that implements `RowSource`, and an arm of [`row_source`].
 
-mod bounds;
 mod exact;
 mod gather;
 mod means;

@@ -115,7 +115,7 @@ impl Problem<'_> {
     ) -> Result<Solution> {
         let mut solution = source.solve(cx, table, self, &mut None, solution)?;
         if solution.irradiance.is_empty() {
-            table.complete(cx, self.direct, &mut solution)?;
+            table.complete(cx, self.mesh, self.direct, &mut solution)?;
         }
         Ok(solution)
     }

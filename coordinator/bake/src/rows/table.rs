@@ -6,13 +6,14 @@ use glam::DVec3;
 use kernel::row::{Row, Shooter};
 use smallvec::SmallVec;
 
-use super::bounds::Bounds;
+use super::share_mesh::ShareMesh;
 use super::solution::Solution;
 use crate::channels::Gathering;
 use crate::context::Context;
 use crate::error::{BakeError, Result};
 use crate::jobs::{ReceiverSet, RowBatch, RowClient};
 use crate::solver::ShareId;
+use crate::solver::bounds::{Bounds, add_to_sums};
 use crate::solver::cache::{RowCache, SetId};
 
 /// Receivers of the shooting mesh.
@@ -105,22 +106,14 @@ impl RowTable {
         }
     }
 
-    /// Gathers the irradiance that shares of this radiosity give the receivers of some sets, set by set.
-    pub fn gather(
-        &mut self,
-        cx: &mut Context,
-        sets: &[SetId],
-        radiosity: &[DVec3],
-    ) -> Result<Vec<Vec<DVec3>>> {
-        Ok(self.gather_each(cx, sets, &[radiosity])?.pop().unwrap_or_default())
-    }
-
-    /// The same for several radiosities, in one pass over the rows.
+    /// Gathers the irradiance that shares of each of these radiosities give the receivers of some sets, set by set, in one pass over
+    /// the rows. `look` sees the rows of each share.
     pub fn gather_each(
         &mut self,
         cx: &mut Context,
         sets: &[SetId],
         radiosities: &[&[DVec3]],
+        mut look: impl FnMut(ShareId, &[&Row]),
     ) -> Result<Vec<Vec<Vec<DVec3>>>> {
         let nothing = |set: &SetId| cx.channels.gathering(self.set(*set).count());
         let mut gathered: Vec<Vec<Gathering>> =
@@ -130,8 +123,10 @@ impl RowTable {
             sets,
             |_| true,
             |share, rows| {
+                let rows = rows.unwrap_or_default();
+                look(share, rows);
                 for (gathered, radiosity) in gathered.iter_mut().zip(radiosities) {
-                    for (gathered, row) in gathered.iter_mut().zip(rows.into_iter().flatten()) {
+                    for (gathered, row) in gathered.iter_mut().zip(rows) {
                         gathered.add(row, radiosity[share.index()]);
                     }
                 }
@@ -143,9 +138,24 @@ impl RowTable {
     }
 
     /// Gathers the irradiance of a solution at all vertices and refinement samples.
-    pub fn complete(&mut self, cx: &mut Context, direct: &[DVec3], solution: &mut Solution) -> Result<()> {
+    pub fn complete(
+        &mut self,
+        cx: &mut Context,
+        mesh: &ShareMesh,
+        direct: &[DVec3],
+        solution: &mut Solution,
+    ) -> Result<()> {
         let sets: Vec<SetId> = self.vertices.iter().copied().chain(self.twins).chain(self.samples).collect();
-        let mut gathered = self.gather(cx, &sets, &solution.radiosity)?;
+        let place_of_samples = self.samples.map_or(sets.len(), |_| sets.len() - 1);
+        let mut sums = vec![0.0; solution.samples.count()];
+        let look = |share: ShareId, rows: &[&Row]| {
+            if let Some(row) = rows.get(place_of_samples) {
+                add_to_sums(row, mesh.materials[share.index()].opacity, &mut sums);
+            }
+        };
+        let mut gathered =
+            self.gather_each(cx, &sets, &[&solution.radiosity], look)?.pop().unwrap_or_default();
+        solution.samples.set_row_sums(&sums);
         if self.samples.is_some()
             && let Some(gathered) = gathered.pop()
         {

@@ -1,4 +1,4 @@
-//! Vertices that see more than a hemisphere.
+//! Vertices and samples that see more than a hemisphere.
 //!
 //! The form factors of a point sum to 1 at most. Where they sum to more, since surfaces overlap closer than the geometry can tell
 //! or a smooth normal bends far, light would grow at each reflection. What such a vertex receives is scaled down as if its factors
@@ -12,8 +12,13 @@ use kernel::row::Row;
 /// Sums up to this are rounding, and stay as they are.
 const LARGEST_SUM: f64 = 1.001;
 
-/// By what factor each vertex is scaled.
-#[derive(Clone, Default)]
+/// Adds a row to the sums of form factors. Light that passes through its shooter comes from behind it.
+pub fn add_to_sums(row: &Row, opacity: f64, sums: &mut [f64]) {
+    row.for_each(|receiver, factor| sums[receiver] += f64::from(factor) * opacity);
+}
+
+/// By what factor each vertex is scaled, or each sample.
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Bounds {
     vertices: usize,
     /// Those below 1, by vertex.

@@ -13,6 +13,7 @@
 
 pub mod acceleration;
 pub mod balance;
+pub mod bounds;
 pub mod cache;
 mod light;
 pub mod shooting;

@@ -10,6 +10,7 @@ use crate::error::Result;
 use crate::error_budget::{ErrorBudget, INTERPOLATED_NOISE, RETURNING, rounding_error, without_noise};
 use crate::observer::Phase;
 use crate::refinement::{FIRST, Obstacle, SamplePoints, best_fit};
+use crate::solver::bounds::add_to_sums;
 
 /// A bake whose error is known.
 pub struct Measured {
@@ -22,9 +23,10 @@ pub struct Measured {
 }
 
 impl Refined {
-    /// Estimates the error of the solution.
+    /// Estimates the error of the solution. That of the shooters is measured unless it is given: it hardly changes from round to
+    /// round, and costs a row for each leaf.
     #[tracing::instrument(skip_all)]
-    pub fn measure(self, cx: &mut Context) -> Result<Measured> {
+    pub fn measure(self, cx: &mut Context, shooters: Option<f64>) -> Result<Measured> {
         let Self { mut solved, obstacle } = self;
         cx.client.monitor.enter(Phase::Measure, solved.mesh.mesh.vertices.len());
         solved.mesh.patch_materials.update(cx.scene, &solved.mesh.mesh);
@@ -46,8 +48,10 @@ impl Refined {
         if prediction.relative() > 0.0 && validation.count() > 0 {
             solved.found_per_predicted = (receivers / prediction.relative()).clamp(0.2, 5.0);
         }
-        let (differences, noise_of_both) = solved.differences_of_leaves(cx, &validation, &fitted, noise)?;
-        let shooters = without_noise(differences, noise_of_both) / (1.0 - RETURNING * reflectance);
+        let shooters = match shooters {
+            Some(shooters) => shooters,
+            None => solved.error_of_shooters(cx, &validation, &fitted)?,
+        };
         let form_factors = cx.client.monitor.factor_error() + rounding_error(cx.settings.factor_rounding);
         let visibility = noise * INTERPOLATED_NOISE.sqrt();
         let unshot = solved.solution.residual / (1.0 - RETURNING * reflectance);
@@ -55,6 +59,19 @@ impl Refined {
         cx.client.monitor.set_error(Some(error.total));
         cx.end_step("measure");
         Ok(Measured { solved, obstacle, error, validation })
+    }
+}
+
+impl Measured {
+    /// Measures the error of the shooters.
+    #[tracing::instrument(skip_all)]
+    pub fn measure_shooters(mut self, cx: &mut Context) -> Result<Self> {
+        let fitted = best_fit(&self.solved.mesh.mesh, &self.solved.solution.irradiance);
+        let shooters = self.solved.error_of_shooters(cx, &self.validation, &fitted)?;
+        self.error = self.error.with_shooters(shooters);
+        cx.client.monitor.set_error(Some(self.error.total));
+        cx.end_step("measure");
+        Ok(self)
     }
 }
 
@@ -66,7 +83,12 @@ impl Solved {
         }
         let receivers = samples.receivers(samples.count());
         let lights = Lights { sources: &self.sources.all, radiosity: &self.solution.radiosity };
-        let light = irradiance_at(cx, &mut self.rows, Place::Once(&receivers), &[lights], |_, _| ())?;
+        let mut sums = vec![0.0; receivers.receivers.len()];
+        let materials = &self.mesh.materials;
+        let light = irradiance_at(cx, &mut self.rows, Place::Once(&receivers), &[lights], |share, row| {
+            add_to_sums(row, materials[share.index()].opacity, &mut sums);
+        })?;
+        samples.set_row_sums(&sums);
         for Irradiance { direct, all } in light {
             samples.set_direct(direct);
             samples.set_irradiance(all);
@@ -74,24 +96,22 @@ impl Solved {
         Ok(())
     }
 
-    /// Compares the light of the shares with that of the leaves of the refined mesh, each with its own mean radiosity, at the
-    /// first samples: the relative difference, and the noise of both.
-    fn differences_of_leaves(
+    /// Relative error of the light of shares, each of constant radiosity: against that of the leaves of the refined mesh, each with
+    /// its own mean, at the first samples.
+    fn error_of_shooters(
         &self,
         cx: &mut Context,
         samples: &SamplePoints,
         irradiance: &[DVec3],
-        noise: f64,
-    ) -> Result<(f64, f64)> {
+    ) -> Result<f64> {
         let count = samples.count().min(FIRST);
         if count == 0 {
-            return Ok((0.0, noise));
+            return Ok(0.0);
         }
         let receivers = samples.receivers(count);
         let light = self.rows.source.light_of_leaves(cx, &self.mesh, &receivers, irradiance)?;
         let differences = samples.relative(samples.differences(&light.irradiance).into_iter());
-        let noise_of_both =
-            light.rows.map_or(0.0, |rows| noise.hypot(samples.noise(rows.into_iter(), count)));
-        Ok((differences, noise_of_both))
+        let noise = light.rows.map_or(0.0, |rows| self.noise().hypot(samples.noise(rows.into_iter(), count)));
+        Ok(without_noise(differences, noise) / (1.0 - RETURNING * self.mean_reflectance()))
     }
 }

@@ -40,23 +40,25 @@ impl Solved {
         let mut solved = self;
         let mut limit = MARGIN * cx.settings.mesh_error;
         let mut round = 1;
+        let mut shooters = None;
         loop {
             let vertices = solved.mesh.mesh.vertices.len();
-            let measured = solved.refine(cx, limit)?.measure(cx)?;
-            let error = &measured.error;
-            let rest = match cx.settings.error {
-                Some(asked) => without(asked, error.without_receivers()),
-                None => cx.settings.mesh_error,
-            };
-            let limited_by_others = cx.settings.error.is_some_and(|asked| rest < LEAST_REST * asked);
-            let is_met = error.receivers <= rest || measured.is_predicted();
-            if is_met || limited_by_others || measured.obstacle.is_some() || round == MAX_ROUNDS {
+            let mut measured = solved.refine(cx, limit)?.measure(cx, shooters)?;
+            if shooters.is_some() && (measured.is_enough(cx) || round == MAX_ROUNDS) {
+                measured = measured.measure_shooters(cx)?;
+            }
+            if measured.is_enough(cx) || round == MAX_ROUNDS {
                 return Ok(measured);
             }
             // Where the prediction did not see what was found, only a lower limit goes on.
             let is_unchanged = measured.solved.mesh.mesh.vertices.len() == vertices;
-            let step = LONGEST_STEP * error.receivers;
-            limit = if is_unchanged { limit * UNSEEN_STEP } else { (MARGIN * rest).max(step) };
+            let step = LONGEST_STEP * measured.error.receivers;
+            limit = if is_unchanged {
+                limit * UNSEEN_STEP
+            } else {
+                (MARGIN * measured.rest_for_receivers(cx.settings)).max(step)
+            };
+            shooters = Some(measured.error.shooters);
             solved = measured.solved;
             round += 1;
         }
@@ -64,6 +66,19 @@ impl Solved {
 }
 
 impl Measured {
+    /// Whether more vertices are of no use: the error is met, or something else limits it.
+    fn is_enough(&self, cx: &Context) -> bool {
+        let rest = self.rest_for_receivers(cx.settings);
+        let limited_by_others = cx.settings.error.is_some_and(|asked| rest < LEAST_REST * asked);
+        let is_met = self.error.receivers <= rest || self.is_predicted();
+        is_met || limited_by_others || self.obstacle.is_some()
+    }
+
+    /// What the other parts of the error leave to the interpolation.
+    fn rest_for_receivers(&self, settings: &BakeSettings) -> f64 {
+        settings.error.map_or(settings.mesh_error, |asked| without(asked, self.error.without_receivers()))
+    }
+
     /// Whether the error is predicted for want of samples.
     fn is_predicted(&self) -> bool {
         self.solved.solution.samples.count() == 0

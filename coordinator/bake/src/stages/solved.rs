@@ -11,6 +11,7 @@ use crate::mesh::{VertexId, receivers};
 use crate::observer::Phase;
 use crate::refinement::{MeshError, SamplePoints, best_fit};
 use crate::rows::{COARSE, FIRST_TOLERANCE, Problem, Rows, ShareMesh, ShareValues, Solution};
+use crate::solver::bounds::add_to_sums;
 
 /// Measured interpolation error over the predicted one, to begin with: .6 to .75 in rooms of all sorts.
 const FOUND_PER_PREDICTED: f64 = 0.68;
@@ -55,12 +56,8 @@ impl Lit {
             |share, rows| {
                 let Some(&[row]) = rows else { return };
                 bytes += row.bytes();
-                // Light that passes through a share comes from behind it.
-                let opacity = mesh.materials[share.index()].opacity;
-                row.for_each(|receiver, factor| {
-                    exposed[receiver] = true;
-                    sums[receiver] += f64::from(factor) * opacity;
-                });
+                row.for_each(|receiver, _| exposed[receiver] = true);
+                add_to_sums(row, mesh.materials[share.index()].opacity, &mut sums);
             },
         )?;
         table.coarse_bytes = bytes;
@@ -139,11 +136,8 @@ impl Solved {
         let materials = &self.mesh.materials;
         let lights = Lights { sources: &self.sources.all, radiosity: &self.solution.radiosity };
         let light = irradiance_at(cx, &mut self.rows, Place::Kept(id), &[lights], |share, row| {
-            let opacity = materials[share.index()].opacity;
-            row.for_each(|receiver, factor| {
-                exposed[receiver] = true;
-                sums[receiver] += f64::from(factor) * opacity;
-            });
+            row.for_each(|receiver, _| exposed[receiver] = true);
+            add_to_sums(row, materials[share.index()].opacity, &mut sums);
         })?;
         let bounds = &mut self.rows.table.bounds;
         bounds.add(&sums);
