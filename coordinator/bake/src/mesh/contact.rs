@@ -104,22 +104,14 @@ pub fn contacts(scene: &Scene, regions: &[Region], extent: f64, longest_edge: f6
     all
 }
 
-/// Keeps the longest lines of all regions, `most` in all; of equal ones those of the first regions.
+/// Keeps the longest lines of all regions, `most` in all.
 fn keep_longest(all: &mut [Vec<Contact>], most: usize) {
     let length = |line: &Contact| line[0].distance(line[1]);
     let mut lengths: Vec<f64> = all.iter().flatten().map(length).collect();
-    if lengths.len() <= most {
-        return;
-    }
-    lengths.sort_by(|a, b| b.total_cmp(a));
-    let least = lengths[most];
-    let mut equals = most - lengths.partition_point(|length| *length > least);
-    for lines in all {
-        lines.retain(|line| {
-            let is_equal = length(line) == least && equals > 0;
-            equals -= usize::from(is_equal);
-            is_equal || length(line) > least
-        });
+    if lengths.len() > most {
+        lengths.sort_by(|a, b| b.total_cmp(a));
+        let least = lengths[most];
+        all.iter_mut().for_each(|lines| lines.retain(|line| length(line) > least));
     }
 }
 
