@@ -10,7 +10,7 @@ use super::order::FacetPlaces;
 use super::pieces::{Lengths, cut_along, cut_long, lengths};
 use super::planar::{self, Piece, Region, regions};
 use super::welding::Welder;
-use super::{Mesh, Patch, PatchId, VertexId, WELD, edge};
+use super::{FEW_FACETS, Mesh, Patch, PatchId, VertexId, WELD, edge};
 use scene::{Facet, Scene};
 
 impl Mesh {
@@ -34,6 +34,7 @@ impl Mesh {
             );
         }
         let facets: usize = scene.surfaces.iter().map(|surface| surface.facets.len()).sum();
+        // Strips are what is dear there: all lines are triangulated around.
         let is_large = facets > FEW_FACETS;
         let most_cuts = if is_large { 0 } else { MOST_CUTS };
         let lengths = if is_large {
@@ -114,9 +115,6 @@ const VERTICES_PER_CUT: usize = 64;
 /// Regions with more lines than this are triangulated around them. Few lines cut facets from border to border: patches stay
 /// rectangles, and have the light of a turned or mirrored scene to the last digits.
 const MOST_CUTS: usize = 32;
-
-/// In scenes with more facets than this all lines are triangulated around: there a facet is no wall, and strips are what is dear.
-const FEW_FACETS: usize = 20_000;
 
 /// Part of the longest edge down to which the triangles around lines are made finer for their shape's sake.
 const FINEST: f64 = 1.0 / 16.0;

@@ -12,9 +12,9 @@ use obvhs::aabb::Aabb;
 use obvhs::bvh2::builder::build_bvh2;
 use rayon::prelude::*;
 
-use super::WELD;
 use super::line::{Contact, narrow};
 use super::planar::Region;
+use super::{FEW_FACETS, WELD};
 use scene::{Corner, Facet, Scene, Side};
 
 /// Shortest line that becomes an edge, relative to the scene's extent.
@@ -35,11 +35,8 @@ const MOST: usize = 1024;
 /// Most lines of a scene, at least; the longest are kept. Of buildings with many rooms none may be missing, or light leaks.
 const MOST_OF_SCENE: usize = 4096;
 
-/// Most lines of a scene whose facets are few: they are walls.
+/// Most lines of a scene where few facets rise: they are walls.
 const MOST_OF_SMALL_SCENE: usize = 65_536;
-
-/// Facets of such a scene.
-const FEW_FACETS: usize = 20_000;
 
 /// Most lines of a scene, per facet.
 const LINES_PER_FACET: f64 = 0.125;

@@ -57,6 +57,9 @@ pub use triangulation::triangulate;
 /// 2048 units long, where f32 coordinates of the input are 6e-5 to 1.2e-4 apart.
 const WELD: f64 = 2e-4;
 
+/// In scenes with more facets than this a facet is no wall.
+const FEW_FACETS: usize = 20_000;
+
 /// Index of a vertex.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct VertexId(pub u32);

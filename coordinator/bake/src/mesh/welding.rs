@@ -7,8 +7,7 @@ use foldhash::{HashMap, HashMapExt};
 use glam::{DVec3, I64Vec3};
 use kernel::geometry::{Bounds, PlaneId, area_vector};
 
-use super::line::Contact;
-use super::line::distance_to_line;
+use super::line::{Contact, distance_to_line};
 use super::{Vertex, VertexId, WELD};
 use crate::disjoint_sets::DisjointSets;
 use scene::{Corner, Facet};

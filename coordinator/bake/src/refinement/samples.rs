@@ -145,6 +145,11 @@ impl SamplePoints {
         self.bounds.add(sums);
     }
 
+    /// Whether the sums of the form factors are known.
+    pub fn has_row_sums(&self) -> bool {
+        self.bounds.vertices() == self.points.len()
+    }
+
     /// Scales the light of points that see more than a hemisphere.
     pub fn bound(&self, light: &mut [DVec3]) {
         self.bounds.apply(0, light);

@@ -146,16 +146,19 @@ impl RowTable {
         solution: &mut Solution,
     ) -> Result<()> {
         let sets: Vec<SetId> = self.vertices.iter().copied().chain(self.twins).chain(self.samples).collect();
-        let place_of_samples = self.samples.map_or(sets.len(), |_| sets.len() - 1);
+        // They do not change, and passes are many.
+        let misses_sums = self.samples.is_some() && !solution.samples.has_row_sums();
         let mut sums = vec![0.0; solution.samples.count()];
         let look = |share: ShareId, rows: &[&Row]| {
-            if let Some(row) = rows.get(place_of_samples) {
+            if misses_sums && let Some(row) = rows.last() {
                 add_to_sums(row, mesh.materials[share.index()].opacity, &mut sums);
             }
         };
         let mut gathered =
             self.gather_each(cx, &sets, &[&solution.radiosity], look)?.pop().unwrap_or_default();
-        solution.samples.set_row_sums(&sums);
+        if misses_sums {
+            solution.samples.set_row_sums(&sums);
+        }
         if self.samples.is_some()
             && let Some(gathered) = gathered.pop()
         {

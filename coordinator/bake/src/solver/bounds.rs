@@ -34,6 +34,11 @@ impl Bounds {
         self.vertices += sums.len();
     }
 
+    /// Number of vertices added.
+    pub fn vertices(&self) -> usize {
+        self.vertices
+    }
+
     /// Number of vertices that are scaled down.
     pub fn count(&self) -> usize {
         self.reduced.len()
