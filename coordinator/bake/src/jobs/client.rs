@@ -20,6 +20,12 @@ const MOST_UNDER_WAY: usize = 256;
 /// Cost of a ray of a hemisphere, in pairs.
 const PAIRS_PER_RAY: usize = 4;
 
+/// Receivers of a part of a row, where there are few rows: a multiple of the groups that receivers and factors come in.
+const RANGE: usize = 1 << 14;
+
+/// So many rows keep all threads at work without being cut.
+const FEW_ROWS: usize = 64;
+
 /// Longest wait for rows before the observer is asked again whether the bake is cancelled.
 const PATIENCE: Duration = Duration::from_millis(100);
 
@@ -54,6 +60,8 @@ pub trait RowService {
 #[derive(Debug, Clone, Copy)]
 pub struct ReceiverSet {
     digest: Digest,
+    /// First receiver of the range.
+    first: usize,
     count: usize,
     /// Cost of a row, in pairs.
     pairs: usize,
@@ -65,6 +73,21 @@ impl ReceiverSet {
     /// Number of receivers.
     pub fn count(&self) -> usize {
         self.count
+    }
+
+    /// Consecutive parts of a set whose rows are long.
+    fn parts(self) -> impl Iterator<Item = Self> {
+        (0..self.count).step_by(RANGE).map(move |first| {
+            let count = RANGE.min(self.count - first);
+            Self { first: self.first + first, count, pairs: count, ..self }
+        })
+    }
+
+    /// The same where rows are over its polygons, with this number of rays.
+    #[must_use]
+    pub fn seen_by(self, rays: u32) -> Self {
+        // A ray through the scene takes about as long as some pairs with little between.
+        Self { pairs: PAIRS_PER_RAY * rays as usize, ..self }
     }
 }
 
@@ -131,7 +154,7 @@ impl<'a> RowClient<'a> {
     pub fn publish_receivers(&mut self, receivers: &Receivers) -> ReceiverSet {
         let replica = encode_receivers(receivers);
         let count = receivers.receivers.len();
-        let set = ReceiverSet { digest: replica.digest, count, pairs: count, is_scene: false };
+        let set = ReceiverSet { digest: replica.digest, first: 0, count, pairs: count, is_scene: false };
         self.publish(replica);
         set
     }
@@ -139,11 +162,10 @@ impl<'a> RowClient<'a> {
     /// Publishes polygons that hemisphere rows are over, with the opacity of each, or none where all are opaque.
     pub fn publish_polygons(&mut self, polygons: &[ConvexPolygon], opacities: &[f32]) -> ReceiverSet {
         let replica = encode_translucent_scene(polygons, opacities);
-        // A ray through the scene takes about as long as some pairs with little between.
-        let pairs = PAIRS_PER_RAY * self.precision.rays_per_hemisphere as usize;
-        let set = ReceiverSet { digest: replica.digest, count: polygons.len(), pairs, is_scene: true };
+        let count = polygons.len();
+        let set = ReceiverSet { digest: replica.digest, first: 0, count, pairs: count, is_scene: true };
         self.publish(replica);
-        set
+        set.seen_by(self.precision.rays_per_hemisphere)
     }
 
     fn publish(&mut self, replica: EncodedReplica) {
@@ -167,6 +189,9 @@ impl<'a> RowClient<'a> {
         set: ReceiverSet,
         mut take: impl FnMut(usize, &Row, f64),
     ) -> Result<()> {
+        if !set.is_scene && set.count > RANGE && shooters.len() < FEW_ROWS {
+            return self.each_row_in_parts(shooters, set, take);
+        }
         self.monitor.expect_rows(shooters.len() as u64);
         let (mut asked, mut next) = (0, 0);
         let batches = |client: &Self| {
@@ -180,6 +205,33 @@ impl<'a> RowClient<'a> {
             for (row, statistics) in finished.rows.iter().zip(&finished.statistics) {
                 take(next, row, statistics.sampling_variance);
                 next += 1;
+            }
+        })
+    }
+
+    /// The same where few rows over many receivers would leave most threads without work.
+    fn each_row_in_parts(
+        &mut self,
+        shooters: &[Shooter],
+        set: ReceiverSet,
+        mut take: impl FnMut(usize, &Row, f64),
+    ) -> Result<()> {
+        let mut jobs = shooters.iter().flat_map(|shooter| set.parts().map(move |part| (shooter, part)));
+        let parts = set.count.div_ceil(RANGE);
+        self.monitor.expect_rows((shooters.len() * parts) as u64);
+        let batches = |_: &Self| {
+            let (shooter, set) = jobs.next()?;
+            Some(((), RowBatch { shooters: vec![shooter.clone()], set, again: vec![false] }))
+        };
+        let (mut next, mut rows, mut variance) = (0, Vec::with_capacity(parts), 0.0);
+        self.in_order(batches, |(), finished| {
+            rows.extend(finished.rows);
+            variance +=
+                finished.statistics.iter().map(|statistics| statistics.sampling_variance).sum::<f64>();
+            if rows.len() == parts {
+                take(next, &Row::joined(&rows), variance);
+                (next, variance) = (next + 1, 0.0);
+                rows.clear();
             }
         })
     }
@@ -240,7 +292,7 @@ impl<'a> RowClient<'a> {
         let request = RowRequest {
             scene: if batch.set.is_scene { batch.set.digest } else { self.scene },
             receivers: batch.set.digest,
-            first_receiver: 0,
+            first_receiver: batch.set.first as u32,
             receiver_count: batch.set.count as u32,
             shooters: batch.shooters,
             precision: self.precision,

@@ -12,7 +12,6 @@
 //! | `subdivision` | divides patches, keeping neighbours within one level of each other |
 //! | `order` | vertices in spatial order |
 //! | `shares` | deals the patches out among their vertices |
-//! | `clusters` | joins small leaves into shares |
 //! | `triangulation` | the leaves as triangles without cracks |
 //! | `locate` | the leaf and the triangle under a point |
 //! | `receivers` | vertices as receivers |
@@ -24,7 +23,6 @@
 //! rest of the bake uses.
 
 mod base;
-mod clusters;
 mod contact;
 mod line;
 mod locate;

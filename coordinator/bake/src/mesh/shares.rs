@@ -1,7 +1,7 @@
 use glam::DVec3;
-use kernel::geometry::{ConvexPolygon, area_vector};
+use kernel::geometry::{ConvexPolygon, PlaneId, area_vector};
 
-use super::{Mesh, PatchId, VertexId};
+use super::{Mesh, Patch, PatchId, VertexId};
 
 /// The surface represented by a vertex: its corner quadrilaterals of the leaves around it.
 #[derive(Debug, Clone)]
@@ -19,6 +19,19 @@ pub struct Share {
 }
 
 impl Mesh {
+    /// Each leaf as a share, in their order.
+    #[must_use]
+    pub fn leaf_shares(&self, plane_of: impl Fn(u32, u32) -> PlaneId) -> Vec<Share> {
+        let share = |(id, patch): (PatchId, &Patch)| Share {
+            vertex: patch.corners[0],
+            surface: patch.surface,
+            polygons: vec![self.polygon(id, plane_of(patch.surface, patch.facet))],
+            corners: (0..patch.corners.len()).map(|corner| (id, corner)).collect(),
+            area: patch.area,
+        };
+        self.leaves().map(share).collect()
+    }
+
     /// Divides the leaves among their vertices, in the order of vertices and surfaces. The shares tile the mesh.
     #[must_use]
     pub fn shares(&self, plane_of: impl Fn(u32, u32) -> kernel::geometry::PlaneId) -> Vec<Share> {

@@ -16,4 +16,4 @@ mod samples;
 pub use fit::{best_fit, best_fit_of_part};
 pub use plan::{Obstacle, Plan, Step, long_patches};
 pub use prediction::{LEAST_WEIGHT, MeshError};
-pub use samples::{FIRST, SamplePoints};
+pub use samples::{FIRST, MOST_DRAWN, SamplePoints};

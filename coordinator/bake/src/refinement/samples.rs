@@ -30,7 +30,7 @@ const MOST_POINTS: usize = 2048;
 pub const FIRST: usize = 256;
 
 /// Length of the sequence that points are drawn from.
-const MOST_DRAWN: usize = 1 << 16;
+pub const MOST_DRAWN: usize = 1 << 16;
 
 /// Sample points, and the light gathered at them.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -69,63 +69,37 @@ impl SamplePoints {
         expected: &[(PatchId, f64)],
         round: u32,
     ) -> Self {
-        let reflectance = |patch: PatchId| scene.surfaces[mesh.patch(patch).surface as usize].reflectance;
-        let reflecting: Vec<PatchId> =
-            mesh.leaves().map(|(id, _)| id).filter(|id| reflectance(*id) != DVec3::ZERO).collect();
-        let area: f64 = reflecting.iter().map(|id| mesh.patch(*id).area).sum();
+        let reflects =
+            |id: &PatchId| scene.surfaces[mesh.patch(*id).surface as usize].reflectance != DVec3::ZERO;
+        let reflecting: Vec<PatchId> = mesh.leaves().map(|(id, _)| id).filter(reflects).collect();
         let errors: HashMap<PatchId, f64> = expected.iter().copied().collect();
-        let error = |id: &PatchId| errors.get(id).copied().unwrap_or(0.0);
-        let all_errors: f64 = reflecting.iter().map(error).sum();
-        // Leaves with the end of their part of the unit interval, and the weight of a point on them.
-        let mut end = 0.0;
-        let parts: Vec<(PatchId, f64, f64)> = reflecting
-            .iter()
-            .map(|id| {
-                let by_area = mesh.patch(*id).area / area;
-                let by_error = if all_errors > 0.0 { error(id) / all_errors } else { by_area };
-                let part = (by_area + by_error) / 2.0;
-                end += part;
-                (*id, end, by_area / part)
-            })
-            .collect();
+        let expected: Vec<f64> = reflecting.iter().map(|id| errors.get(id).copied().unwrap_or(0.0)).collect();
         let count = match settings.validation_samples {
             0 => 0,
-            _ if parts.is_empty() => 0,
-            least => least.max(parts.len() / PATCHES_PER_POINT).min(MOST_POINTS.max(least)).min(MOST_DRAWN),
-        };
-        let seed =
-            ((settings.seed ^ (settings.seed >> 32)) as u32).wrapping_add(round.wrapping_mul(0x9e37_79b9));
-        let point = |index: usize| {
-            let [x, y, z, _] = sample_4d(index as u32, 0, seed).map(f64::from);
-            let place = parts.partition_point(|(_, part_end, _)| *part_end <= x * end).min(parts.len() - 1);
-            let (id, _, weight) = parts[place];
-            let corners = mesh.corners(id);
-            let position = uniform_point(&corners, y, z);
-            let normals = interpolation(mesh, id, position, |_| DVec3::ZERO);
-            let vertex = |id: VertexId| &mesh.vertices[id.index()];
-            let normal: DVec3 = normals.iter().map(|(id, weight)| vertex(*id).normal * *weight).sum();
-            let patch = mesh.patch(id);
-            let surface = &scene.surfaces[patch.surface as usize];
-            let facet = &surface.facets[patch.facet as usize];
-            let normal = normal.normalize_or(facet.normal);
-            // As for vertices: facets around a smooth point may rise over its horizon.
-            let is_smooth = normals.iter().any(|(id, _)| vertex(*id).smooth);
-            let lift = if is_smooth { INWARD * mesh.patch(id).area.sqrt() } else { 0.0 };
-            SamplePoint {
-                patch: id,
-                reflectance: surface.mean_reflectance(patch.facet, &[position]),
-                receiver: Receiver { position: position + normal * lift, normal, plane: facet.plane },
-                position,
-                weight,
+            least => {
+                least.max(reflecting.len() / PATCHES_PER_POINT).min(MOST_POINTS.max(least)).min(MOST_DRAWN)
             }
         };
         let first_key = FIRST_KEY + u64::from(round) * MOST_DRAWN as u64;
-        let mut points: Vec<SamplePoint> = (0..count).map(point).collect();
-        // The first of them are used alone: they stay a random part of all.
-        for part in points.chunks_mut(FIRST) {
-            part.sort_by_cached_key(|point| along_curve(point.position));
+        Self {
+            first_key,
+            points: draw_on(mesh, scene, &reflecting, &expected, (settings.seed, round), count),
+            ..Self::default()
         }
-        Self { first_key, points, ..Self::default() }
+    }
+
+    /// Draws this many points, at most [`MOST_DRAWN`], on all surfaces in the same way. `expected` is that of each leaf, or empty.
+    /// Keys of receivers start at `first_key`.
+    pub fn draw_everywhere(
+        mesh: &Mesh,
+        scene: &Scene,
+        seed: (u64, u32),
+        first_key: u64,
+        expected: &[f64],
+        count: usize,
+    ) -> Self {
+        let leaves: Vec<PatchId> = mesh.leaves().map(|(id, _)| id).collect();
+        Self { first_key, points: draw_on(mesh, scene, &leaves, expected, seed, count), ..Self::default() }
     }
 
     /// The first `count` points as receivers.
@@ -228,6 +202,14 @@ impl SamplePoints {
         without_noise(mixed, noise * (1.0 + INTERPOLATED_NOISE).sqrt())
     }
 
+    /// Mean over the area of the square error of the radiosity, given errors of the irradiance at the points.
+    pub fn mean_square_error(&self, errors: &[DVec3]) -> f64 {
+        let square = |(point, error): (&SamplePoint, &DVec3)| {
+            point.weight * (point.reflectance * *error).length_squared()
+        };
+        self.points.iter().zip(errors).map(square).sum::<f64>() / errors.len().max(1) as f64
+    }
+
     /// Differences of the radiosity at the first points where other shooters give these irradiances.
     pub fn differences(&self, other: &[DVec3]) -> Vec<DVec3> {
         let mut all: Vec<DVec3> =
@@ -276,5 +258,69 @@ impl SamplePoints {
             .zip(&self.irradiance)
             .map(|(point, gathered)| point.weight * (point.reflectance * *gathered).length_squared());
         squares.sum::<f64>() / self.points.len().max(1) as f64
+    }
+}
+
+/// Draws points on these leaves, by a `seed` and a round.
+fn draw_on(
+    mesh: &Mesh,
+    scene: &Scene,
+    leaves: &[PatchId],
+    expected: &[f64],
+    (seed, round): (u64, u32),
+    count: usize,
+) -> Vec<SamplePoint> {
+    if leaves.is_empty() {
+        return vec![];
+    }
+    let area: f64 = leaves.iter().map(|id| mesh.patch(*id).area).sum();
+    let all_errors: f64 = expected.iter().sum();
+    // Leaves with the end of their part of the unit interval, and the weight of a point on them.
+    let mut end = 0.0;
+    let parts: Vec<(PatchId, f64, f64)> = leaves
+        .iter()
+        .enumerate()
+        .map(|(index, id)| {
+            let by_area = mesh.patch(*id).area / area;
+            let by_error = if all_errors > 0.0 { expected[index] / all_errors } else { by_area };
+            let part = (by_area + by_error) / 2.0;
+            end += part;
+            (*id, end, by_area / part)
+        })
+        .collect();
+    let seed = ((seed ^ (seed >> 32)) as u32).wrapping_add(round.wrapping_mul(0x9e37_79b9));
+    let point = |index: usize| {
+        let [x, y, z, _] = sample_4d(index as u32, 0, seed).map(f64::from);
+        let place = parts.partition_point(|(_, part_end, _)| *part_end <= x * end).min(parts.len() - 1);
+        let (id, _, weight) = parts[place];
+        point_on(mesh, scene, id, [y, z], weight)
+    };
+    let mut points: Vec<SamplePoint> = (0..count).map(point).collect();
+    // The first of them are used alone: they stay a random part of all.
+    for part in points.chunks_mut(FIRST) {
+        part.sort_by_cached_key(|point| along_curve(point.position));
+    }
+    points
+}
+
+/// The point of a leaf at a place in the unit square.
+fn point_on(mesh: &Mesh, scene: &Scene, id: PatchId, [y, z]: [f64; 2], weight: f64) -> SamplePoint {
+    let position = uniform_point(&mesh.corners(id), y, z);
+    let normals = interpolation(mesh, id, position, |_| DVec3::ZERO);
+    let vertex = |id: VertexId| &mesh.vertices[id.index()];
+    let normal: DVec3 = normals.iter().map(|(id, weight)| vertex(*id).normal * *weight).sum();
+    let patch = mesh.patch(id);
+    let surface = &scene.surfaces[patch.surface as usize];
+    let facet = &surface.facets[patch.facet as usize];
+    let normal = normal.normalize_or(facet.normal);
+    // As for vertices: facets around a smooth point may rise over its horizon.
+    let is_smooth = normals.iter().any(|(id, _)| vertex(*id).smooth);
+    let lift = if is_smooth { INWARD * patch.area.sqrt() } else { 0.0 };
+    SamplePoint {
+        patch: id,
+        reflectance: surface.mean_reflectance(patch.facet, &[position]),
+        receiver: Receiver { position: position + normal * lift, normal, plane: facet.plane },
+        position,
+        weight,
     }
 }

@@ -204,7 +204,7 @@ impl Solved {
             .iter()
             .map(|solved| Lights { sources: &solved.sources, radiosity: &solved.radiosity })
             .collect();
-        let light = irradiance_at(cx, &mut self.rows, Place::Once(&receivers), &lights, |_, _| ())?;
+        let light = irradiance_at(cx, &self.mesh, &mut self.rows, Place::Once(&receivers), &lights)?.light;
         for (solved, mut light) in parts.iter_mut().zip(light) {
             samples.bound(&mut light.all);
             solved.part.gathered = light.all.into_iter().map(|light| solved.unit.of(light)).collect();

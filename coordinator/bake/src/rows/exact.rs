@@ -11,15 +11,15 @@ use super::means::{Means, ShareValues};
 use super::share_mesh::ShareMesh;
 use super::shoot;
 use super::solution::Solution;
-use super::source::{LeafLight, Problem, RowSource};
+use super::source::{Cover, Gathered, LeafLight, Once, Problem, RowSource};
 use super::table::{COARSE, RowTable};
-use crate::channels::Channels;
+use crate::channels::{Channels, Gathering};
 use crate::context::Context;
 use crate::error::{BakeError, Result};
 use crate::jobs::{ReceiverSet, RowClient};
-use crate::mesh::{Mesh, Share, Surroundings};
-use crate::settings::RowStrategy;
-use crate::solver::bounds::Bounds;
+use crate::mesh::{Mesh, Share};
+use crate::settings::{BakeSettings, RowStrategy};
+use crate::solver::bounds::{Bounds, add_to_sums};
 use crate::solver::cache::{ColumnCache, SetId};
 use crate::solver::sweeps::{self, Transfer, solve};
 use crate::solver::{Light, ShareEnergy, ShareId};
@@ -43,6 +43,10 @@ impl RowSource for ExactRows {
         1.0
     }
 
+    fn rays(&self, settings: &BakeSettings) -> u32 {
+        settings.rays_per_hemisphere
+    }
+
     fn shares(&self, scene: &Scene, mesh: &Mesh, _: f64) -> Vec<Share> {
         mesh.shares(|surface, facet| scene.surfaces[surface as usize].facets[facet as usize].plane)
     }
@@ -60,27 +64,56 @@ impl RowSource for ExactRows {
     }
 
     fn add_receivers(
-        &self,
+        &mut self,
         cx: &mut Context,
         table: &mut RowTable,
         receivers: &Receivers,
-        _: Option<&[Surroundings]>,
     ) -> Result<SetId> {
         Ok(table.add_set(cx.client.publish_receivers(receivers)))
     }
 
-    fn each_over(
-        &self,
+    fn gather(
+        &mut self,
         cx: &mut Context,
-        table: &RowTable,
-        (set, _): (ReceiverSet, &Receivers),
-        take: &mut dyn FnMut(ShareId, &Row),
-    ) -> Result<()> {
-        cx.client.each_row(table.shooters(), set, |share, row, _| take(ShareId(share as u32), row))
+        mesh: &ShareMesh,
+        table: &mut RowTable,
+        sets: &[SetId],
+        radiosities: &[&[DVec3]],
+        wants_cover: bool,
+    ) -> Result<Vec<Gathered>> {
+        let empty = |set: &SetId| Cover::of(if wants_cover { table.set(*set).count() } else { 0 });
+        let mut covers: Vec<Cover> = sets.iter().map(empty).collect();
+        let look = |share: ShareId, rows: &[&Row]| {
+            for (cover, row) in covers.iter_mut().zip(rows).filter(|_| wants_cover) {
+                cover.add(row, mesh.materials[share.index()].opacity);
+            }
+        };
+        let light = table.gather_each(cx, sets, radiosities, look)?;
+        let mut by_set: Vec<Gathered> =
+            covers.into_iter().map(|cover| Gathered { light: vec![], cover }).collect();
+        for light in light {
+            by_set.iter_mut().zip(light).for_each(|(gathered, light)| gathered.light.push(light));
+        }
+        Ok(by_set)
     }
 
-    fn twins(&self, _: &Receivers) -> Option<Receivers> {
-        None
+    fn gather_once(
+        &mut self,
+        cx: &mut Context,
+        mesh: &ShareMesh,
+        table: &mut RowTable,
+        (set, _): (ReceiverSet, &Receivers),
+        radiosities: &[&[DVec3]],
+    ) -> Result<Once> {
+        let mut light: Vec<Gathering> =
+            radiosities.iter().map(|_| cx.channels.gathering(set.count())).collect();
+        let mut sums = vec![0.0; set.count()];
+        cx.client.each_row(table.shooters(), set, |share, row, _| {
+            light.iter_mut().zip(radiosities).for_each(|(light, radiosity)| light.add(row, radiosity[share]));
+            add_to_sums(row, mesh.materials[share].opacity, &mut sums);
+        })?;
+        let light = light.into_iter().map(Gathering::into_irradiance).collect();
+        Ok(Once { light, between: None, sums })
     }
 
     fn row_sums(&self, mesh: &ShareMesh, at_vertices: &[f64]) -> Vec<f64> {
@@ -92,7 +125,7 @@ impl RowSource for ExactRows {
     }
 
     fn shoot(
-        &self,
+        &mut self,
         cx: &mut Context,
         mesh: &ShareMesh,
         table: &mut RowTable,
@@ -105,7 +138,7 @@ impl RowSource for ExactRows {
     }
 
     fn solve(
-        &self,
+        &mut self,
         cx: &mut Context,
         table: &mut RowTable,
         problem: &Problem,
@@ -164,7 +197,7 @@ impl RowSource for ExactRows {
         cx: &mut Context,
         mesh: &ShareMesh,
         receivers: &Receivers,
-        irradiance: &[DVec3],
+        (irradiance, _): (&[DVec3], &[bool]),
     ) -> Result<LeafLight> {
         let (mut shooters, mut radiosities) = (vec![], vec![]);
         for (id, patch) in mesh.mesh.leaves() {

@@ -5,7 +5,7 @@
 //! | `source` | the trait of a row strategy |
 //! | `exact` | exact shooter rows, solved for by shooting and sweeps |
 //! | `shoot` | shooting as rows arrive |
-//! | `gather` | hemisphere rows, solved for by passes |
+//! | `gather/` | hemisphere rows of gather points, solved for by passes |
 //! | `table` | rows kept, or made again |
 //! | `solution` | radiosity, irradiance and what is missing |
 //! | `means` | which irradiance a share reflects |
@@ -29,7 +29,7 @@ pub use means::ShareValues;
 pub use share_mesh::ShareMesh;
 pub use shoot::FIRST_TOLERANCE;
 pub use solution::Solution;
-pub use source::{Problem, Rows};
+pub use source::{Cover, Gathered, Once, Problem, Rows};
 pub use table::COARSE;
 
 /// Scenes with at least this many facets get hemisphere rows, unless a strategy was chosen.

@@ -11,7 +11,7 @@ pub struct Solution {
     pub irradiance: Vec<DVec3>,
     /// The refinement samples, with the light there.
     pub samples: SamplePoints,
-    /// Relative standard error of the irradiance at a point from the rays of its hemisphere.
+    /// Relative standard error of the irradiance at a point from the rays of hemispheres.
     pub ray_noise: f64,
     /// Flux not yet shot.
     pub unshot: DVec3,

@@ -9,9 +9,9 @@ use super::table::RowTable;
 use crate::context::Context;
 use crate::error::Result;
 use crate::jobs::{ReceiverSet, RowClient};
-use crate::mesh::{Mesh, Share, Surroundings};
-use crate::settings::RowStrategy;
-use crate::solver::ShareId;
+use crate::mesh::{Mesh, Share};
+use crate::settings::{BakeSettings, RowStrategy};
+use crate::solver::bounds::add_to_sums;
 use crate::solver::cache::{ColumnCache, SetId};
 use scene::Scene;
 
@@ -22,6 +22,9 @@ pub trait RowSource {
 
     /// Longest edge of the shooting mesh, relative to the one in the settings.
     fn edge_factor(&self) -> f64;
+
+    /// Rays of a hemisphere, where it has any.
+    fn rays(&self, settings: &BakeSettings) -> u32;
 
     /// Deals the surface of the shooting mesh out among shares. `longest_edge` is that of its patches, in frame units.
     fn shares(&self, scene: &Scene, mesh: &Mesh, longest_edge: f64) -> Vec<Share>;
@@ -35,26 +38,34 @@ pub trait RowSource {
     /// Releases what was published.
     fn close(self: Box<Self>, table: RowTable, client: &mut RowClient);
 
-    /// Adds receivers to the table. Vertices come with their surroundings.
+    /// Adds receivers to the table.
     fn add_receivers(
-        &self,
+        &mut self,
         cx: &mut Context,
         table: &mut RowTable,
         receivers: &Receivers,
-        around: Option<&[Surroundings]>,
     ) -> Result<SetId>;
 
-    /// Hands over the row of each share over published receivers that are needed only once.
-    fn each_over(
-        &self,
+    /// What shares of each of these radiosities give the receivers of some sets, set by set. Their cover is empty unless it is wanted.
+    fn gather(
+        &mut self,
         cx: &mut Context,
-        table: &RowTable,
-        receivers: (ReceiverSet, &Receivers),
-        take: &mut dyn FnMut(ShareId, &Row),
-    ) -> Result<()>;
+        mesh: &ShareMesh,
+        table: &mut RowTable,
+        sets: &[SetId],
+        radiosities: &[&[DVec3]],
+        wants_cover: bool,
+    ) -> Result<Vec<Gathered>>;
 
-    /// The same receivers with other rays, where the noise of rows must be measured by a second set.
-    fn twins(&self, receivers: &Receivers) -> Option<Receivers>;
+    /// The same of published receivers that are asked about only once.
+    fn gather_once(
+        &mut self,
+        cx: &mut Context,
+        mesh: &ShareMesh,
+        table: &mut RowTable,
+        receivers: (ReceiverSet, &Receivers),
+        radiosities: &[&[DVec3]],
+    ) -> Result<Once>;
 
     /// How much of its hemisphere each share sees covered, from the same of the vertices of the shooting mesh.
     fn row_sums(&self, mesh: &ShareMesh, at_vertices: &[f64]) -> Vec<f64>;
@@ -64,7 +75,7 @@ pub trait RowSource {
 
     /// Radiosity to start the first solution from.
     fn shoot(
-        &self,
+        &mut self,
         cx: &mut Context,
         mesh: &ShareMesh,
         table: &mut RowTable,
@@ -74,7 +85,7 @@ pub trait RowSource {
     /// Solves for the radiosity of the shares, starting from that of `solution`. Clears the irradiance of the solution unless
     /// it is found on the way. `columns` are kept for the next problem with the same values.
     fn solve(
-        &self,
+        &mut self,
         cx: &mut Context,
         table: &mut RowTable,
         problem: &Problem,
@@ -82,14 +93,60 @@ pub trait RowSource {
         solution: Solution,
     ) -> Result<Solution>;
 
-    /// Light that receivers get from the leaves of the refined mesh, each with its own mean radiosity.
+    /// Light that receivers get from the leaves of the refined mesh, each with its own mean radiosity, given the irradiance of the
+    /// vertices and whether each sees any surface.
     fn light_of_leaves(
         &self,
         cx: &mut Context,
         mesh: &ShareMesh,
         receivers: &Receivers,
-        irradiance: &[DVec3],
+        vertices: (&[DVec3], &[bool]),
     ) -> Result<LeafLight>;
+}
+
+/// What receivers get from shares.
+#[derive(Default)]
+pub struct Gathered {
+    /// Irradiance of the receivers, by the radiosities that were given.
+    pub light: Vec<Vec<DVec3>>,
+    /// What the receivers see.
+    pub cover: Cover,
+}
+
+/// How much of their hemispheres receivers see covered.
+#[derive(Default)]
+pub struct Cover {
+    /// Sum of the form factors of each.
+    pub sums: Vec<f64>,
+    /// Whether each sees any surface.
+    pub exposed: Vec<bool>,
+    /// Bytes of the rows.
+    pub bytes: usize,
+}
+
+impl Cover {
+    /// Nothing seen by this number of receivers.
+    pub fn of(receivers: usize) -> Self {
+        Self { sums: vec![0.0; receivers], exposed: vec![false; receivers], bytes: 0 }
+    }
+
+    /// Adds the row of a share of this opacity.
+    pub fn add(&mut self, row: &Row, opacity: f64) {
+        self.bytes += row.bytes();
+        row.for_each(|receiver, _| self.exposed[receiver] = true);
+        add_to_sums(row, opacity, &mut self.sums);
+    }
+}
+
+/// What receivers that are asked about once get from shares.
+#[derive(Default)]
+pub struct Once {
+    /// Irradiance of the receivers, by the radiosities that were given.
+    pub light: Vec<Vec<DVec3>>,
+    /// The same as the light of vertices is found, where that is from points between which it is interpolated.
+    pub between: Option<Vec<Vec<DVec3>>>,
+    /// Sum of the form factors of each.
+    pub sums: Vec<f64>,
 }
 
 /// What a solution is to solve.
@@ -109,7 +166,7 @@ impl Problem<'_> {
     pub fn solve(
         &self,
         cx: &mut Context,
-        source: &dyn RowSource,
+        source: &mut dyn RowSource,
         table: &mut RowTable,
         solution: Solution,
     ) -> Result<Solution> {

@@ -39,8 +39,6 @@ pub struct RowTable {
     pub bounds: Bounds,
     /// The refinement samples, if there are any.
     pub samples: Option<SetId>,
-    /// The refinement samples with other rays, where their noise is measured by the difference.
-    pub twins: Option<SetId>,
     /// Bytes of the rows over the shooting mesh.
     pub coarse_bytes: usize,
     /// Most bytes of rows that were ever kept.
@@ -58,7 +56,6 @@ impl RowTable {
             vertices: vec![],
             bounds: Bounds::default(),
             samples: None,
-            twins: None,
             coarse_bytes: 0,
             most_bytes: 0,
         }
@@ -145,7 +142,7 @@ impl RowTable {
         direct: &[DVec3],
         solution: &mut Solution,
     ) -> Result<()> {
-        let sets: Vec<SetId> = self.vertices.iter().copied().chain(self.twins).chain(self.samples).collect();
+        let sets: Vec<SetId> = self.vertices.iter().copied().chain(self.samples).collect();
         // They do not change, and passes are many.
         let misses_sums = self.samples.is_some() && !solution.samples.has_row_sums();
         let mut sums = vec![0.0; solution.samples.count()];
@@ -163,13 +160,6 @@ impl RowTable {
             && let Some(gathered) = gathered.pop()
         {
             solution.samples.set_gathered(&gathered);
-        }
-        if self.twins.is_some()
-            && let Some(twins) = gathered.pop()
-        {
-            let differences = solution.samples.differences(&twins);
-            solution.ray_noise =
-                solution.samples.relative(differences.into_iter()) / std::f64::consts::SQRT_2;
         }
         let mut gathered = gathered.concat();
         self.bounds.apply(0, &mut gathered);

@@ -26,6 +26,9 @@ const POINTS: usize = 16;
 /// At most one point for this many vertices of the mesh, but at least one per surface: the check costs little beside the solution.
 const VERTICES_PER_POINT: usize = 16;
 
+/// Most points, unless there are more surfaces.
+const MOST_POINTS: usize = 4096;
+
 /// Part of the emitted flux that must escape before backs are checked: without it no back gets light.
 const LEAST_ESCAPED: f64 = 1e-6;
 
@@ -52,7 +55,8 @@ impl Solved {
             return Ok(vec![]);
         }
         let scene = cx.scene;
-        let points = back_points(scene, self.mesh.mesh.vertices.len() / VERTICES_PER_POINT);
+        let points =
+            back_points(scene, (self.mesh.mesh.vertices.len() / VERTICES_PER_POINT).min(MOST_POINTS));
         if points.is_empty() {
             return Ok(vec![]);
         }
@@ -62,8 +66,8 @@ impl Solved {
         let inside: Vec<LightSource> =
             self.sources.all.iter().filter(|source| !source.is_outside).cloned().collect();
         let lights = Lights { sources: &inside, radiosity: &self.solution.radiosity };
-        let light = irradiance_at(cx, &mut self.rows, Place::Once(&receivers), &[lights], |_, _| ())?;
-        let irradiance = light.into_iter().flat_map(|light| light.all);
+        let received = irradiance_at(cx, &self.mesh, &mut self.rows, Place::Once(&receivers), &[lights])?;
+        let irradiance = received.light.into_iter().flat_map(|light| light.all);
         let fronts = self.mean_irradiance(scene);
         let mut backs: Vec<(f64, DVec3)> = vec![(0.0, DVec3::ZERO); scene.surfaces.len()];
         for (point, irradiance) in points.iter().zip(irradiance) {

@@ -52,11 +52,8 @@ impl Setup {
         if samples.count() > 0 {
             let Rows { source, table } = &mut rows;
             let receivers = samples.receivers(samples.count());
-            let id = source.add_receivers(cx, table, &receivers, None)?;
+            let id = source.add_receivers(cx, table, &receivers)?;
             table.samples = Some(id);
-            if let Some(twins) = source.twins(&receivers) {
-                table.twins = Some(source.add_receivers(cx, table, &twins, None)?);
-            }
             let look = |_: &LightSource, _: &Row, variance| variances.push(variance);
             samples.set_direct(light::irradiance(&sources, table.set(id), cx.client, look)?);
         }

@@ -2,14 +2,11 @@
 
 use glam::DVec3;
 use kernel::replica::Receivers;
-use kernel::row::Row;
 
 use super::light::{self, LightSource};
-use crate::channels::Gathering;
 use crate::context::Context;
 use crate::error::Result;
-use crate::rows::Rows;
-use crate::solver::ShareId;
+use crate::rows::{Cover, Gathered, Once, Rows, ShareMesh};
 use crate::solver::cache::SetId;
 
 /// Where irradiance is wanted.
@@ -35,47 +32,55 @@ pub struct Irradiance {
     pub direct: Vec<DVec3>,
     /// In all.
     pub all: Vec<DVec3>,
+    /// The same as the light of vertices is found, where that is interpolated between points.
+    pub between: Option<Vec<DVec3>>,
 }
 
-/// Irradiance at a place from each of these lights, in one pass over the rows of the shares. `look` sees each of these rows.
+/// Irradiance of receivers from each of some lights, and what they see.
+pub struct Received {
+    pub light: Vec<Irradiance>,
+    /// Of receivers that are asked about once, only the sums are known.
+    pub cover: Cover,
+}
+
+/// Irradiance at a place from each of these lights, in one pass over the rows of the shares.
 pub fn irradiance_at(
     cx: &mut Context,
+    mesh: &ShareMesh,
     rows: &mut Rows,
     place: Place,
     lights: &[Lights],
-    mut look: impl FnMut(ShareId, &Row),
-) -> Result<Vec<Irradiance>> {
+) -> Result<Received> {
+    let Rows { source, table } = rows;
     let set = match place {
-        Place::Kept(id) => rows.table.set(id),
+        Place::Kept(id) => table.set(id),
         Place::Once(receivers) => cx.client.publish_receivers(receivers),
     };
     let mut direct = vec![];
     for light in lights {
         direct.push(light::irradiance(light.sources, set, cx.client, |_, _, _| ())?);
     }
-    let mut gathered: Vec<Gathering> = lights.iter().map(|_| cx.channels.gathering(set.count())).collect();
-    let mut take = |share: ShareId, row: &Row| {
-        for (gathered, light) in gathered.iter_mut().zip(lights) {
-            gathered.add(row, light.radiosity[share.index()]);
+    let radiosities: Vec<&[DVec3]> = lights.iter().map(|light| light.radiosity).collect();
+    let (gathered, between, cover) = match place {
+        Place::Kept(id) => {
+            let gathered = source.gather(cx, mesh, table, &[id], &radiosities, true)?.pop();
+            let Gathered { light, cover } = gathered.unwrap_or_default();
+            (light, None, cover)
         }
-        look(share, row);
-    };
-    match place {
-        Place::Kept(id) => rows.table.each(
-            cx.client,
-            &[id],
-            |_| true,
-            |share, rows| rows.into_iter().flatten().for_each(|row| take(share, row)),
-        )?,
         Place::Once(receivers) => {
-            rows.source.each_over(cx, &rows.table, (set, receivers), &mut take)?;
+            let Once { light, between, sums } =
+                source.gather_once(cx, mesh, table, (set, receivers), &radiosities)?;
             cx.client.release(set);
+            (light, between, Cover { sums, ..Cover::default() })
         }
-    }
-    let irradiance = |(direct, gathered): (Vec<DVec3>, Gathering)| {
-        let gathered = gathered.into_irradiance();
-        let all = direct.iter().zip(gathered).map(|(direct, light)| *direct + light).collect();
-        Irradiance { direct, all }
     };
-    Ok(direct.into_iter().zip(gathered).map(irradiance).collect())
+    let sum = |direct: &[DVec3], light: &[DVec3]| -> Vec<DVec3> {
+        direct.iter().zip(light).map(|(direct, light)| *direct + *light).collect()
+    };
+    let light = direct.into_iter().zip(gathered).enumerate().map(|(index, (direct, light))| Irradiance {
+        all: sum(&direct, &light),
+        between: between.as_ref().map(|between| sum(&direct, &between[index])),
+        direct,
+    });
+    Ok(Received { light: light.collect(), cover })
 }

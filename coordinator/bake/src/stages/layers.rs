@@ -118,7 +118,7 @@ impl Solved {
                 let problem = Problem { mesh: &self.mesh, values: &means, direct: &direct, tolerance };
                 let dark = self.dark();
                 let Rows { source, table } = &mut self.rows;
-                let solution = problem.solve(cx, source.as_ref(), table, dark)?;
+                let solution = problem.solve(cx, source.as_mut(), table, dark)?;
                 cx.settings.only.of_all(&solution.irradiance, &direct)
             };
             layers.push(LitLayer {

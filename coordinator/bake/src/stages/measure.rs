@@ -2,15 +2,16 @@
 
 use glam::DVec3;
 
-use super::irradiance::{Irradiance, Lights, Place, irradiance_at};
+use super::irradiance::{Irradiance, Lights, Place, Received, irradiance_at};
 use super::refine::Refined;
 use super::solved::Solved;
 use crate::context::Context;
 use crate::error::Result;
-use crate::error_budget::{ErrorBudget, INTERPOLATED_NOISE, RETURNING, rounding_error, without_noise};
+use crate::error_budget::{
+    ErrorBudget, INTERPOLATED_NOISE, RETURNING, rounding_error, without, without_noise,
+};
 use crate::observer::Phase;
 use crate::refinement::{FIRST, Obstacle, SamplePoints, best_fit};
-use crate::solver::bounds::add_to_sums;
 
 /// A bake whose error is known.
 pub struct Measured {
@@ -18,6 +19,8 @@ pub struct Measured {
     /// Why refinement ended before its limit was met.
     pub obstacle: Option<Obstacle>,
     pub error: ErrorBudget,
+    /// The part of the receivers' error that is due to light between gather points, not to the mesh.
+    pub between: f64,
     /// Where it was measured, with the light there.
     pub validation: SamplePoints,
 }
@@ -37,7 +40,7 @@ impl Refined {
         // elsewhere.
         let (round, expected) = (solved.rounds_measured, prediction.leaves());
         let mut validation = SamplePoints::draw(&solved.mesh.mesh, cx.scene, cx.settings, expected, round);
-        solved.light_samples(cx, &mut validation)?;
+        let between = solved.light_samples(cx, &mut validation)?;
         let noise = solved.noise();
         let reflectance = solved.mean_reflectance();
         let receivers = if validation.count() > 0 {
@@ -45,8 +48,10 @@ impl Refined {
         } else {
             solved.found_per_predicted * prediction.relative()
         };
+        let between = without_noise(between, noise);
         if prediction.relative() > 0.0 && validation.count() > 0 {
-            solved.found_per_predicted = (receivers / prediction.relative()).clamp(0.2, 5.0);
+            let of_mesh = without(receivers, between);
+            solved.found_per_predicted = (of_mesh / prediction.relative()).clamp(0.2, 5.0);
         }
         let shooters = match shooters {
             Some(shooters) => shooters,
@@ -56,9 +61,10 @@ impl Refined {
         let visibility = noise * INTERPOLATED_NOISE.sqrt();
         let unshot = solved.solution.residual / (1.0 - RETURNING * reflectance);
         let error = ErrorBudget::new(unshot, visibility, form_factors, receivers, shooters);
+        tracing::debug!(?error, between, "measured");
         cx.client.monitor.set_error(Some(error.total));
         cx.end_step("measure");
-        Ok(Measured { solved, obstacle, error, validation })
+        Ok(Measured { solved, obstacle, error, between, validation })
     }
 }
 
@@ -77,23 +83,28 @@ impl Measured {
 
 impl Solved {
     /// Gathers the light of all sources and shares at sample points.
-    fn light_samples(&mut self, cx: &mut Context, samples: &mut SamplePoints) -> Result<()> {
+    ///
+    /// Returns the relative error of the light that points between which others interpolate give them.
+    fn light_samples(&mut self, cx: &mut Context, samples: &mut SamplePoints) -> Result<f64> {
         if samples.count() == 0 {
-            return Ok(());
+            return Ok(0.0);
         }
         let receivers = samples.receivers(samples.count());
         let lights = Lights { sources: &self.sources.all, radiosity: &self.solution.radiosity };
-        let mut sums = vec![0.0; receivers.receivers.len()];
-        let materials = &self.mesh.materials;
-        let light = irradiance_at(cx, &mut self.rows, Place::Once(&receivers), &[lights], |share, row| {
-            add_to_sums(row, materials[share.index()].opacity, &mut sums);
-        })?;
-        samples.set_row_sums(&sums);
-        for Irradiance { direct, all } in light {
+        let Received { light, cover } =
+            irradiance_at(cx, &self.mesh, &mut self.rows, Place::Once(&receivers), &[lights])?;
+        samples.set_row_sums(&cover.sums);
+        let mut error = 0.0;
+        for Irradiance { direct, all, between } in light {
+            if let Some(between) = between {
+                let errors: Vec<DVec3> = between.iter().zip(&all).map(|(a, b)| *a - *b).collect();
+                samples.set_irradiance(all.clone());
+                error = samples.mean_square_error(&errors).sqrt() / samples.level().max(f64::MIN_POSITIVE);
+            }
             samples.set_direct(direct);
             samples.set_irradiance(all);
         }
-        Ok(())
+        Ok(error)
     }
 
     /// Relative error of the light of shares, each of constant radiosity: against that of the leaves of the refined mesh, each with
@@ -109,7 +120,8 @@ impl Solved {
             return Ok(0.0);
         }
         let receivers = samples.receivers(count);
-        let light = self.rows.source.light_of_leaves(cx, &self.mesh, &receivers, irradiance)?;
+        let light =
+            self.rows.source.light_of_leaves(cx, &self.mesh, &receivers, (irradiance, &self.exposed))?;
         let differences = samples.relative(samples.differences(&light.irradiance).into_iter());
         let noise = light.rows.map_or(0.0, |rows| self.noise().hypot(samples.noise(rows.into_iter(), count)));
         Ok(without_noise(differences, noise) / (1.0 - RETURNING * self.mean_reflectance()))

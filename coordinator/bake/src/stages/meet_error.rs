@@ -7,6 +7,7 @@ use crate::context::Context;
 use crate::error::Result;
 use crate::error_budget::without;
 use crate::refinement::Obstacle;
+use crate::rows::COARSE;
 use crate::settings::BakeSettings;
 
 /// Part of the asked error that the shooters may take after a new start.
@@ -52,11 +53,11 @@ impl Solved {
             }
             // Where the prediction did not see what was found, only a lower limit goes on.
             let is_unchanged = measured.solved.mesh.mesh.vertices.len() == vertices;
-            let step = LONGEST_STEP * measured.error.receivers;
+            let step = LONGEST_STEP * without(measured.error.receivers, measured.between);
             limit = if is_unchanged {
                 limit * UNSEEN_STEP
             } else {
-                (MARGIN * measured.rest_for_receivers(cx.settings)).max(step)
+                (MARGIN * measured.rest_for_mesh(cx.settings)).max(step)
             };
             shooters = Some(measured.error.shooters);
             solved = measured.solved;
@@ -69,7 +70,8 @@ impl Measured {
     /// Whether more vertices are of no use: the error is met, or something else limits it.
     fn is_enough(&self, cx: &Context) -> bool {
         let rest = self.rest_for_receivers(cx.settings);
-        let limited_by_others = cx.settings.error.is_some_and(|asked| rest < LEAST_REST * asked);
+        let for_mesh = self.rest_for_mesh(cx.settings);
+        let limited_by_others = cx.settings.error.is_some_and(|asked| for_mesh < LEAST_REST * asked);
         let is_met = self.error.receivers <= rest || self.is_predicted();
         is_met || limited_by_others || self.obstacle.is_some()
     }
@@ -77,6 +79,11 @@ impl Measured {
     /// What the other parts of the error leave to the interpolation.
     fn rest_for_receivers(&self, settings: &BakeSettings) -> f64 {
         settings.error.map_or(settings.mesh_error, |asked| without(asked, self.error.without_receivers()))
+    }
+
+    /// What the other parts of the error leave to interpolation on the mesh.
+    fn rest_for_mesh(&self, settings: &BakeSettings) -> f64 {
+        without(self.rest_for_receivers(settings), self.between)
     }
 
     /// Whether the error is predicted for want of samples.
@@ -97,13 +104,15 @@ impl Measured {
         let better = cx.settings.clone();
         let better = if noise_hides || (rest_is_too_small && error.visibility > error.shooters.max(most)) {
             let factor = (error.visibility / (RAYS_PART * asked)).powf(4.0 / 3.0).max(1.5);
-            better.with_rays(f64::from(cx.settings.rays_per_hemisphere) * factor)
+            let rays = self.solved.rows.source.rays(cx.settings);
+            better.with_rays(f64::from(rays) * factor)
         } else if rest_is_too_small && error.shooters > most {
             // Edges are halved: a factor of more than a half might change nothing.
             let factor = (SHOOTERS_PART * asked / error.shooters).clamp(0.25, 0.5);
             let finer = better.with_shooter_edge(cx.settings.shooter_edge * factor);
             let vertices = shooting_mesh(cx.scene, &finer).0.vertices.len();
-            if vertices > finer.most_vertices(cx.scene) {
+            let now = self.solved.rows.table.set(COARSE).count();
+            if vertices <= now || vertices > finer.most_vertices(cx.scene) {
                 return None;
             }
             finer

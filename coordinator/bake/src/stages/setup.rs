@@ -44,8 +44,8 @@ impl Setup {
         let sources =
             light::sources(scene, &mesh.mesh, settings, shooters.len() as u64, source.joins_sources());
         let mut table = source.open(cx, &mesh, shooters);
-        let (vertices, around) = receivers(&mesh.mesh, VertexId(0));
-        let coarse = source.add_receivers(cx, &mut table, &vertices, Some(&around))?;
+        let vertices = receivers(&mesh.mesh, VertexId(0));
+        let coarse = source.add_receivers(cx, &mut table, &vertices)?;
         table.vertices.push(coarse);
         let samples = SamplePoints::draw(&mesh.mesh, scene, settings, &[], 0);
         cx.end_step("mesh");

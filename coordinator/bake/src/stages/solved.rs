@@ -3,15 +3,14 @@
 use glam::DVec3;
 
 use super::direct_light::{Lit, Sources};
-use super::irradiance::{Irradiance, Lights, Place, irradiance_at};
+use super::irradiance::{Irradiance, Lights, Place, Received, irradiance_at};
 use super::light::{self, LightSource};
 use crate::context::Context;
 use crate::error::Result;
 use crate::mesh::{VertexId, receivers};
 use crate::observer::Phase;
 use crate::refinement::{MeshError, SamplePoints, best_fit};
-use crate::rows::{COARSE, FIRST_TOLERANCE, Problem, Rows, ShareMesh, ShareValues, Solution};
-use crate::solver::bounds::add_to_sums;
+use crate::rows::{COARSE, Cover, FIRST_TOLERANCE, Problem, Rows, ShareMesh, ShareValues, Solution};
 
 /// Measured interpolation error over the predicted one, to begin with: .6 to .75 in rooms of all sorts.
 const FOUND_PER_PREDICTED: f64 = 0.68;
@@ -46,20 +45,8 @@ impl Lit {
         let Rows { source, table } = &mut rows;
         let mut radiosity = source.shoot(cx, &mesh, table, &direct)?;
         // A first look at all rows, those too that no shot needed.
-        let mut exposed = vec![false; direct.len()];
-        let mut sums = vec![0.0; direct.len()];
-        let mut bytes = 0;
-        table.each(
-            cx.client,
-            &[COARSE],
-            |_| true,
-            |share, rows| {
-                let Some(&[row]) = rows else { return };
-                bytes += row.bytes();
-                row.for_each(|receiver, _| exposed[receiver] = true);
-                add_to_sums(row, mesh.materials[share.index()].opacity, &mut sums);
-            },
-        )?;
+        let seen = source.gather(cx, &mesh, table, &[COARSE], &[], true)?.pop().unwrap_or_default();
+        let Cover { sums, exposed, bytes } = seen.cover;
         table.coarse_bytes = bytes;
         table.bounds.add(&sums);
         table.bounds.apply(0, &mut direct);
@@ -72,7 +59,7 @@ impl Lit {
         let tolerance = cx.settings.threshold.max(FIRST_TOLERANCE);
         let problem = Problem { mesh: &mesh, values: &values, direct: &direct, tolerance };
         let solution = Solution { radiosity, ..Solution::dark(0, samples) };
-        let solution = problem.solve(cx, source.as_ref(), table, solution)?;
+        let solution = problem.solve(cx, source.as_mut(), table, solution)?;
         cx.end_step("shoot");
         Ok(Solved {
             mesh,
@@ -104,7 +91,7 @@ impl Solved {
         let Self { mesh, rows: Rows { source, table }, direct, solution, .. } = self;
         let problem = Problem { mesh, values: &means, direct, tolerance: cx.settings.threshold };
         let start = std::mem::replace(solution, Solution::dark(0, SamplePoints::default()));
-        *solution = problem.solve(cx, source.as_ref(), table, start)?;
+        *solution = problem.solve(cx, source.as_mut(), table, start)?;
         self.preview(cx);
         cx.end_step("final solve");
         Ok(())
@@ -127,22 +114,17 @@ impl Solved {
     /// Adds the vertices from `first` on, and computes their irradiance.
     pub fn receive(&mut self, cx: &mut Context, first: VertexId) -> Result<()> {
         cx.client.monitor.enter(Phase::Refine, self.mesh.mesh.vertices.len());
-        let (vertices, around) = receivers(&self.mesh.mesh, first);
+        let vertices = receivers(&self.mesh.mesh, first);
         let Rows { source, table } = &mut self.rows;
-        let id = source.add_receivers(cx, table, &vertices, Some(&around))?;
+        let id = source.add_receivers(cx, table, &vertices)?;
         table.vertices.push(id);
-        let mut exposed = vec![false; vertices.receivers.len()];
-        let mut sums = vec![0.0; vertices.receivers.len()];
-        let materials = &self.mesh.materials;
         let lights = Lights { sources: &self.sources.all, radiosity: &self.solution.radiosity };
-        let light = irradiance_at(cx, &mut self.rows, Place::Kept(id), &[lights], |share, row| {
-            row.for_each(|receiver, _| exposed[receiver] = true);
-            add_to_sums(row, materials[share.index()].opacity, &mut sums);
-        })?;
+        let Received { light, cover } =
+            irradiance_at(cx, &self.mesh, &mut self.rows, Place::Kept(id), &[lights])?;
         let bounds = &mut self.rows.table.bounds;
-        bounds.add(&sums);
-        self.exposed.extend(exposed);
-        for Irradiance { mut direct, mut all } in light {
+        bounds.add(&cover.sums);
+        self.exposed.extend(cover.exposed);
+        for Irradiance { mut direct, mut all, .. } in light {
             bounds.apply(self.direct.len(), &mut direct);
             bounds.apply(self.direct.len(), &mut all);
             self.direct.extend(direct);

@@ -13,8 +13,10 @@ use crate::hierarchy::{PaddedBox, in_order};
 /// Boxes are padded by this part of the scene's largest coordinate: rays are rounded to f32 when they meet a box.
 const PADDING: f64 = 1e-6;
 
-/// Hits this close together, relative to the distance, are one where the polygons lie in one plane: the two sides of a sheet.
-const ONE_SHEET: f64 = 1e-9;
+/// The two sides of a sheet lie in one plane, but may be divided differently into polygons, and the plane's corners are as flat as
+/// the numbers of a file. Hits are one that are no farther apart, across the plane, than the clearance; a ray that grazes it is
+/// taken to cross it at this cosine at least.
+const GRAZING: f64 = 1e-2;
 
 /// Part of a triangle's edges by which it reaches beyond them: no ray passes between neighbours by rounding.
 const SEAM: f64 = 1e-9;
@@ -103,9 +105,10 @@ impl SeenPolygons {
                 return f32::INFINITY;
             }
             let is_front = faces(triangle.normal, direction);
+            let one_sheet = self.clearance / triangle.normal.dot(direction).abs().max(GRAZING);
             let is_nearer = best.is_none_or(|hit| {
                 let apart = distance - hit.distance;
-                if hit.plane == triangle.plane && apart.abs() <= ONE_SHEET * distance {
+                if hit.plane == triangle.plane && apart.abs() <= one_sheet {
                     is_front && !hit.is_front
                 } else {
                     apart < 0.0
@@ -115,8 +118,8 @@ impl SeenPolygons {
                 let (polygon, plane) = (triangle.polygon as usize, triangle.plane);
                 best = Some(Hit { polygon, distance, is_front, plane });
             }
-            // A hair farther, so that the other side of a sheet is still looked at.
-            (distance * (1.0 + 1e-6)) as f32
+            // So far that the other side of a sheet is still looked at.
+            ((distance + one_sheet) * (1.0 + 1e-6)) as f32
         };
         self.bvh.ray_traverse(ray, &mut RayHit::none(), meet);
         best

@@ -51,6 +51,19 @@ fn of_a_sheet_the_front_is_seen_whichever_comes_first() {
 }
 
 #[test]
+fn the_back_of_a_sheet_that_is_divided_otherwise_hides_nothing_of_its_front() {
+    // A hair nearer to the receiver, as where the corners of a plane are as flat as the numbers of a file.
+    let nearer = DVec3::Z * (1.0 - 1e-6);
+    let (front, back) = (square(1, DVec3::Z, -DVec3::Z, 5.0), square(1, nearer, DVec3::Z, 5.0));
+    let alone = seen_from(&SeenPolygons::new(std::slice::from_ref(&front), &[]), &receiver(), 4096, 7);
+    for scene in [[front.clone(), back.clone()], [back, front]] {
+        let index = usize::from(scene[0].corners[0].z < 1.0);
+        let seen = seen_from(&SeenPolygons::new(&scene, &[]), &receiver(), 4096, 7);
+        assert_eq!(factor(&seen, index), factor(&alone, 0), "{seen:?}");
+    }
+}
+
+#[test]
 fn a_pane_lets_its_part_through() {
     let scene = [square(1, DVec3::Z, -DVec3::Z, 1.0), square(2, DVec3::Z * 1.5, -DVec3::Z, 20.0)];
     let opaque = seen_from(&SeenPolygons::new(&scene, &[]), &receiver(), 4096, 7);

@@ -91,6 +91,24 @@ impl Row {
         Self::from_parts(factors.len(), groups, kept)
     }
 
+    /// Rows of consecutive receivers as one row. Each but the last is over whole groups of 32.
+    ///
+    /// # Panics
+    /// When it is not.
+    #[must_use]
+    pub fn joined(parts: &[Self]) -> Self {
+        let mut joined = Self::default();
+        let (mut groups, mut factors) = (vec![], vec![]);
+        for part in parts {
+            assert!(joined.receivers.is_multiple_of(GROUP), "a part ends within a group");
+            let first = (joined.receivers / GROUP) as u32;
+            groups.extend(part.groups.iter().map(|group| Group { index: first + group.index, ..*group }));
+            factors.extend_from_slice(&part.factors);
+            joined.receivers += part.receivers;
+        }
+        Self::from_parts(joined.receivers, groups, factors)
+    }
+
     pub(super) fn from_parts(receivers: usize, groups: Vec<Group>, factors: Vec<f32>) -> Self {
         Self { receivers, groups: groups.into(), factors: factors.into() }
     }
@@ -211,6 +229,8 @@ mod tests {
                 .collect();
             prop_assert_eq!(in_groups, row.iter().collect::<Vec<_>>());
             prop_assert!(factors.iter().enumerate().all(|(i, factor)| row.factor(i) == *factor));
+            let parts: Vec<Row> = factors.chunks(2 * GROUP).map(Row::new).collect();
+            prop_assert_eq!(Row::joined(&parts), row);
         }
     }
 

@@ -1,0 +1,74 @@
+//! What receivers see of shares, by rays.
+
+use glam::DVec3;
+use kernel::geometry::ConvexPolygon;
+use kernel::replica::{Receiver, Receivers, ScenePolygons};
+use kernel::row::{Hemisphere, Shape, Shooter};
+
+use crate::error::Result;
+use crate::jobs::{ReceiverSet, RowClient};
+use crate::mesh::{Mesh, PatchId};
+use scene::Scene;
+
+/// The shares that a receiver sees, by rising index, with their form factors.
+pub type View = Box<[(u32, f32)]>;
+
+/// Irradiance from what is seen, where shares have this radiosity.
+pub fn gathered(view: &[(u32, f32)], radiosity: &[DVec3]) -> DVec3 {
+    view.iter().map(|(share, factor)| radiosity[*share as usize] * f64::from(*factor)).sum()
+}
+
+/// Part of a hemisphere that is covered.
+pub fn covered(view: &[(u32, f32)]) -> f64 {
+    view.iter().map(|(_, factor)| f64::from(*factor)).sum()
+}
+
+/// Leaves of a mesh as rays see them, each with its opacity where one is not opaque.
+pub fn leaf_polygons(scene: &Scene, mesh: &Mesh, ids: impl Iterator<Item = PatchId>) -> ScenePolygons {
+    let mut leaves = ScenePolygons::default();
+    for id in ids {
+        let patch = mesh.patch(id);
+        let surface = &scene.surfaces[patch.surface as usize];
+        let corners = mesh.corners(id);
+        let opacity = if surface.opacity < 1.0 { surface.mean_opacity(patch.facet, &corners) } else { 1.0 };
+        let plane = surface.facets[patch.facet as usize].plane;
+        leaves.polygons.push(ConvexPolygon { plane, corners });
+        leaves.opacities.push(opacity.clamp(0.0, 1.0) as f32);
+    }
+    if leaves.opacities.iter().all(|opacity| *opacity == 1.0) {
+        leaves.opacities.clear();
+    }
+    leaves
+}
+
+/// What each receiver sees of published polygons, by this number of rays. `share_of` gives the share of each polygon.
+pub fn views(
+    client: &mut RowClient,
+    polygons: ReceiverSet,
+    share_of: &[u32],
+    receivers: &Receivers,
+    rays: u32,
+) -> Result<Vec<View>> {
+    let rays = rays.clamp(1, Hemisphere::MOST_RAYS);
+    let hemisphere = |(index, receiver): (usize, &Receiver)| {
+        let shape = Shape::Hemisphere(Hemisphere { receiver: *receiver, rays });
+        Shooter { key: receivers.first_key + index as u64, shape }
+    };
+    let shooters: Vec<Shooter> = receivers.receivers.iter().enumerate().map(hemisphere).collect();
+    let mut views = Vec::with_capacity(shooters.len());
+    let mut factors: Vec<(u32, f32)> = vec![];
+    client.each_row(&shooters, polygons.seen_by(rays), |_, row, _| {
+        factors.clear();
+        row.for_each(|polygon, factor| factors.push((share_of[polygon], factor)));
+        factors.sort_by_key(|(share, _)| *share);
+        factors.dedup_by(|from, into| {
+            let is_same = from.0 == into.0;
+            if is_same {
+                into.1 += from.1;
+            }
+            is_same
+        });
+        views.push(View::from(&*factors));
+    })?;
+    Ok(views)
+}

@@ -1,0 +1,283 @@
+//! Light between gather points.
+//!
+//! The light of a receiver is that of the nearest points which face as it does, lie in its plane and are in sight: a plane fitted
+//! to them by weighted least squares, which has the value of their mean where it would go far beyond them.
+
+use std::num::NonZero;
+
+use glam::{DMat3, DVec3};
+use kernel::geometry::PlaneId;
+use kernel::occluder::Occluder;
+use kernel::replica::Receiver;
+use kiddo::{ImmutableKdTree, SquaredEuclidean};
+use rayon::prelude::*;
+
+/// Points that are looked at for each receiver.
+const NEIGHBOURS: NonZero<usize> = NonZero::new(12).unwrap();
+
+/// A turn of the normal by one radian counts as this distance, relative to the scene's extent.
+const TURN: f64 = 0.05;
+
+/// Distance from the planes of receiver and point at which a point counts little, relative to the distance of the neighbours,
+const OFF_PLANE: f64 = 0.15;
+
+/// and relative to the scene's extent, at least.
+const LEAST_OFF_PLANE: f64 = 1e-3;
+
+/// Points are not told apart that are nearer than this, relative to the distance of the neighbours.
+const NEAR: f64 = 0.05;
+
+/// Power of the cosine between the normals.
+const FACING: i32 = 8;
+
+/// Points are seen from this far above both surfaces, relative to the scene's extent,
+const LEAST_LIFT: f64 = 3e-5;
+
+/// and as much higher, relative to their distance, for each radian between their normals: twice what a curved surface rises
+/// above the straight line.
+const LIFT: f64 = 0.25;
+
+/// The plane of no polygon.
+const NO_PLANE: PlaneId = PlaneId(u32::MAX);
+
+/// Points with less than this part of the largest weight do not count.
+const LEAST_WEIGHT: f64 = 1e-3;
+
+/// Points that face another way or lie in another plane have this weight at least: where there are no others, they count.
+const LEAST: f64 = 1e-5;
+
+/// Slopes are held back by this part of the weights: points that all lie on one line tell nothing of the other direction.
+const HELD: f64 = 1e-2;
+
+/// A fitted plane counts where its weights, without their signs, sum to no more than this.
+const MOST_EXTRAPOLATION: f64 = 1.6;
+
+/// Indices of points and their weights, which sum to 1.
+pub type Weights = Vec<(u32, f32)>;
+
+/// Weights of points for each of some receivers.
+#[derive(Default)]
+pub struct Interpolation {
+    /// Offsets into `weights`: one per receiver, and the end.
+    starts: Vec<u32>,
+    /// Indices of points and their weights, which sum to 1 for a receiver.
+    weights: Vec<(u32, f32)>,
+}
+
+impl Interpolation {
+    /// The interpolation with these weights for each receiver; one without any gets no light.
+    pub fn new(receivers: impl IntoIterator<Item = Option<Weights>>) -> Self {
+        let mut all = Self { starts: vec![0], weights: vec![] };
+        for weights in receivers {
+            all.weights.extend(weights.into_iter().flatten());
+            all.starts.push(all.weights.len() as u32);
+        }
+        all
+    }
+
+    fn weights_of(&self, receiver: usize) -> &[(u32, f32)] {
+        &self.weights[self.starts[receiver] as usize..self.starts[receiver + 1] as usize]
+    }
+
+    /// Number of receivers.
+    pub fn receivers(&self) -> usize {
+        self.starts.len().saturating_sub(1)
+    }
+
+    /// Irradiance of the receivers, given that of the points.
+    pub fn of(&self, points: &[DVec3]) -> Vec<DVec3> {
+        let at = |receiver| interpolated(self.weights_of(receiver), points);
+        (0..self.receivers()).into_par_iter().with_min_len(1024).map(at).collect()
+    }
+
+    /// Mean over the receivers of the sum of squared weights: the part of the variance of a point that a receiver has.
+    pub fn variance_part(&self) -> f64 {
+        let squares: f64 = self.weights.iter().map(|(_, weight)| f64::from(weight * weight)).sum();
+        squares / self.receivers().max(1) as f64
+    }
+}
+
+/// The value that some points with weights make.
+pub fn interpolated(weights: &[(u32, f32)], points: &[DVec3]) -> DVec3 {
+    weights.iter().map(|(point, weight)| points[*point as usize] * f64::from(*weight)).sum()
+}
+
+/// Points whose light is known.
+pub struct Neighbours<'a> {
+    points: &'a [Receiver],
+    tree: Option<ImmutableKdTree<f64, 6>>,
+    occluder: &'a Occluder,
+    /// Of the scene.
+    extent: f64,
+}
+
+impl<'a> Neighbours<'a> {
+    /// Sorts points.
+    pub fn new(points: &'a [Receiver], occluder: &'a Occluder, extent: f64) -> Self {
+        let places: Vec<[f64; 6]> = points.iter().map(|point| place(point, extent)).collect();
+        // A tree of no points cannot be built.
+        let tree = ImmutableKdTree::new_from_slice(&places).ok().filter(|_| !points.is_empty());
+        Self { points, tree, occluder, extent }
+    }
+
+    /// The nearest point.
+    pub fn nearest(&self, receiver: &Receiver) -> Option<u32> {
+        let tree = self.tree.as_ref()?;
+        let found =
+            tree.query(&place(receiver, self.extent)).nearest_one::<SquaredEuclidean<f64>>().execute();
+        Some(found.item)
+    }
+
+    /// Weights of the points for a receiver; none where it sees no point that is at least so much alike. `itself` is a point that
+    /// does not count.
+    pub fn weights(&self, receiver: &Receiver, least_alike: f64, itself: Option<u32>) -> Option<Weights> {
+        let place = place(receiver, self.extent);
+        let mut found =
+            self.tree.as_ref()?.query(&place).nearest_n::<SquaredEuclidean<f64>>(NEIGHBOURS).execute();
+        found.sort_by(|a, b| a.distance.total_cmp(&b.distance).then(a.item.cmp(&b.item)));
+        let near = found.iter().map(|found| found.item).filter(|point| Some(*point) != itself);
+        let mut distances: Vec<(u32, DVec3, f64)> = near
+            .map(|point| {
+                let offset = self.points[point as usize].position - receiver.position;
+                (point, offset, offset.length())
+            })
+            .collect();
+        distances.sort_by(|a, b| a.2.total_cmp(&b.2));
+        let scale = distances.get(distances.len() / 2)?.2.max(f64::MIN_POSITIVE);
+        let (off_plane, near) = (OFF_PLANE * scale + LEAST_OFF_PLANE * self.extent, NEAR * scale);
+        let mut best = 0.0_f64;
+        let mut weighted: Vec<(u32, DVec3, f64, f64)> = distances
+            .into_iter()
+            .map(|(point, offset, distance)| {
+                let normal = self.points[point as usize].normal;
+                let off = (offset.dot(normal).abs() + offset.dot(receiver.normal).abs()) / off_plane;
+                let facing = normal.dot(receiver.normal).max(0.0).powi(FACING);
+                let alike = ((-off * off).exp() * facing).max(LEAST);
+                (point, offset / scale, alike * scale * scale / (distance * distance + near * near), alike)
+            })
+            .collect();
+        let largest = weighted.iter().map(|(_, _, weight, _)| *weight).fold(0.0, f64::max);
+        weighted.retain(|(point, _, weight, alike)| {
+            let counts = *weight > LEAST_WEIGHT * largest && self.is_seen(receiver, *point);
+            best = best.max(if counts { *alike } else { 0.0 });
+            counts
+        });
+        (best > 0.0 && best >= least_alike).then(|| fitted(receiver.normal, &weighted))
+    }
+
+    fn is_seen(&self, receiver: &Receiver, point: u32) -> bool {
+        let point = &self.points[point as usize];
+        let turn = receiver.normal.distance(point.normal);
+        let lift = LEAST_LIFT * self.extent + LIFT * turn * receiver.position.distance(point.position);
+        let above = |receiver: &Receiver| receiver.position + receiver.normal * lift;
+        // Their own surfaces hide them from each other, too: the two sides of a cupboard's door.
+        !self.occluder.blocks(above(receiver), above(point), [NO_PLANE; 2])
+    }
+}
+
+/// Place of a receiver among the points: its position, and its normal as far as it counts.
+fn place(receiver: &Receiver, extent: f64) -> [f64; 6] {
+    let [x, y, z] = receiver.position.to_array();
+    let [a, b, c] = (receiver.normal * (TURN * extent)).to_array();
+    [x, y, z, a, b, c]
+}
+
+/// Weights by which values at some offsets make the value at 0: of the plane fitted to them, or of their mean.
+fn fitted(normal: DVec3, points: &[(u32, DVec3, f64, f64)]) -> Weights {
+    let (u, v) = normal.any_orthonormal_pair();
+    let terms = |offset: DVec3| DVec3::new(1.0, offset.dot(u), offset.dot(v));
+    let sum: f64 = points.iter().map(|(_, _, weight, _)| weight).sum();
+    let mut matrix = DMat3::from_diagonal(DVec3::new(0.0, HELD, HELD) * sum);
+    for (_, offset, weight, _) in points {
+        let terms = terms(*offset);
+        matrix += DMat3::from_cols(terms * terms.x, terms * terms.y, terms * terms.z) * *weight;
+    }
+    let first = matrix.inverse().x_axis;
+    let plane: Vec<f64> =
+        points.iter().map(|(_, offset, weight, _)| weight * first.dot(terms(*offset))).collect();
+    let is_held = plane.iter().map(|weight| weight.abs()).sum::<f64>() <= MOST_EXTRAPOLATION;
+    let weights = points.iter().zip(plane);
+    weights
+        .map(|((point, _, weight, _), plane)| (*point, if is_held { plane } else { weight / sum } as f32))
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use kernel::geometry::ConvexPolygon;
+
+    use super::*;
+
+    const EXTENT: f64 = 1000.0;
+
+    fn floor(x: f64, y: f64, z: f64) -> Receiver {
+        Receiver { position: DVec3::new(x, y, z), normal: DVec3::Z, plane: PlaneId(0) }
+    }
+
+    fn grid(z: f64) -> Vec<Receiver> {
+        (0..25).map(|index| floor(f64::from(index % 5) * 10.0, f64::from(index / 5) * 10.0, z)).collect()
+    }
+
+    fn panel(z: f64) -> Occluder {
+        let corner = |(x, y)| DVec3::new(x, y, z);
+        let corners = [(-99.0, -99.0), (99.0, -99.0), (99.0, 99.0), (-99.0, 99.0)].map(corner).to_vec();
+        Occluder::new(&[ConvexPolygon { plane: PlaneId(7), corners }])
+    }
+
+    fn light(points: &[Receiver], of: impl Fn(DVec3) -> f64) -> Vec<DVec3> {
+        points.iter().map(|point| DVec3::splat(of(point.position))).collect()
+    }
+
+    #[test]
+    fn linear_light_is_interpolated_exactly_within_the_points() {
+        let points = grid(0.0);
+        let occluder = Occluder::new(&[]);
+        let neighbours = Neighbours::new(&points, &occluder, EXTENT);
+        let linear = |at: DVec3| 3.0 + 0.2 * at.x - 0.1 * at.y;
+        let values = light(&points, linear);
+        for at in [floor(20.0, 20.0, 0.0), floor(17.0, 22.0, 0.0), floor(31.0, 12.0, 0.0)] {
+            let weights = neighbours.weights(&at, 0.0, None).unwrap();
+            let sum: f32 = weights.iter().map(|(_, weight)| weight).sum();
+            assert!((sum - 1.0).abs() < 1e-5, "{sum}");
+            let found = interpolated(&weights, &values).x;
+            assert!((found - linear(at.position)).abs() < 0.03, "{found} at {at:?}");
+        }
+    }
+
+    #[test]
+    fn points_on_the_other_side_of_a_panel_do_not_count() {
+        // Bright above the panel, dark below it, a thousandth of the scene apart.
+        let mut points = grid(0.5);
+        points.extend(grid(-0.5));
+        let values = light(&points, |at| f64::from(at.z > 0.0));
+        for (occluder, expected) in [(panel(0.2), 0.95..=1.05), (Occluder::new(&[]), 0.5..=0.85)] {
+            let neighbours = Neighbours::new(&points, &occluder, EXTENT);
+            let weights = neighbours.weights(&floor(15.0, 15.0, 0.5), 0.0, None).unwrap();
+            let found = interpolated(&weights, &values).x;
+            assert!(expected.contains(&found), "{found}, expected {expected:?}");
+        }
+    }
+
+    #[test]
+    fn a_receiver_that_sees_no_point_is_alone() {
+        let points = grid(10.0);
+        let occluder = panel(5.0);
+        let neighbours = Neighbours::new(&points, &occluder, EXTENT);
+        assert_eq!(neighbours.weights(&floor(15.0, 15.0, 0.0), 0.0, None), None);
+        assert!(neighbours.weights(&floor(15.0, 15.0, 10.0), 0.0, None).is_some());
+        let wall = Receiver { normal: DVec3::X, ..floor(15.0, 15.0, 10.0) };
+        assert_eq!(neighbours.weights(&wall, 0.05, None), None, "no point faces as it does");
+        assert_eq!(Neighbours::new(&[], &occluder, EXTENT).weights(&wall, 0.0, None), None);
+    }
+
+    #[test]
+    fn a_point_does_not_count_for_itself_where_it_is_left_out() {
+        let points = grid(0.0);
+        let occluder = Occluder::new(&[]);
+        let neighbours = Neighbours::new(&points, &occluder, EXTENT);
+        let own = neighbours.weights(&points[12], 0.0, None).unwrap();
+        assert!(own.iter().any(|(point, weight)| *point == 12 && *weight > 0.9), "{own:?}");
+        let others = neighbours.weights(&points[12], 0.0, Some(12)).unwrap();
+        assert!(others.iter().all(|(point, _)| *point != 12));
+    }
+}

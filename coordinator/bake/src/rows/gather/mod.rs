@@ -1,0 +1,332 @@
+//! Hemisphere rows, for finely tessellated scenes: those of receivers, made with rays.
+//!
+//! A shooter's row is exact, but looks for occluders of every pair, and pairs grow with the square of the mesh. In a scene of a
+//! hundred thousand small triangles the light hardly depends on any one of them: there some thousand points send rays over their
+//! hemispheres, and what they meet tells what they see of the shares. Light that surfaces reflect changes slowly: all other
+//! receivers take it from the points around them. So the rays follow the light, whatever the number of vertices.
+//!
+//! Light sources keep their exact rows at every receiver: a small bright lamp would be found by few rays, and its shadows are sharp.
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `hemisphere` | what receivers see, by rays |
+//! | `points` | gather points, with what they see |
+//! | `interpolation` | light between the points |
+//! | `place` | where the points lie |
+//! | `weigh` | which of them each receiver takes its light from |
+
+mod hemisphere;
+mod interpolation;
+mod place;
+mod points;
+mod weigh;
+
+use glam::DVec3;
+use kernel::occluder::Occluder;
+use kernel::replica::Receivers;
+use kernel::row::Shooter;
+
+use super::means::{Means, ShareValues};
+use super::share_mesh::ShareMesh;
+use super::solution::Solution;
+use super::source::{Cover, Gathered, LeafLight, Once, Problem, RowSource};
+use super::table::RowTable;
+use crate::context::Context;
+use crate::error::{BakeError, Result};
+use crate::jobs::{ReceiverSet, RowClient};
+use crate::mesh::{Mesh, PatchId, Share};
+use crate::refinement::SamplePoints;
+use crate::settings::{BakeSettings, RowStrategy};
+use crate::solver::acceleration::Acceleration;
+use crate::solver::cache::{ColumnCache, SetId};
+use hemisphere::{View, covered, gathered, leaf_polygons, views};
+use interpolation::{Interpolation, Neighbours};
+use points::GatherPoints;
+use scene::{Scene, Side};
+
+/// Passes end here even if the accuracy was not reached; the bound is reported.
+const MOST_PASSES: u32 = 1000;
+
+/// Factor of the edge of shooters: leaves, whose light is constant, are made finer than shares are, since they cost next to nothing.
+const EDGE_FACTOR: f64 = 0.1;
+
+/// Fewest rays of a gather point: many receivers depend on it.
+const LEAST_RAYS: u32 = 256;
+
+/// Factor of the rays of receivers that the answer is measured at.
+const MEASURED: u32 = 4;
+
+/// Keys of gather points that are looked at with other rays.
+const TWIN_KEYS: u64 = 1 << 34;
+
+/// Gather points whose noise is measured.
+const TWINS: usize = 256;
+
+/// The gathering strategy.
+#[derive(Default)]
+pub struct GatherRows {
+    /// The polygons of the shares, once they are published.
+    polygons: Option<ReceiverSet>,
+    /// Share of each polygon.
+    share_of: Vec<u32>,
+    /// What stands between receivers and gather points.
+    occluder: Option<Occluder>,
+    /// Rays of a gather point.
+    rays: u32,
+    points: GatherPoints,
+    /// The first gather points with other rays.
+    twins: Twins,
+    /// The receivers of each set, and their weights once the points are placed.
+    sets: Vec<(Receivers, Interpolation)>,
+}
+
+/// Gather points with other rays: the difference is noise.
+#[derive(Default)]
+struct Twins {
+    points: SamplePoints,
+    views: Vec<View>,
+}
+
+impl Twins {
+    /// Mean square of the noise of the radiosity at a gather point.
+    fn square_noise(&self, points: &GatherPoints, radiosity: &[DVec3]) -> f64 {
+        let pairs = points.views.iter().zip(&self.views);
+        let difference = |(a, b): (&View, &View)| gathered(a, radiosity) - gathered(b, radiosity);
+        let differences: Vec<DVec3> = pairs.map(difference).collect();
+        self.points.mean_square_error(&differences) / 2.0
+    }
+}
+
+impl GatherRows {
+    fn neighbours<'a>(&'a self, cx: &Context) -> Option<Neighbours<'a>> {
+        self.occluder.as_ref().map(|occluder| self.points.neighbours(occluder, cx.extent()))
+    }
+}
+
+impl GatherRows {
+    /// Irradiance of the receivers of a set, given that of the gather points.
+    fn at_set(&self, set: SetId, points: &[DVec3]) -> Vec<DVec3> {
+        self.sets[set.index()].1.of(points)
+    }
+
+    /// Relative standard error of the irradiance of the vertices from rays.
+    fn noise(&self, radiosity: &[DVec3], level: f64) -> f64 {
+        let part = self.sets.first().map_or(1.0, |(_, weights)| weights.variance_part());
+        let square = self.twins.square_noise(&self.points, radiosity) * part;
+        if level > 0.0 { square.sqrt() / level } else { 0.0 }
+    }
+}
+
+impl RowSource for GatherRows {
+    fn strategy(&self) -> RowStrategy {
+        RowStrategy::Gather
+    }
+
+    fn edge_factor(&self) -> f64 {
+        EDGE_FACTOR
+    }
+
+    fn rays(&self, settings: &BakeSettings) -> u32 {
+        // A power of two has the most even directions.
+        settings.rays_per_hemisphere.max(LEAST_RAYS).next_power_of_two()
+    }
+
+    /// Each leaf: what rays meet has the light of its own place, whatever lies hidden beside it, and more leaves cost no rays.
+    fn shares(&self, scene: &Scene, mesh: &Mesh, _: f64) -> Vec<Share> {
+        mesh.leaf_shares(|surface, facet| scene.surfaces[surface as usize].facets[facet as usize].plane)
+    }
+
+    fn joins_sources(&self) -> bool {
+        true
+    }
+
+    fn open(&mut self, cx: &mut Context, mesh: &ShareMesh, _: Vec<Shooter>) -> RowTable {
+        let of_share = |(index, share): (u32, &Share)| {
+            share.corners.chunk_by(|a, b| a.0 == b.0).map(|own| (own[0].0, index)).collect::<Vec<_>>()
+        };
+        let (leaves, share_of): (Vec<PatchId>, Vec<u32>) = (0..).zip(&mesh.shares).flat_map(of_share).unzip();
+        let leaves = leaf_polygons(cx.scene, &mesh.mesh, leaves.into_iter());
+        self.polygons = Some(cx.client.publish_polygons(&leaves.polygons, &leaves.opacities));
+        self.share_of = share_of;
+        self.rays = self.rays(cx.settings);
+        cx.client.set_precision(cx.settings.clone().with_rays(f64::from(self.rays)).precision());
+        let fronts = cx.scene.surfaces.iter().filter(|surface| surface.side == Side::Front);
+        let facets = fronts.flat_map(|surface| &surface.facets);
+        self.occluder = Some(Occluder::new(&facets.map(scene::Facet::polygon).collect::<Vec<_>>()));
+        // No shooter has a row of its own.
+        RowTable::new(vec![], 0)
+    }
+
+    fn close(self: Box<Self>, table: RowTable, client: &mut RowClient) {
+        table.release(client);
+        self.polygons.into_iter().for_each(|set| client.release(set));
+    }
+
+    fn add_receivers(
+        &mut self,
+        cx: &mut Context,
+        table: &mut RowTable,
+        receivers: &Receivers,
+    ) -> Result<SetId> {
+        let id = table.add_set(cx.client.publish_receivers(receivers));
+        // Before the points are placed there is nothing to weigh.
+        let weights =
+            if self.points.shared > 0 { self.weigh(cx, receivers)? } else { Interpolation::default() };
+        self.sets.push((receivers.clone(), weights));
+        Ok(id)
+    }
+
+    fn gather(
+        &mut self,
+        _: &mut Context,
+        _: &ShareMesh,
+        _: &mut RowTable,
+        sets: &[SetId],
+        radiosities: &[&[DVec3]],
+        wants_cover: bool,
+    ) -> Result<Vec<Gathered>> {
+        let lights: Vec<Vec<DVec3>> =
+            radiosities.iter().map(|radiosity| self.points.gather(radiosity)).collect();
+        let covered = wants_cover.then(|| self.points.covered());
+        let gathered = |set: &SetId| Gathered {
+            light: lights.iter().map(|light| self.at_set(*set, light)).collect(),
+            cover: covered.as_ref().map_or_else(Cover::default, |covered| {
+                let sums: Vec<f64> =
+                    self.at_set(*set, covered).into_iter().map(|sum| sum.x.clamp(0.0, 1.0)).collect();
+                Cover { exposed: sums.iter().map(|sum| *sum > 0.0).collect(), sums, bytes: 0 }
+            }),
+        };
+        Ok(sets.iter().map(gathered).collect())
+    }
+
+    fn gather_once(
+        &mut self,
+        cx: &mut Context,
+        _: &ShareMesh,
+        _: &mut RowTable,
+        (_, receivers): (ReceiverSet, &Receivers),
+        radiosities: &[&[DVec3]],
+    ) -> Result<Once> {
+        let Some(polygons) = self.polygons else { return Ok(Once::default()) };
+        let views = views(cx.client, polygons, &self.share_of, receivers, self.rays * MEASURED)?;
+        let at = |radiosity: &&[DVec3]| views.iter().map(|view| gathered(view, radiosity)).collect();
+        let light = radiosities.iter().map(at).collect();
+        let sums = views.iter().map(|view| covered(view)).collect();
+        let weights = self.weigh(cx, receivers)?;
+        let between = radiosities.iter().map(|radiosity| weights.of(&self.points.gather(radiosity)));
+        Ok(Once { between: Some(between.collect()), light, sums })
+    }
+
+    fn row_sums(&self, mesh: &ShareMesh, at_vertices: &[f64]) -> Vec<f64> {
+        let mean = |share: &Share| {
+            let at = |(id, corner): &(PatchId, usize)| {
+                let patch = mesh.mesh.patch(*id);
+                at_vertices[patch.corners[*corner].index()] * patch.area / patch.corners.len() as f64
+            };
+            share.corners.iter().map(at).sum::<f64>() / share.area
+        };
+        mesh.shares.iter().map(mean).collect()
+    }
+
+    fn first_values(&self, mesh: &ShareMesh, exposed: &[bool]) -> ShareValues {
+        ShareValues::means(mesh, exposed)
+    }
+
+    fn shoot(
+        &mut self,
+        cx: &mut Context,
+        mesh: &ShareMesh,
+        _: &mut RowTable,
+        direct: &[DVec3],
+    ) -> Result<Vec<DVec3>> {
+        let radiosity = self.place(cx, mesh, direct)?;
+        self.weigh_all(cx)?;
+        Ok(radiosity)
+    }
+
+    /// Passes light on between gather points and shares: each share takes the mean of its part of the mesh, each vertex what the
+    /// points around it give it.
+    fn solve(
+        &mut self,
+        cx: &mut Context,
+        table: &mut RowTable,
+        problem: &Problem,
+        _: &mut Option<ColumnCache>,
+        mut solution: Solution,
+    ) -> Result<Solution> {
+        let energies = &problem.mesh.energies;
+        let flux = |radiosity: &[DVec3], areas: &[f64]| -> DVec3 {
+            radiosity.iter().zip(areas).map(|(value, area)| *value * *area).sum()
+        };
+        let areas: Vec<f64> = energies.iter().map(|share| share.area).collect();
+        let mut acceleration = Acceleration::new(areas.clone());
+        for _ in 0..MOST_PASSES {
+            cx.client.monitor.check()?;
+            self.irradiance(table, problem, &mut solution)?;
+            let incident = problem.values.of(energies, &solution.irradiance);
+            problem.mesh.preview(cx, problem.direct, || {
+                (solution.irradiance.clone(), problem.mesh.unshot(&incident, &solution.radiosity))
+            });
+            cx.work.sweeps += 1;
+            let next: Vec<DVec3> =
+                energies.iter().zip(&incident).map(|(share, mean)| share.reflectance * *mean).collect();
+            let changes: Vec<DVec3> =
+                next.iter().zip(&solution.radiosity).map(|(new, old)| (*new - *old).abs()).collect();
+            let (changed, all) = (flux(&changes, &areas), flux(&next, &areas).element_sum());
+            solution.unshot = changed;
+            solution.residual = if all > 0.0 { changed.element_sum() / all } else { 0.0 };
+            let before = std::mem::replace(&mut solution.radiosity, next);
+            let reflectance = problem.mesh.mean_reflectance(&solution.radiosity);
+            solution.unshot_bound = solution.residual * reflectance / (1.0 - reflectance);
+            cx.client.monitor.set_unshot(solution.unshot_bound);
+            if solution.unshot_bound <= problem.tolerance {
+                break;
+            }
+            solution.radiosity = acceleration.next(before, &solution.radiosity);
+        }
+        self.irradiance(table, problem, &mut solution)?;
+        if let Some(set) = table.samples {
+            let gathered = self.at_set(set, &self.points.gather(&solution.radiosity));
+            solution.samples.set_gathered(&gathered);
+            solution.ray_noise = self.noise(&solution.radiosity, solution.samples.level());
+        }
+        Ok(solution)
+    }
+
+    fn light_of_leaves(
+        &self,
+        cx: &mut Context,
+        mesh: &ShareMesh,
+        receivers: &Receivers,
+        (irradiance, exposed): (&[DVec3], &[bool]),
+    ) -> Result<LeafLight> {
+        let ids: Vec<PatchId> = mesh.mesh.leaves().map(|(id, _)| id).collect();
+        let leaves = leaf_polygons(cx.scene, &mesh.mesh, ids.iter().copied());
+        let each: Vec<u32> = (0..ids.len() as u32).collect();
+        let means = Means::new(&mesh.mesh, &self.shares(cx.scene, &mesh.mesh, 0.0), exposed).of(irradiance);
+        let set = cx.client.publish_polygons(&leaves.polygons, &leaves.opacities);
+        let views = views(cx.client, set, &each, receivers, self.rays * MEASURED)?;
+        cx.client.release(set);
+        let reflected = |(id, mean): (&PatchId, DVec3)| {
+            mesh.patch_materials.of(cx.scene, &mesh.mesh, *id).reflectance * mean
+        };
+        let radiosity: Vec<DVec3> = ids.iter().zip(means).map(reflected).collect();
+        // The same rays meet shares and leaves.
+        Ok(LeafLight {
+            irradiance: views.iter().map(|view| gathered(view, &radiosity)).collect(),
+            rows: None,
+        })
+    }
+}
+
+impl GatherRows {
+    /// Sets the irradiance of the vertices.
+    fn irradiance(&self, table: &RowTable, problem: &Problem, solution: &mut Solution) -> Result<()> {
+        let points = self.points.gather(&solution.radiosity);
+        let reflected = table.vertices.iter().flat_map(|set| self.at_set(*set, &points));
+        solution.irradiance =
+            problem.direct.iter().zip(reflected).map(|(direct, light)| *direct + light).collect();
+        let is_finite = solution.irradiance.iter().all(|irradiance| irradiance.is_finite());
+        if is_finite { Ok(()) } else { Err(BakeError::NotFinite) }
+    }
+}

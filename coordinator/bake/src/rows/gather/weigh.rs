@@ -1,0 +1,130 @@
+//! Which gather points each receiver takes its light from, and points of their own for those that see none.
+
+use std::collections::HashSet;
+
+use kernel::replica::{Receiver, Receivers};
+use rayon::prelude::*;
+
+use super::GatherRows;
+use super::hemisphere::{View, views};
+use super::interpolation::{Interpolation, Weights};
+use crate::context::Context;
+use crate::error::Result;
+
+/// Size of the cells of which each gets a point where receivers see none, relative to the scene's extent,
+const CELL: f64 = 0.01;
+
+/// how much alike a point must be that a receiver takes for its own,
+const LEAST_ALIKE: f64 = 0.05;
+
+/// and how often such points are added.
+const ROUNDS: u32 = 3;
+
+/// Rays of a receiver that is alone, relative to those of a gather point.
+const ALONE: f64 = 0.25;
+
+/// Key of the first receiver that is alone, above those of gather points.
+const ALONE_KEYS: u64 = 1 << 37;
+
+/// Receivers that are weighed between two questions whether the bake is cancelled.
+const AT_ONCE: usize = 1 << 16;
+
+impl GatherRows {
+    /// Weighs the receivers of all sets. Adds points where they see none that is like them, such as between the things on a shelf: one
+    /// for each small cell of space and direction, then for smaller ones.
+    pub(super) fn weigh_all(&mut self, cx: &mut Context) -> Result<()> {
+        let receivers: Vec<Receiver> =
+            self.sets.iter().flat_map(|(receivers, _)| receivers.receivers.iter().copied()).collect();
+        let mut all: Vec<Option<Weights>> = vec![None; receivers.len()];
+        let mut left: Vec<usize> = (0..receivers.len()).collect();
+        let mut size = CELL * cx.extent();
+        for round in 0..=ROUNDS {
+            let of: Vec<Receiver> = left.iter().map(|index| receivers[*index]).collect();
+            // In the end any point that is seen will do.
+            let least_alike = if round < ROUNDS { LEAST_ALIKE } else { 0.0 };
+            let weights = self.weights(cx, &of, least_alike)?;
+            for (index, weights) in left.iter().zip(weights) {
+                all[*index] = weights;
+            }
+            left.retain(|index| all[*index].is_none());
+            if round == ROUNDS || left.is_empty() {
+                break;
+            }
+            let mut cells = HashSet::new();
+            let points: Vec<Receiver> = left
+                .iter()
+                .map(|index| receivers[*index])
+                .filter(|receiver| cells.insert(cell(receiver, size)))
+                .collect();
+            tracing::debug!(alone = left.len(), points = points.len(), "receivers that see no gather point");
+            let views = self.views_alone(cx, points.clone())?;
+            self.points.add_shared(&points, views);
+            size /= 2.0;
+        }
+        self.give_own(cx, &receivers, &mut all)?;
+        let mut all = all.into_iter();
+        for (receivers, weights) in &mut self.sets {
+            *weights = Interpolation::new(all.by_ref().take(receivers.receivers.len()));
+        }
+        Ok(())
+    }
+
+    /// Weights of the gather points for some receivers; none where a receiver sees no point that is so much alike.
+    fn weights(
+        &self,
+        cx: &mut Context,
+        receivers: &[Receiver],
+        least_alike: f64,
+    ) -> Result<Vec<Option<Weights>>> {
+        let mut weights = Vec::with_capacity(receivers.len());
+        if let Some(neighbours) = self.neighbours(cx) {
+            for some in receivers.chunks(AT_ONCE) {
+                cx.client.monitor.check()?;
+                let weigh = |receiver: &Receiver| neighbours.weights(receiver, least_alike, None);
+                weights.par_extend(some.par_iter().with_min_len(64).map(weigh));
+            }
+        }
+        Ok(weights)
+    }
+
+    /// Weights of the gather points for some receivers. Those that see no point become points themselves.
+    pub(super) fn weigh(&mut self, cx: &mut Context, receivers: &Receivers) -> Result<Interpolation> {
+        let mut weights = self.weights(cx, &receivers.receivers, 0.0)?;
+        self.give_own(cx, &receivers.receivers, &mut weights)?;
+        Ok(Interpolation::new(weights))
+    }
+
+    /// Makes receivers without weights points themselves.
+    fn give_own(
+        &mut self,
+        cx: &mut Context,
+        receivers: &[Receiver],
+        weights: &mut [Option<Weights>],
+    ) -> Result<()> {
+        let alone = weights.iter().zip(receivers).filter(|(weights, _)| weights.is_none());
+        let alone: Vec<Receiver> = alone.map(|(_, receiver)| *receiver).collect();
+        tracing::debug!(receivers = receivers.len(), alone = alone.len(), "receivers weighed");
+        let first = self.points.receivers.len() as u32;
+        let views = self.views_alone(cx, alone.clone())?;
+        self.points.add_alone(&alone, views);
+        let without = weights.iter_mut().filter(|weights| weights.is_none());
+        for (point, weights) in (first..).zip(without) {
+            *weights = Some(vec![(point, 1.0)]);
+        }
+        Ok(())
+    }
+
+    /// What receivers see that no gather point stands for.
+    fn views_alone(&self, cx: &mut Context, receivers: Vec<Receiver>) -> Result<Vec<View>> {
+        let Some(polygons) = self.polygons else { return Ok(vec![]) };
+        let alone = Receivers { first_key: ALONE_KEYS + self.points.receivers.len() as u64, receivers };
+        views(cx.client, polygons, &self.share_of, &alone, (f64::from(self.rays) * ALONE) as u32)
+    }
+}
+
+/// The cell of space that a receiver lies in, and the direction that it faces most.
+fn cell(receiver: &Receiver, size: f64) -> ([i64; 3], u8) {
+    let axis = receiver.normal.abs().max_position();
+    let side = axis as u8 * 2 + u8::from(receiver.normal[axis] < 0.0);
+    ((receiver.position / size).floor().as_i64vec3().to_array(), side)
+}
