@@ -4,7 +4,7 @@ use glam::DVec3;
 use kernel::geometry::area_vector;
 use rayon::prelude::*;
 
-use crate::mesh::{Mesh, PatchId, Share};
+use crate::mesh::{Mesh, PatchId, Share, overlap};
 use scene::{Scene, Surface};
 
 /// A material averaged over a part of a surface.
@@ -61,7 +61,8 @@ pub fn of_shares(scene: &Scene, mesh: &Mesh, shares: &[Share]) -> Vec<AveragedMa
             other.appearance.is_none()
                 && AveragedMaterial::uniform(other) == AveragedMaterial::uniform(surface)
         };
-        if share.corners.iter().all(|(id, _)| is_like(surface_of(*id))) {
+        let mut leaves = share.corners.iter().chain(&share.overlaps);
+        if leaves.all(|(id, _)| is_like(surface_of(*id))) {
             return AveragedMaterial::uniform(surface);
         }
         let parts = share.corners.chunk_by(|a, b| a.0 == b.0).flat_map(|own| {
@@ -75,7 +76,11 @@ pub fn of_shares(scene: &Scene, mesh: &Mesh, shares: &[Share]) -> Vec<AveragedMa
                 .into_iter()
                 .map(move |polygon| AveragedMaterial::over(surface_of(id), patch.facet, &polygon))
         });
-        AveragedMaterial::mean(parts).unwrap_or(AveragedMaterial::uniform(surface))
+        let covered = share.overlaps.iter().map(|(id, polygon)| {
+            let part = overlap(&share.polygons[*polygon].corners, &mesh.corners(*id));
+            AveragedMaterial::over(surface_of(*id), mesh.patch(*id).facet, &part)
+        });
+        AveragedMaterial::mean(parts.chain(covered)).unwrap_or(AveragedMaterial::uniform(surface))
     };
     shares.par_iter().map(of_share).collect()
 }

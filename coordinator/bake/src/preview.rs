@@ -57,9 +57,12 @@ fn with_vertices(mesh: &Mesh, irradiance: &[DVec3], surfaces: Vec<Vec<LitTriangl
 fn at_vertices(mesh: &Mesh, shares: &[Share], of_shares: &[DVec3]) -> Vec<DVec3> {
     let mut sums = vec![(DVec3::ZERO, 0.0); mesh.vertices.len()];
     for (share, value) in shares.iter().zip(of_shares) {
-        let area = share.area / share.corners.len() as f64;
-        for (patch, corner) in &share.corners {
-            let (sum, weight) = &mut sums[mesh.patch(*patch).corners[*corner].index()];
+        let own = share.corners.iter().map(|(patch, corner)| mesh.patch(*patch).corners[*corner]);
+        let covered = share.overlaps.iter().flat_map(|(patch, _)| mesh.patch(*patch).corners.iter().copied());
+        let vertices: Vec<VertexId> = own.chain(covered).collect();
+        let area = share.area / vertices.len() as f64;
+        for vertex in vertices {
+            let (sum, weight) = &mut sums[vertex.index()];
             *sum += *value * area;
             *weight += area;
         }

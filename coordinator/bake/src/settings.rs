@@ -94,6 +94,12 @@ impl BakeSettings {
         self.max_vertices.unwrap_or_else(|| Self::LEAST_MAX_VERTICES.max(2 * scene.vertex_count))
     }
 
+    /// The error that shadow lines are chosen by.
+    #[must_use]
+    pub fn line_error(&self) -> f64 {
+        self.error.unwrap_or(self.mesh_error)
+    }
+
     /// Settings to start from for a relative L2 error of the radiosity.
     ///
     /// The error of the mesh is shared out among receivers and shooters. That of the shooters was measured to be 2 to 6 %

@@ -8,6 +8,7 @@ use bake::{
     BakeSettings, Baked, KeptLight, LightChange, LightPart, NewLight, RelightError, RowStrategy, relight,
 };
 use glam::DVec3;
+use scene::{ImportOptions, import};
 use tests::baking::{baked, mean_irradiance};
 use tests::data;
 use tests::programs::binary;
@@ -82,6 +83,15 @@ fn on_the_same_mesh_it_is_the_bake_of_the_changed_scene() {
         assert_eq!(relit.scene.sky, OTHER_SKY);
         assert_eq!(relit.report.warnings, Vec::<String>::new());
     }
+}
+
+#[test]
+fn shadow_lines_of_the_error_asked_are_found_again() {
+    let scene = import(&data("scenes/table.glb"), &ImportOptions::default()).unwrap();
+    let settings = BakeSettings { keep_light: Some(u64::MAX), ..BakeSettings::for_error(0.05) };
+    let before = baked(&scene, &settings);
+    let same = relight(&scene, kept(&before), &NewLight::default()).unwrap();
+    assert!(difference(&same.lit, &before.lit) < 1e-4);
 }
 
 #[test]

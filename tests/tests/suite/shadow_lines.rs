@@ -4,8 +4,9 @@ use bake::BakeSettings;
 use bake::lit::LitMesh;
 use glam::DVec3;
 use scene::{ImportOptions, import};
-use tests::baking::baked;
-use tests::data;
+use tests::baking::{baked, imported};
+use tests::builder::{Material, SceneBuilder};
+use tests::{data, shapes};
 
 /// Where the light stands, in metres, and what it sends out in W/sr.
 const LIGHT: DVec3 = DVec3::new(3.0, 2.2, 2.5);
@@ -62,4 +63,29 @@ fn irradiance_jumps_within_a_hair() {
             assert!(error <= 0.1, "at {place}: a jump of {jump}, expected {direct}");
         }
     }
+}
+
+/// Slats under a lamp cast shadows side by side: their lines are for receivers, and divide no shooters.
+#[test]
+fn shooters_do_not_multiply_with_the_lines() {
+    let slats = (0..16).flat_map(|i| {
+        let x = f64::from(i) / 16.0;
+        shapes::box_facing_out(DVec3::new(x, 0.02, 0.6), DVec3::new(x + 0.03, 0.98, 0.62))
+    });
+    let slats = slats.collect::<Vec<_>>();
+    let room = SceneBuilder::new()
+        .part("room", &shapes::unit_room(), Material::grey(0.6).emitting(0.1))
+        .part("slats", &slats, Material::grey(0.4));
+    let settings = BakeSettings {
+        mesh_error: 0.2,
+        shooter_edge: 0.3,
+        rays_per_hemisphere: 256,
+        ..BakeSettings::default()
+    };
+    let report = |builder: SceneBuilder| baked(&imported(&builder.glb()), &settings).report;
+    let dark = report(room.clone());
+    let lit = report(room.point_light(DVec3::new(0.4, 0.5, 0.9), 1.0));
+    assert!(lit.vertices > 2 * dark.shooting_vertices, "{} vertices: no lines", lit.vertices);
+    let (with, without) = (lit.shooting_vertices, dark.shooting_vertices);
+    assert!(4 * with <= 5 * without, "{with} shooters, {without} without the lamp");
 }

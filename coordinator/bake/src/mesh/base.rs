@@ -61,8 +61,12 @@ impl Mesh {
             }
         }
         let welded = welder.weld(|polygon| &places[polygon].1.lines);
-        let mut mesh =
-            Self { vertices: welded.vertices, facet_places: FacetPlaces::new(scene), ..Self::default() };
+        let mut mesh = Self {
+            vertices: welded.vertices,
+            facet_places: FacetPlaces::new(scene),
+            has_lines: lines.iter().flatten().any(|own| !own.is_empty()),
+            ..Self::default()
+        };
         for ((surface, piece), corners) in places.into_iter().zip(welded.polygons) {
             if !corners.is_empty() {
                 mesh.add_leaf(surface, piece.facet, corners.into(), None);

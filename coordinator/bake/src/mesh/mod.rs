@@ -12,6 +12,7 @@
 //! | `subdivision` | divides patches, keeping neighbours within one level of each other |
 //! | `order` | vertices in spatial order |
 //! | `shares` | deals the patches out among their vertices |
+//! | `overlay` | lays the shares of one mesh over another |
 //! | `triangulation` | the leaves as triangles without cracks |
 //! | `locate` | the leaf and the triangle under a point |
 //! | `receivers` | vertices as receivers |
@@ -27,6 +28,7 @@ mod contact;
 mod line;
 mod locate;
 mod order;
+mod overlay;
 mod pieces;
 mod planar;
 mod receivers;
@@ -46,6 +48,7 @@ use order::FacetPlaces;
 pub use order::along_curve;
 
 pub use locate::{Interpolation, interpolation};
+pub use overlay::overlap;
 pub use receivers::{INWARD, receivers};
 pub use shadow::shadow_lines;
 pub use shares::{Share, Surroundings, surroundings};
@@ -134,6 +137,8 @@ pub struct Mesh {
     /// Undivided patches along an edge.
     leaves_at: HashMap<Edge, SmallVec<[PatchId; 2]>>,
     facet_places: FacetPlaces,
+    /// Whether lines were asked for that are no contacts.
+    pub has_lines: bool,
 }
 
 impl Mesh {

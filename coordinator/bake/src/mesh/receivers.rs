@@ -8,9 +8,9 @@ use super::{Mesh, Surroundings, Vertex, VertexId, surroundings};
 /// other wall, and the form factors of a closed room sum to 1.
 pub const INWARD: f64 = 1e-3;
 
-/// The vertices from `first` on as receivers.
+/// The vertices from `first` on as receivers, with the surroundings of each.
 #[must_use]
-pub fn receivers(mesh: &Mesh, first: VertexId) -> Receivers {
+pub fn receivers(mesh: &Mesh, first: VertexId) -> (Receivers, Vec<Surroundings>) {
     let surroundings = surroundings(mesh, first);
     let receiver = |(vertex, around): (&Vertex, &Surroundings)| {
         let in_plane = around.inward - vertex.normal * vertex.normal.dot(around.inward);
@@ -23,5 +23,5 @@ pub fn receivers(mesh: &Mesh, first: VertexId) -> Receivers {
         }
     };
     let receivers = mesh.vertices[first.index()..].iter().zip(&surroundings).map(receiver).collect();
-    Receivers { first_key: u64::from(first.0), receivers }
+    (Receivers { first_key: u64::from(first.0), receivers }, surroundings)
 }

@@ -3,10 +3,10 @@ use kernel::geometry::{ConvexPolygon, PlaneId, area_vector};
 
 use super::{Mesh, Patch, PatchId, VertexId};
 
-/// The surface represented by a vertex: its corner quadrilaterals of the leaves around it.
+/// The surface represented by a vertex: its corner quadrilaterals of the leaves around it, or what it was on another mesh.
 #[derive(Debug, Clone)]
 pub struct Share {
-    /// The vertex.
+    /// The vertex, or the one nearest to it.
     pub vertex: VertexId,
     /// Surface that the share lies on; a vertex between two surfaces has a share on each.
     pub surface: u32,
@@ -14,6 +14,9 @@ pub struct Share {
     pub polygons: Vec<ConvexPolygon>,
     /// Its leaves, with the vertex's corner in each.
     pub corners: Vec<(PatchId, usize)>,
+    /// Leaves that a polygon covers or has a part of, with the index of the polygon: instead of corners, where the share was made
+    /// on another mesh.
+    pub overlaps: Vec<(PatchId, usize)>,
     /// Total area.
     pub area: f64,
 }
@@ -27,6 +30,7 @@ impl Mesh {
             surface: patch.surface,
             polygons: vec![self.polygon(id, plane_of(patch.surface, patch.facet))],
             corners: (0..patch.corners.len()).map(|corner| (id, corner)).collect(),
+            overlaps: vec![],
             area: patch.area,
         };
         self.leaves().map(share).collect()
@@ -57,6 +61,7 @@ impl Mesh {
                     area: quads.iter().map(ConvexPolygon::area).sum(),
                     polygons: join(quads),
                     corners: own.iter().map(|&(_, _, id, corner)| (id, corner)).collect(),
+                    overlaps: vec![],
                 }
             })
             .collect()

@@ -30,8 +30,8 @@ pub(super) struct Body {
     pub(super) max_level: u32,
     #[prost(uint64, tag = "5")]
     pub(super) max_vertices: u64,
-    #[prost(bool, tag = "6")]
-    pub(super) has_error: bool,
+    #[prost(double, tag = "6")]
+    pub(super) line_error: f64,
     #[prost(bool, tag = "7")]
     pub(super) is_gathered: bool,
     #[prost(uint32, repeated, tag = "8")]
@@ -106,7 +106,7 @@ impl KeptLight {
 
     pub(super) fn body(&self) -> Body {
         let (patches, points) = self.validation.to_numbers();
-        let ShootingMesh { edge, max_level, max_vertices, has_error, is_gathered } = self.shooting;
+        let ShootingMesh { edge, max_level, max_vertices, line_error, is_gathered } = self.shooting;
         let ErrorBudget { unshot, visibility, form_factors, receivers, shooters, .. } = self.error;
         Body {
             scene: self.scene.0.to_vec(),
@@ -114,7 +114,7 @@ impl KeptLight {
             edge,
             max_level,
             max_vertices: max_vertices as u64,
-            has_error,
+            line_error,
             is_gathered,
             divided: self.divided.iter().map(|patch| patch.0).collect(),
             vertices: self.vertices as u32,
@@ -134,7 +134,8 @@ impl KeptLight {
         let parts = body.parts.into_iter().map(|part| part.into_kept(vertices, validation.count()));
         let [unshot, visibility, form_factors, receivers, shooters] =
             <[f64; 5]>::try_from(body.error.as_slice()).ok()?;
-        let all = [body.edge, body.reflectance].into_iter().chain(body.error.iter().copied());
+        let all =
+            [body.edge, body.reflectance, body.line_error].into_iter().chain(body.error.iter().copied());
         let can_be =
             (LEAST_EDGE..=1.0).contains(&body.edge) && body.max_level <= 30 && body.reflectance < 1.0;
         Some(Self {
@@ -144,7 +145,7 @@ impl KeptLight {
                 edge: body.edge,
                 max_level: body.max_level,
                 max_vertices: usize::try_from(body.max_vertices).ok()?,
-                has_error: body.has_error,
+                line_error: body.line_error,
                 is_gathered: body.is_gathered,
             },
             divided: body.divided.into_iter().map(PatchId).collect(),

@@ -47,8 +47,8 @@ pub(super) struct ShootingMesh {
     pub(super) max_level: u32,
     /// Most vertices.
     pub(super) max_vertices: usize,
-    /// Whether an error was asked for.
-    pub(super) has_error: bool,
+    /// The error by which shadow lines were chosen.
+    pub(super) line_error: f64,
     /// Whether rows were gathered.
     pub(super) is_gathered: bool,
 }
@@ -91,9 +91,9 @@ impl KeptLight {
 
     /// The mesh of the finished bake.
     pub(super) fn mesh(&self, scene: &Scene) -> Result<Mesh, RelightError> {
-        let ShootingMesh { edge, max_level, max_vertices, has_error, is_gathered } = self.shooting;
+        let ShootingMesh { edge, max_level, max_vertices, line_error, is_gathered } = self.shooting;
         let settings = BakeSettings {
-            error: has_error.then_some(1.0),
+            mesh_error: line_error,
             rows: if is_gathered { RowStrategy::Gather } else { RowStrategy::Exact },
             shooter_edge: edge,
             max_level,

@@ -17,7 +17,7 @@ use crate::channels::{Channels, Gathering};
 use crate::context::Context;
 use crate::error::{BakeError, Result};
 use crate::jobs::{ReceiverSet, RowClient};
-use crate::mesh::{Mesh, Share};
+use crate::mesh::{Mesh, Share, Surroundings};
 use crate::settings::{BakeSettings, RowStrategy};
 use crate::solver::bounds::{Bounds, add_to_sums};
 use crate::solver::cache::{ColumnCache, SetId};
@@ -27,6 +27,10 @@ use scene::Scene;
 
 /// Sweeps end here even if the accuracy was not reached; the bound is reported.
 const MAX_SWEEPS: u32 = 1000;
+
+/// Shadow lines are for receivers. Shares end at them too, where light jumps, unless they would be more than this many times those
+/// of the mesh without lines: then these shoot.
+const MOST_BY_LINES: f64 = 1.25;
 
 /// Key of the first leaf as a shooter: above all shares and light sources.
 const FIRST_LEAF_KEY: u64 = 1 << 40;
@@ -39,7 +43,7 @@ impl RowSource for ExactRows {
         RowStrategy::Exact
     }
 
-    fn edge_factor(&self) -> f64 {
+    fn edge_factor(&self, _: &Scene) -> f64 {
         1.0
     }
 
@@ -47,8 +51,19 @@ impl RowSource for ExactRows {
         settings.rays_per_hemisphere
     }
 
-    fn shares(&self, scene: &Scene, mesh: &Mesh, _: f64) -> Vec<Share> {
-        mesh.shares(|surface, facet| scene.surfaces[surface as usize].facets[facet as usize].plane)
+    fn shares(&self, cx: &Context, mesh: &Mesh, longest_edge: f64) -> Vec<Share> {
+        let plane_of =
+            |surface: u32, facet: u32| cx.scene.surfaces[surface as usize].facets[facet as usize].plane;
+        let own = mesh.shares(plane_of);
+        if !mesh.has_lines {
+            return own;
+        }
+        let without = Mesh::new(cx.scene, cx.extent(), longest_edge, cx.settings.max_level, &[]);
+        let shares = without.shares(plane_of);
+        if own.len() as f64 <= MOST_BY_LINES * shares.len() as f64 {
+            return own;
+        }
+        mesh.overlaid(&without, shares, longest_edge, plane_of)
     }
 
     fn joins_sources(&self) -> bool {
@@ -68,6 +83,7 @@ impl RowSource for ExactRows {
         cx: &mut Context,
         table: &mut RowTable,
         receivers: &Receivers,
+        _: Option<&[Surroundings]>,
     ) -> Result<SetId> {
         Ok(table.add_set(cx.client.publish_receivers(receivers)))
     }
@@ -117,11 +133,11 @@ impl RowSource for ExactRows {
     }
 
     fn row_sums(&self, mesh: &ShareMesh, at_vertices: &[f64]) -> Vec<f64> {
-        mesh.energies.iter().map(|share| at_vertices[share.receiver]).collect()
+        self.first_values(mesh, &vec![true; at_vertices.len()]).of(&mesh.energies, at_vertices)
     }
 
-    fn first_values(&self, _: &ShareMesh, _: &[bool]) -> ShareValues {
-        ShareValues::AtVertices
+    fn first_values(&self, mesh: &ShareMesh, exposed: &[bool]) -> ShareValues {
+        if mesh.is_overlaid() { ShareValues::means(mesh, exposed) } else { ShareValues::AtVertices }
     }
 
     fn shoot(

@@ -1,17 +1,19 @@
 //! Which irradiance a share reflects: that at its vertex, or the mean over its part of the refined mesh. The mean is better where
 //! a shadow line or a hot spot lies inside the share.
 
-use std::ops::Range;
+use std::ops::{AddAssign, Mul, Range};
 
-use glam::DVec3;
 use kernel::row::{GROUP, Row};
 
 use super::share_mesh::ShareMesh;
-use crate::mesh::{Mesh, PatchId, Share};
+use super::weights::mean_weights;
+use crate::mesh::{Mesh, Share};
 use crate::solver::ShareEnergy;
 
-/// A share of which less than this part is exposed takes the value at its vertex.
-const LEAST_EXPOSED: f64 = 0.1;
+/// What means can be taken of.
+pub trait Value: Copy + Default + AddAssign + Mul<f64, Output = Self> {}
+
+impl<T: Copy + Default + AddAssign + Mul<f64, Output = T>> Value for T {}
 
 /// Where shares take their irradiance from.
 pub enum ShareValues {
@@ -27,11 +29,11 @@ impl ShareValues {
         Self::Means(Means::new(&mesh.mesh, &mesh.shares, exposed))
     }
 
-    /// Irradiance of each share, from that of each vertex.
-    pub fn of(&self, energies: &[ShareEnergy], irradiance: &[DVec3]) -> Vec<DVec3> {
+    /// Value of each share, from that of each vertex.
+    pub fn of<T: Value>(&self, energies: &[ShareEnergy], values: &[T]) -> Vec<T> {
         match self {
-            Self::AtVertices => energies.iter().map(|share| irradiance[share.receiver]).collect(),
-            Self::Means(means) => means.of(irradiance),
+            Self::AtVertices => energies.iter().map(|share| values[share.receiver]).collect(),
+            Self::Means(means) => means.of(values),
         }
     }
 }
@@ -83,8 +85,8 @@ impl Means {
     }
 
     /// Mean of each share.
-    pub fn of(&self, values: &[DVec3]) -> Vec<DVec3> {
-        let mut means = vec![DVec3::ZERO; self.shares];
+    pub fn of<T: Value>(&self, values: &[T]) -> Vec<T> {
+        let mut means = vec![T::default(); self.shares];
         for Weight { vertex, share, part } in &self.weights {
             means[*share as usize] += values[*vertex as usize] * *part;
         }
@@ -144,67 +146,5 @@ fn spread(mask: u32, own: &[f32], factors: &mut [f64; GROUP]) {
     for factor in own {
         factors[rest.trailing_zeros() as usize % GROUP] = f64::from(*factor);
         rest &= rest.wrapping_sub(1);
-    }
-}
-
-/// Weights of the exposed vertices in the mean of a share: its parts are children of patches, or quarters of those never
-/// divided.
-fn mean_weights(mesh: &Mesh, share: &Share, exposed: &[bool]) -> Vec<(usize, f64)> {
-    let mut weights = vec![];
-    for &(patch, corner) in &share.corners {
-        if mesh.patch(patch).first_child.is_some() {
-            add_leaves(mesh, patch, corner, &mut weights);
-        } else {
-            add_quarter(mesh, patch, corner, 1.0, &mut weights);
-        }
-    }
-    weights.sort_unstable_by_key(|(vertex, _)| *vertex);
-    weights.dedup_by(|from, into| {
-        let same = from.0 == into.0;
-        if same {
-            into.1 += from.1;
-        }
-        same
-    });
-    let is_exposed = |entry: &(usize, f64)| exposed[entry.0];
-    let sum = |weights: &[(usize, f64)]| weights.iter().map(|entry| entry.1).sum::<f64>();
-    if weights.iter().any(is_exposed) {
-        weights.retain(is_exposed);
-    }
-    let total = sum(&weights);
-    // Extrapolation has negative weights: where few vertices are left they may outweigh the others.
-    if total < LEAST_EXPOSED * share.area {
-        return vec![(share.vertex.index(), 1.0)];
-    }
-    weights.iter_mut().for_each(|(_, weight)| *weight /= total);
-    weights
-}
-
-/// Mean over the leaves of a divided patch's child. The mean of the interpolation is off by a multiple of the squared size;
-/// Richardson extrapolation with the mean on the parent's level removes it.
-fn add_leaves(mesh: &Mesh, parent: PatchId, corner: usize, weights: &mut Vec<(usize, f64)>) {
-    let Some(id) = mesh.children(parent).nth(corner) else { return };
-    let patch = mesh.patch(id);
-    if patch.first_child.is_some() {
-        (0..patch.corners.len()).for_each(|corner| add_leaves(mesh, id, corner, weights));
-        return;
-    }
-    (0..patch.corners.len()).for_each(|corner| add_quarter(mesh, id, corner, 4.0 / 3.0, weights));
-    add_quarter(mesh, parent, corner, -1.0 / 3.0, weights);
-}
-
-/// Adds `part` times the integral over a corner's part of a patch: of what is linear over the triangles around the patch's centre,
-/// which has the mean of the corners.
-fn add_quarter(mesh: &Mesh, id: PatchId, corner: usize, part: f64, weights: &mut Vec<(usize, f64)>) {
-    let patch = mesh.patch(id);
-    let count = patch.corners.len();
-    let fan = mesh.fan(id);
-    let mut add = |i: usize, weight: f64| weights.push((patch.corners[i % count].index(), weight * part));
-    // Half of each of the two triangles at the corner: between it, the middle of an edge and the centre.
-    for (triangle, beside) in [(corner, corner + 1), (corner + count - 1, corner + count - 1)] {
-        let third = fan[triangle % count] / 6.0;
-        add(corner, 1.5 * third);
-        add(beside, 0.5 * third);
-        (0..count).for_each(|i| add(i, third / count as f64));
     }
 }

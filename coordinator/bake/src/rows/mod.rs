@@ -9,6 +9,7 @@
 //! | `table` | rows kept, or made again |
 //! | `solution` | radiosity, irradiance and what is missing |
 //! | `means` | which irradiance a share reflects |
+//! | `weights` | how its vertices count in that |
 //! | `share_mesh` | the mesh and its shares |
 //!
 //! A new strategy is a new file that implements `RowSource`, and an arm of [`row_source`].
@@ -21,6 +22,7 @@ mod shoot;
 mod solution;
 mod source;
 mod table;
+mod weights;
 
 use scene::{Scene, Side};
 

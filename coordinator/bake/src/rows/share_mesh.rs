@@ -37,6 +37,11 @@ impl ShareMesh {
         Self { mesh, shares, materials, patch_materials: PatchMaterials::default(), energies }
     }
 
+    /// Whether the shares were made on another mesh: then no vertex stands for one.
+    pub fn is_overlaid(&self) -> bool {
+        self.shares.iter().any(|share| share.corners.is_empty())
+    }
+
     /// Radiosity that a leaf reflects, from the irradiance at its corners.
     pub fn leaf_radiosity(&self, scene: &Scene, id: PatchId, irradiance: &[DVec3]) -> DVec3 {
         let material = self.patch_materials.of(scene, &self.mesh, id);

@@ -9,7 +9,7 @@ use super::table::RowTable;
 use crate::context::Context;
 use crate::error::Result;
 use crate::jobs::{ReceiverSet, RowClient};
-use crate::mesh::{Mesh, Share};
+use crate::mesh::{Mesh, Share, Surroundings};
 use crate::settings::{BakeSettings, RowStrategy};
 use crate::solver::bounds::add_to_sums;
 use crate::solver::cache::{ColumnCache, SetId};
@@ -20,14 +20,14 @@ pub trait RowSource {
     /// The setting that chooses it.
     fn strategy(&self) -> RowStrategy;
 
-    /// Longest edge of the shooting mesh, relative to the one in the settings.
-    fn edge_factor(&self) -> f64;
+    /// Longest edge of the shooting mesh of a scene, relative to the one in the settings.
+    fn edge_factor(&self, scene: &Scene) -> f64;
 
     /// Rays of a hemisphere, where it has any.
     fn rays(&self, settings: &BakeSettings) -> u32;
 
     /// Deals the surface of the shooting mesh out among shares. `longest_edge` is that of its patches, in frame units.
-    fn shares(&self, scene: &Scene, mesh: &Mesh, longest_edge: f64) -> Vec<Share>;
+    fn shares(&self, cx: &Context, mesh: &Mesh, longest_edge: f64) -> Vec<Share>;
 
     /// Whether neighbouring light sources share a row.
     fn joins_sources(&self) -> bool;
@@ -38,12 +38,13 @@ pub trait RowSource {
     /// Releases what was published.
     fn close(self: Box<Self>, table: RowTable, client: &mut RowClient);
 
-    /// Adds receivers to the table.
+    /// Adds receivers to the table. Vertices come with their surroundings.
     fn add_receivers(
         &mut self,
         cx: &mut Context,
         table: &mut RowTable,
         receivers: &Receivers,
+        around: Option<&[Surroundings]>,
     ) -> Result<SetId>;
 
     /// What shares of each of these radiosities give the receivers of some sets, set by set. Their cover is empty unless it is wanted.

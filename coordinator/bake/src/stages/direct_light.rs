@@ -1,5 +1,7 @@
 //! Light straight from its sources.
 
+use std::cell::LazyCell;
+
 use glam::DVec3;
 use kernel::row::Row;
 
@@ -40,28 +42,31 @@ impl Setup {
         let Self { mesh, mut rows, sources, mut samples } = self;
         cx.client.monitor.enter(Phase::Light, mesh.mesh.vertices.len());
         let (mut from_lights, mut from_outside) = (DVec3::ZERO, DVec3::ZERO);
-        let direct = light::irradiance(&sources, rows.table.set(COARSE), cx.client, |source, row, _| {
+        let Rows { source, table } = &mut rows;
+        // Nothing is known to be dark before the rows were looked at.
+        let values = LazyCell::new(|| source.first_values(&mesh, &vec![true; mesh.mesh.vertices.len()]));
+        let direct = light::irradiance(&sources, table.set(COARSE), cx.client, |source, row, _| {
             if matches!(source.origin, Origin::Surface(_)) {
                 return;
             }
-            let factors = row.to_dense();
-            let flux = mesh.energies.iter().map(|s| s.area * f64::from(factors[s.receiver])).sum::<f64>();
+            let factors: Vec<f64> = row.to_dense().into_iter().map(f64::from).collect();
+            let of_shares = values.of(&mesh.energies, &factors);
+            let flux =
+                mesh.energies.iter().zip(of_shares).map(|(share, factor)| share.area * factor).sum::<f64>();
             *if source.is_outside { &mut from_outside } else { &mut from_lights } += source.strength * flux;
         })?;
         let mut variances = vec![];
         if samples.count() > 0 {
-            let Rows { source, table } = &mut rows;
             let receivers = samples.receivers(samples.count());
-            let id = source.add_receivers(cx, table, &receivers)?;
+            let id = source.add_receivers(cx, table, &receivers, None)?;
             table.samples = Some(id);
             let look = |_: &LightSource, _: &Row, variance| variances.push(variance);
             samples.set_direct(light::irradiance(&sources, table.set(id), cx.client, look)?);
         }
         cx.end_step("light");
         mesh.preview(cx, &direct, || {
-            // Nothing is known to be dark before the rows were looked at.
-            let values = rows.source.first_values(&mesh, &vec![true; direct.len()]);
             let dark = vec![DVec3::ZERO; mesh.shares.len()];
+            let values = rows.source.first_values(&mesh, &vec![true; direct.len()]);
             (direct.clone(), mesh.unshot(&values.of(&mesh.energies, &direct), &dark))
         });
         let sources = Sources { all: sources, variances, from_lights, from_outside };

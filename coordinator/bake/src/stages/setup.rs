@@ -34,7 +34,7 @@ impl Setup {
             return Err(BakeError::EmptyMesh);
         }
         let mut source = row_source(scene, settings);
-        let shares = source.shares(scene, &mesh, longest_edge);
+        let shares = source.shares(cx, &mesh, longest_edge);
         let mesh = ShareMesh::new(scene, mesh, shares);
         let shooter = |(key, share): (usize, &Share)| Shooter {
             key: key as u64,
@@ -44,8 +44,8 @@ impl Setup {
         let sources =
             light::sources(scene, &mesh.mesh, settings, shooters.len() as u64, source.joins_sources());
         let mut table = source.open(cx, &mesh, shooters);
-        let vertices = receivers(&mesh.mesh, VertexId(0));
-        let coarse = source.add_receivers(cx, &mut table, &vertices)?;
+        let (vertices, around) = receivers(&mesh.mesh, VertexId(0));
+        let coarse = source.add_receivers(cx, &mut table, &vertices, Some(&around))?;
         table.vertices.push(coarse);
         let samples = SamplePoints::draw(&mesh.mesh, scene, settings, &[], 0);
         cx.end_step("mesh");
@@ -58,11 +58,11 @@ impl Setup {
 pub fn shooting_mesh(scene: &Scene, settings: &BakeSettings) -> (Mesh, f64) {
     let extent = extent(scene);
     let most = settings.most_vertices(scene);
-    let mut edge = settings.shooter_edge * row_source(scene, settings).edge_factor();
+    let mut edge = settings.shooter_edge * row_source(scene, settings).edge_factor(scene);
     if scene.vertex_count >= most {
         edge = edge.max(COARSEST);
     }
-    let lines = shadow_lines(scene, extent, settings.error.unwrap_or(settings.mesh_error));
+    let lines = shadow_lines(scene, extent, settings.line_error());
     loop {
         let mesh = Mesh::new(scene, extent, edge * extent, settings.max_level, &lines);
         if mesh.vertices.len() <= most || edge >= COARSEST {

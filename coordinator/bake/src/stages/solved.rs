@@ -114,9 +114,9 @@ impl Solved {
     /// Adds the vertices from `first` on, and computes their irradiance.
     pub fn receive(&mut self, cx: &mut Context, first: VertexId) -> Result<()> {
         cx.client.monitor.enter(Phase::Refine, self.mesh.mesh.vertices.len());
-        let vertices = receivers(&self.mesh.mesh, first);
+        let (vertices, around) = receivers(&self.mesh.mesh, first);
         let Rows { source, table } = &mut self.rows;
-        let id = source.add_receivers(cx, table, &vertices)?;
+        let id = source.add_receivers(cx, table, &vertices, Some(&around))?;
         table.vertices.push(id);
         let lights = Lights { sources: &self.sources.all, radiosity: &self.solution.radiosity };
         let Received { light, cover } =

@@ -41,23 +41,24 @@ pub fn leaf_polygons(scene: &Scene, mesh: &Mesh, ids: impl Iterator<Item = Patch
     leaves
 }
 
-/// What each receiver sees of published polygons, by this number of rays. `share_of` gives the share of each polygon.
+/// What each receiver sees of published polygons, by this number of rays each. `share_of` gives the share of each polygon.
 pub fn views(
     client: &mut RowClient,
     polygons: ReceiverSet,
     share_of: &[u32],
     receivers: &Receivers,
-    rays: u32,
+    rays: impl Fn(usize) -> u32,
 ) -> Result<Vec<View>> {
-    let rays = rays.clamp(1, Hemisphere::MOST_RAYS);
+    let most = (0..receivers.receivers.len()).map(&rays).max().unwrap_or(1);
     let hemisphere = |(index, receiver): (usize, &Receiver)| {
+        let rays = rays(index).clamp(1, Hemisphere::MOST_RAYS);
         let shape = Shape::Hemisphere(Hemisphere { receiver: *receiver, rays });
         Shooter { key: receivers.first_key + index as u64, shape }
     };
     let shooters: Vec<Shooter> = receivers.receivers.iter().enumerate().map(hemisphere).collect();
     let mut views = Vec::with_capacity(shooters.len());
     let mut factors: Vec<(u32, f32)> = vec![];
-    client.each_row(&shooters, polygons.seen_by(rays), |_, row, _| {
+    client.each_row(&shooters, polygons.seen_by(most), |_, row, _| {
         factors.clear();
         row.for_each(|polygon, factor| factors.push((share_of[polygon], factor)));
         factors.sort_by_key(|(share, _)| *share);

@@ -23,7 +23,7 @@ mod weigh;
 
 use glam::DVec3;
 use kernel::occluder::Occluder;
-use kernel::replica::Receivers;
+use kernel::replica::{Receiver, Receivers};
 use kernel::row::Shooter;
 
 use super::means::{Means, ShareValues};
@@ -34,7 +34,7 @@ use super::table::RowTable;
 use crate::context::Context;
 use crate::error::{BakeError, Result};
 use crate::jobs::{ReceiverSet, RowClient};
-use crate::mesh::{Mesh, PatchId, Share};
+use crate::mesh::{Mesh, PatchId, Share, Surroundings};
 use crate::refinement::SamplePoints;
 use crate::settings::{BakeSettings, RowStrategy};
 use crate::solver::acceleration::Acceleration;
@@ -48,10 +48,22 @@ use scene::{Scene, Side};
 const MOST_PASSES: u32 = 1000;
 
 /// Factor of the edge of shooters: leaves, whose light is constant, are made finer than shares are, since they cost next to nothing.
-const EDGE_FACTOR: f64 = 0.1;
+const EDGE_FACTOR: f64 = 1.0 / 3.0;
+
+/// The same in scenes of so many vertices that few are added by it.
+const FINE_EDGE_FACTOR: f64 = 0.1;
+
+/// So many vertices are many.
+const MANY_VERTICES: usize = 100_000;
 
 /// Fewest rays of a gather point: many receivers depend on it.
 const LEAST_RAYS: u32 = 256;
+
+/// Width of a vertex's surroundings, relative to the longest edge of the shooters, from which on it gets all rays of a hemisphere.
+const WIDE: f64 = 0.125;
+
+/// Least part of the rays that a vertex gets.
+const LEAST_PART: f64 = 0.125;
 
 /// Factor of the rays of receivers that the answer is measured at.
 const MEASURED: u32 = 4;
@@ -69,6 +81,8 @@ pub struct GatherRows {
     polygons: Option<ReceiverSet>,
     /// Share of each polygon.
     share_of: Vec<u32>,
+    /// Whether points were placed, or were found not to be worth it.
+    is_placed: bool,
     /// What stands between receivers and gather points.
     occluder: Option<Occluder>,
     /// Rays of a gather point.
@@ -76,8 +90,16 @@ pub struct GatherRows {
     points: GatherPoints,
     /// The first gather points with other rays.
     twins: Twins,
-    /// The receivers of each set, and their weights once the points are placed.
-    sets: Vec<(Receivers, Interpolation)>,
+    sets: Vec<Set>,
+}
+
+/// Receivers whose light is that of gather points.
+struct Set {
+    receivers: Vec<Receiver>,
+    /// Rays of each, if it became a point itself.
+    rays: Vec<u32>,
+    /// Empty until the points are placed.
+    weights: Interpolation,
 }
 
 /// Gather points with other rays: the difference is noise.
@@ -85,6 +107,14 @@ pub struct GatherRows {
 struct Twins {
     points: SamplePoints,
     views: Vec<View>,
+}
+
+/// The fewer rays, the smaller a vertex's surroundings are. Where vertices lie close together, the light of a piece of surface is
+/// the mean of many, and so is their noise.
+fn rays_of_vertex(around: &Surroundings, wide: f64, all: u32) -> u32 {
+    let part = (around.area.sqrt() / wide).clamp(LEAST_PART, 1.0);
+    // A power of two has the most even directions.
+    ((f64::from(all) * part) as u32).next_power_of_two().min(all)
 }
 
 impl Twins {
@@ -106,12 +136,12 @@ impl GatherRows {
 impl GatherRows {
     /// Irradiance of the receivers of a set, given that of the gather points.
     fn at_set(&self, set: SetId, points: &[DVec3]) -> Vec<DVec3> {
-        self.sets[set.index()].1.of(points)
+        self.sets[set.index()].weights.of(points)
     }
 
     /// Relative standard error of the irradiance of the vertices from rays.
     fn noise(&self, radiosity: &[DVec3], level: f64) -> f64 {
-        let part = self.sets.first().map_or(1.0, |(_, weights)| weights.variance_part());
+        let part = self.sets.first().map_or(1.0, |set| set.weights.variance_part());
         let square = self.twins.square_noise(&self.points, radiosity) * part;
         if level > 0.0 { square.sqrt() / level } else { 0.0 }
     }
@@ -122,8 +152,8 @@ impl RowSource for GatherRows {
         RowStrategy::Gather
     }
 
-    fn edge_factor(&self) -> f64 {
-        EDGE_FACTOR
+    fn edge_factor(&self, scene: &Scene) -> f64 {
+        if scene.vertex_count < MANY_VERTICES { EDGE_FACTOR } else { FINE_EDGE_FACTOR }
     }
 
     fn rays(&self, settings: &BakeSettings) -> u32 {
@@ -132,8 +162,10 @@ impl RowSource for GatherRows {
     }
 
     /// Each leaf: what rays meet has the light of its own place, whatever lies hidden beside it, and more leaves cost no rays.
-    fn shares(&self, scene: &Scene, mesh: &Mesh, _: f64) -> Vec<Share> {
-        mesh.leaf_shares(|surface, facet| scene.surfaces[surface as usize].facets[facet as usize].plane)
+    fn shares(&self, cx: &Context, mesh: &Mesh, _: f64) -> Vec<Share> {
+        let plane_of =
+            |surface: u32, facet: u32| cx.scene.surfaces[surface as usize].facets[facet as usize].plane;
+        mesh.leaf_shares(plane_of)
     }
 
     fn joins_sources(&self) -> bool {
@@ -167,12 +199,19 @@ impl RowSource for GatherRows {
         cx: &mut Context,
         table: &mut RowTable,
         receivers: &Receivers,
+        around: Option<&[Surroundings]>,
     ) -> Result<SetId> {
         let id = table.add_set(cx.client.publish_receivers(receivers));
+        let wide = WIDE * cx.settings.shooter_edge * cx.extent();
+        let rays = |index| around.map_or(self.rays, |around| rays_of_vertex(&around[index], wide, self.rays));
+        let rays: Vec<u32> = (0..receivers.receivers.len()).map(rays).collect();
         // Before the points are placed there is nothing to weigh.
-        let weights =
-            if self.points.shared > 0 { self.weigh(cx, receivers)? } else { Interpolation::default() };
-        self.sets.push((receivers.clone(), weights));
+        let weights = if self.is_placed {
+            self.weigh(cx, &receivers.receivers, &rays)?
+        } else {
+            Interpolation::default()
+        };
+        self.sets.push(Set { receivers: receivers.receivers.clone(), rays, weights });
         Ok(id)
     }
 
@@ -208,11 +247,12 @@ impl RowSource for GatherRows {
         radiosities: &[&[DVec3]],
     ) -> Result<Once> {
         let Some(polygons) = self.polygons else { return Ok(Once::default()) };
-        let views = views(cx.client, polygons, &self.share_of, receivers, self.rays * MEASURED)?;
+        let views = views(cx.client, polygons, &self.share_of, receivers, |_| self.rays * MEASURED)?;
         let at = |radiosity: &&[DVec3]| views.iter().map(|view| gathered(view, radiosity)).collect();
         let light = radiosities.iter().map(at).collect();
         let sums = views.iter().map(|view| covered(view)).collect();
-        let weights = self.weigh(cx, receivers)?;
+        let rays = vec![self.rays; receivers.receivers.len()];
+        let weights = self.weigh(cx, &receivers.receivers, &rays)?;
         let between = radiosities.iter().map(|radiosity| weights.of(&self.points.gather(radiosity)));
         Ok(Once { between: Some(between.collect()), light, sums })
     }
@@ -240,6 +280,7 @@ impl RowSource for GatherRows {
         direct: &[DVec3],
     ) -> Result<Vec<DVec3>> {
         let radiosity = self.place(cx, mesh, direct)?;
+        self.is_placed = true;
         self.weigh_all(cx)?;
         Ok(radiosity)
     }
@@ -303,9 +344,9 @@ impl RowSource for GatherRows {
         let ids: Vec<PatchId> = mesh.mesh.leaves().map(|(id, _)| id).collect();
         let leaves = leaf_polygons(cx.scene, &mesh.mesh, ids.iter().copied());
         let each: Vec<u32> = (0..ids.len() as u32).collect();
-        let means = Means::new(&mesh.mesh, &self.shares(cx.scene, &mesh.mesh, 0.0), exposed).of(irradiance);
+        let means = Means::new(&mesh.mesh, &self.shares(cx, &mesh.mesh, 0.0), exposed).of(irradiance);
         let set = cx.client.publish_polygons(&leaves.polygons, &leaves.opacities);
-        let views = views(cx.client, set, &each, receivers, self.rays * MEASURED)?;
+        let views = views(cx.client, set, &each, receivers, |_| self.rays * MEASURED)?;
         cx.client.release(set);
         let reflected = |(id, mean): (&PatchId, DVec3)| {
             mesh.patch_materials.of(cx.scene, &mesh.mesh, *id).reflectance * mean

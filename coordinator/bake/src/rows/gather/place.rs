@@ -10,11 +10,15 @@ use super::{GatherRows, TWIN_KEYS, TWINS, Twins};
 use crate::context::Context;
 use crate::error::Result;
 use crate::error_budget::without_noise;
+use crate::jobs::ReceiverSet;
 use crate::mesh::{PatchId, Share};
 use crate::refinement::{MOST_DRAWN, SamplePoints};
 use crate::rows::means::ShareValues;
 use crate::rows::share_mesh::ShareMesh;
 use scene::Scene;
+
+/// Meshes of no more vertices cast rays from each.
+const FEW_VERTICES: usize = 1 << 13;
 
 /// Points to begin with.
 const FIRST_POINTS: usize = 1024;
@@ -51,6 +55,10 @@ impl GatherRows {
         let mut radiosity: Vec<DVec3> =
             mesh.energies.iter().zip(&direct).map(|(share, light)| share.reflectance * *light).collect();
         let Some(polygons) = self.polygons else { return Ok(radiosity) };
+        if direct.len() <= FEW_VERTICES {
+            self.place_twins(cx, mesh, polygons)?;
+            return Ok(radiosity);
+        }
         let mut expected = vec![];
         let mut count = FIRST_POINTS;
         for round in 0.. {
@@ -59,24 +67,11 @@ impl GatherRows {
             let drawn =
                 SamplePoints::draw_everywhere(&mesh.mesh, cx.scene, seed, first_key, &expected, count);
             let fresh = drawn.receivers(count);
-            let seen = views(cx.client, polygons, &self.share_of, &fresh, self.rays)?;
-            let errors = self.errors_at(cx, &fresh.receivers, &seen, &radiosity);
-            let all: f64 =
-                mesh.energies.iter().zip(&radiosity).map(|(share, b)| share.area * b.length_squared()).sum();
-            let relative = |square: f64| if all > 0.0 { (square * area / all).sqrt() } else { 0.0 };
-            let found = relative(drawn.mean_square_error(&errors));
-            // The fresh light is noisy, and so is that between the points, less.
-            let noise = relative(self.twins.square_noise(&self.points, &radiosity) * 1.5);
-            let error = without_noise(found, noise);
+            let seen = views(cx.client, polygons, &self.share_of, &fresh, |_| self.rays)?;
+            let mut errors = self.errors_at(cx, &fresh.receivers, &seen, &radiosity);
             self.points.add_shared(&fresh.receivers, seen);
-            tracing::debug!(points = self.points.shared, error, noise, "gather points placed");
             if round == 0 {
-                let first = Receivers {
-                    first_key: fresh.first_key + TWIN_KEYS,
-                    receivers: fresh.receivers.into_iter().take(TWINS).collect(),
-                };
-                let views = views(cx.client, polygons, &self.share_of, &first, self.rays)?;
-                self.twins = Twins { points: drawn, views };
+                self.add_twins(cx, polygons, drawn.clone())?;
             }
             let Some(neighbours) = self.neighbours(cx) else { break };
             let of_shares = nearest(&neighbours, &receivers);
@@ -86,14 +81,43 @@ impl GatherRows {
                 radiosity =
                     all.map(|((share, direct), light)| share.reflectance * (*direct + light)).collect();
             }
-            let is_enough = round > 0 && error <= PART * asked;
-            if is_enough || self.points.shared >= MOST_POINTS {
+            let left_out = self.errors_left_out(&radiosity, &neighbours);
+            if round == 0 {
+                errors.clone_from(&left_out);
+            }
+            let all: f64 =
+                mesh.energies.iter().zip(&radiosity).map(|(share, b)| share.area * b.length_squared()).sum();
+            let relative = |square: f64| if all > 0.0 { (square * area / all).sqrt() } else { 0.0 };
+            // The fresh light is noisy, and so is that between the points, less.
+            let noise = relative(self.twins.square_noise(&self.points, &radiosity) * 1.5);
+            let error = without_noise(relative(drawn.mean_square_error(&errors)), noise);
+            tracing::debug!(points = self.points.shared, error, noise, "gather points placed");
+            if error <= PART * asked || self.points.shared >= MOST_POINTS {
                 break;
             }
-            expected = self.expected(cx.scene, mesh, &radiosity, &neighbours);
+            expected = expected_errors(cx.scene, mesh, &left_out, &neighbours);
             count = (self.points.shared / 2).clamp(FIRST_POINTS, MOST_DRAWN);
         }
         Ok(radiosity)
+    }
+
+    /// Where each vertex casts rays of its own, points tell the noise alone.
+    fn place_twins(&mut self, cx: &mut Context, mesh: &ShareMesh, polygons: ReceiverSet) -> Result<()> {
+        let seed = (cx.settings.seed, FIRST_ROUND);
+        let drawn = SamplePoints::draw_everywhere(&mesh.mesh, cx.scene, seed, FIRST_KEY, &[], TWINS);
+        let receivers = drawn.receivers(TWINS);
+        let seen = views(cx.client, polygons, &self.share_of, &receivers, |_| self.rays)?;
+        self.points.add_alone(&receivers.receivers, seen);
+        self.add_twins(cx, polygons, drawn)
+    }
+
+    /// Looks from the first points again, with other rays.
+    fn add_twins(&mut self, cx: &mut Context, polygons: ReceiverSet, points: SamplePoints) -> Result<()> {
+        let Receivers { first_key, receivers } = points.receivers(TWINS);
+        let again = Receivers { first_key: first_key + TWIN_KEYS, receivers };
+        let views = views(cx.client, polygons, &self.share_of, &again, |_| self.rays)?;
+        self.twins = Twins { points, views };
+        Ok(())
     }
 
     /// Errors of interpolation at receivers with these views. Receivers that are alone get rays of their own.
@@ -113,33 +137,28 @@ impl GatherRows {
         receivers.par_iter().zip(views).with_min_len(64).map(error).collect()
     }
 
-    /// Square error expected of each leaf of the mesh, in their order: that which interpolation has at the nearest point where the point itself is left
-    /// out.
-    fn expected(
-        &self,
-        scene: &Scene,
-        mesh: &ShareMesh,
-        radiosity: &[DVec3],
-        neighbours: &Neighbours,
-    ) -> Vec<f64> {
+    /// Errors of interpolation at the points, where each is left out itself.
+    fn errors_left_out(&self, radiosity: &[DVec3], neighbours: &Neighbours) -> Vec<DVec3> {
         let light = self.points.gather(radiosity);
-        let points = &self.points.receivers[..self.points.shared];
-        let errors: Vec<f64> = (0..points.len() as u32)
-            .into_par_iter()
-            .map(|point| match neighbours.weights(&points[point as usize], 0.0, Some(point)) {
-                Some(weights) => (interpolated(&weights, &light) - light[point as usize]).length_squared(),
-                None => 0.0,
-            })
-            .collect();
-        let leaves: Vec<PatchId> = mesh.mesh.leaves().map(|(id, _)| id).collect();
-        let expected = |id: PatchId| {
-            let nearest = neighbours.nearest(&receiver_of_leaf(scene, mesh, id)).unwrap_or(0);
-            let patch = mesh.mesh.patch(id);
-            let reflectance = scene.surfaces[patch.surface as usize].reflectance;
-            patch.area * errors[nearest as usize] * reflectance.length_squared()
+        let points = self.points.receivers[..self.points.shared].par_iter().zip(&light).enumerate();
+        let error = |(point, (receiver, own)): (usize, (&Receiver, &DVec3))| {
+            let weights = neighbours.weights(receiver, 0.0, Some(point as u32));
+            weights.map_or(DVec3::ZERO, |weights| interpolated(&weights, &light) - *own)
         };
-        leaves.into_par_iter().with_min_len(256).map(expected).collect()
+        points.with_min_len(64).map(error).collect()
     }
+}
+
+/// Square error expected of each leaf of the mesh, in their order: that of the nearest point.
+fn expected_errors(scene: &Scene, mesh: &ShareMesh, errors: &[DVec3], neighbours: &Neighbours) -> Vec<f64> {
+    let leaves: Vec<PatchId> = mesh.mesh.leaves().map(|(id, _)| id).collect();
+    let expected = |id: PatchId| {
+        let nearest = neighbours.nearest(&receiver_of_leaf(scene, mesh, id)).unwrap_or(0);
+        let patch = mesh.mesh.patch(id);
+        let reflectance = scene.surfaces[patch.surface as usize].reflectance;
+        patch.area * errors[nearest as usize].length_squared() * reflectance.length_squared()
+    };
+    leaves.into_par_iter().with_min_len(256).map(expected).collect()
 }
 
 /// A receiver in the middle of the largest leaf of each share.

@@ -34,7 +34,8 @@ impl GatherRows {
     /// for each small cell of space and direction, then for smaller ones.
     pub(super) fn weigh_all(&mut self, cx: &mut Context) -> Result<()> {
         let receivers: Vec<Receiver> =
-            self.sets.iter().flat_map(|(receivers, _)| receivers.receivers.iter().copied()).collect();
+            self.sets.iter().flat_map(|set| set.receivers.iter().copied()).collect();
+        let rays: Vec<u32> = self.sets.iter().flat_map(|set| set.rays.iter().copied()).collect();
         let mut all: Vec<Option<Weights>> = vec![None; receivers.len()];
         let mut left: Vec<usize> = (0..receivers.len()).collect();
         let mut size = CELL * cx.extent();
@@ -47,7 +48,7 @@ impl GatherRows {
                 all[*index] = weights;
             }
             left.retain(|index| all[*index].is_none());
-            if round == ROUNDS || left.is_empty() {
+            if round == ROUNDS || left.is_empty() || self.points.shared == 0 {
                 break;
             }
             let mut cells = HashSet::new();
@@ -57,14 +58,15 @@ impl GatherRows {
                 .filter(|receiver| cells.insert(cell(receiver, size)))
                 .collect();
             tracing::debug!(alone = left.len(), points = points.len(), "receivers that see no gather point");
-            let views = self.views_alone(cx, points.clone())?;
+            let rays = vec![self.rays; points.len()];
+            let views = self.views_alone(cx, points.clone(), &rays)?;
             self.points.add_shared(&points, views);
             size /= 2.0;
         }
-        self.give_own(cx, &receivers, &mut all)?;
+        self.give_own(cx, &receivers, &rays, &mut all)?;
         let mut all = all.into_iter();
-        for (receivers, weights) in &mut self.sets {
-            *weights = Interpolation::new(all.by_ref().take(receivers.receivers.len()));
+        for set in &mut self.sets {
+            set.weights = Interpolation::new(all.by_ref().take(set.receivers.len()));
         }
         Ok(())
     }
@@ -88,9 +90,14 @@ impl GatherRows {
     }
 
     /// Weights of the gather points for some receivers. Those that see no point become points themselves.
-    pub(super) fn weigh(&mut self, cx: &mut Context, receivers: &Receivers) -> Result<Interpolation> {
-        let mut weights = self.weights(cx, &receivers.receivers, 0.0)?;
-        self.give_own(cx, &receivers.receivers, &mut weights)?;
+    pub(super) fn weigh(
+        &mut self,
+        cx: &mut Context,
+        receivers: &[Receiver],
+        rays: &[u32],
+    ) -> Result<Interpolation> {
+        let mut weights = self.weights(cx, receivers, 0.0)?;
+        self.give_own(cx, receivers, rays, &mut weights)?;
         Ok(Interpolation::new(weights))
     }
 
@@ -99,13 +106,15 @@ impl GatherRows {
         &mut self,
         cx: &mut Context,
         receivers: &[Receiver],
+        rays: &[u32],
         weights: &mut [Option<Weights>],
     ) -> Result<()> {
-        let alone = weights.iter().zip(receivers).filter(|(weights, _)| weights.is_none());
-        let alone: Vec<Receiver> = alone.map(|(_, receiver)| *receiver).collect();
+        let alone: Vec<usize> = (0..receivers.len()).filter(|index| weights[*index].is_none()).collect();
+        let rays: Vec<u32> = alone.iter().map(|index| rays[*index]).collect();
+        let alone: Vec<Receiver> = alone.iter().map(|index| receivers[*index]).collect();
         tracing::debug!(receivers = receivers.len(), alone = alone.len(), "receivers weighed");
         let first = self.points.receivers.len() as u32;
-        let views = self.views_alone(cx, alone.clone())?;
+        let views = self.views_alone(cx, alone.clone(), &rays)?;
         self.points.add_alone(&alone, views);
         let without = weights.iter_mut().filter(|weights| weights.is_none());
         for (point, weights) in (first..).zip(without) {
@@ -115,10 +124,12 @@ impl GatherRows {
     }
 
     /// What receivers see that no gather point stands for.
-    fn views_alone(&self, cx: &mut Context, receivers: Vec<Receiver>) -> Result<Vec<View>> {
+    fn views_alone(&self, cx: &mut Context, receivers: Vec<Receiver>, rays: &[u32]) -> Result<Vec<View>> {
         let Some(polygons) = self.polygons else { return Ok(vec![]) };
         let alone = Receivers { first_key: ALONE_KEYS + self.points.receivers.len() as u64, receivers };
-        views(cx.client, polygons, &self.share_of, &alone, (f64::from(self.rays) * ALONE) as u32)
+        // With points around, few lack them, and small places.
+        let part = if self.points.shared > 0 { ALONE } else { 1.0 };
+        views(cx.client, polygons, &self.share_of, &alone, |index| (f64::from(rays[index]) * part) as u32)
     }
 }
 
