@@ -28,12 +28,8 @@ pub struct RoomsOnly<'a> {
     pub bytes: u64,
 }
 
-/// A set of receivers.
-struct ReceiverSet {
-    count: usize,
-    /// Those in each room, with their index in the set.
-    by_room: Vec<Vec<(usize, Receiver)>>,
-}
+/// The receivers of a set by room, with their index in the set.
+type ReceiverSet = Vec<Vec<(usize, Receiver)>>;
 
 impl<'a> RoomsOnly<'a> {
     /// For a building, imported with this frame.
@@ -46,20 +42,25 @@ impl<'a> RoomsOnly<'a> {
         self.building.room_at(self.frame.to_world(position))
     }
 
-    fn row(&self, set: Digest, shooter: &Shooter) -> Row {
-        let ReceiverSet { count, by_room } = &self.sets[&set];
-        let Shape::Polygons(polygons) = &shooter.shape else { return Row::of_some(*count, &[]) };
+    fn row(&self, request: &RowRequest, shooter: &Shooter) -> Row {
+        let by_room = &self.sets[&request.receivers];
+        let (first, count) = (request.first_receiver as usize, request.receiver_count as usize);
+        let Shape::Polygons(polygons) = &shooter.shape else { return Row::of_some(count, &[]) };
         let middles: Vec<DVec3> = polygons.iter().map(middle).collect();
         let parts: Vec<(DVec3, DVec3)> =
             polygons.iter().zip(&middles).map(|(polygon, at)| (*at, area_vector(&polygon.corners))).collect();
         let receivers = &by_room[self.room_at(middles[0])];
         let factors: Vec<(usize, f32)> = receivers
             .iter()
+            .filter(|(index, _)| (first..first + count).contains(index))
             .map(|(index, receiver)| {
-                (*index, parts.iter().map(|(at, area)| form_factor(receiver, *at, *area)).sum::<f64>() as f32)
+                (
+                    *index - first,
+                    parts.iter().map(|(at, area)| form_factor(receiver, *at, *area)).sum::<f64>() as f32,
+                )
             })
             .collect();
-        Row::of_some(*count, &factors)
+        Row::of_some(count, &factors)
     }
 }
 
@@ -89,7 +90,7 @@ impl RowService for RoomsOnly<'_> {
         for (index, receiver) in receivers.iter().enumerate() {
             by_room[self.room_at(receiver.position)].push((index, *receiver));
         }
-        self.sets.insert(replica.digest, ReceiverSet { count: receivers.len(), by_room });
+        self.sets.insert(replica.digest, by_room);
     }
 
     fn release(&mut self, digest: Digest) {
@@ -106,7 +107,7 @@ impl RowService for RoomsOnly<'_> {
 
     fn next(&mut self, _: Duration) -> Result<Option<FinishedJob>, BakeError> {
         let (job, request) = self.jobs.pop_front().expect("nobody waits for more rows than were asked for");
-        let row = |shooter| self.row(request.receivers, shooter);
+        let row = |shooter| self.row(&request, shooter);
         let rows: Vec<Row> = request.shooters.iter().map(row).collect();
         let statistics = rows
             .iter()
