@@ -39,6 +39,8 @@ mod run;
 mod settings;
 pub mod solver;
 mod stages;
+#[cfg(test)]
+mod test_scenes;
 
 pub use error::BakeError;
 pub use error_budget::ErrorBudget;

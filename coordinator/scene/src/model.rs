@@ -8,6 +8,7 @@ use std::sync::Arc;
 
 use foldhash::HashSet;
 use glam::DVec3;
+use kernel::geometry::PlaneId;
 
 use crate::appearance::Appearance;
 use crate::facet::Facet;
@@ -38,6 +39,24 @@ pub struct Scene {
     pub import_report: ImportReport,
     /// Triangles dropped because they have no area.
     pub degenerate_triangles: usize,
+}
+
+impl Scene {
+    /// The front sides. A facet blocks light from both of its sides: occluders need no others.
+    pub fn fronts(&self) -> impl Iterator<Item = &Surface> + Clone {
+        self.surfaces.iter().filter(|surface| surface.side == Side::Front)
+    }
+
+    /// Facets of the front sides.
+    pub fn front_facets(&self) -> impl Iterator<Item = &Facet> + Clone {
+        self.fronts().flat_map(|surface| &surface.facets)
+    }
+
+    /// The plane of a facet of a surface.
+    #[must_use]
+    pub fn plane(&self, surface: u32, facet: u32) -> PlaneId {
+        self.surfaces[surface as usize].facets[facet as usize].plane
+    }
 }
 
 /// The glTF as it was read.

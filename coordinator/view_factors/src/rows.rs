@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::closing::close;
 use super::element::Element;
 use super::{ExchangePair, openness};
-use scene::{Facet, Scene, Side};
+use scene::{Facet, Scene};
 
 /// A row counts as closed if no ray leaves the scene and it misses 1 by no more than this many of its standard errors: from four
 /// replicates of a pair these are uncertain, with heavy tails.
@@ -62,13 +62,7 @@ pub fn finish(
     let areas: Vec<f64> = rows.iter().map(|row| row.area).collect();
     let before = sums(pairs, |pair| pair.area);
     let variances = sums(pairs, |pair| pair.variance);
-    let all: Vec<ConvexPolygon> = scene
-        .surfaces
-        .iter()
-        .filter(|surface| surface.side == Side::Front)
-        .flat_map(|surface| &surface.facets)
-        .map(Facet::polygon)
-        .collect();
+    let all: Vec<ConvexPolygon> = scene.front_facets().map(Facet::polygon).collect();
     let all = Occluder::new(&all);
     let is_closed = |index: usize| {
         let lack = 1.0 - before[index] / areas[index];

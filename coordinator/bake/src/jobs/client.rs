@@ -23,7 +23,7 @@ const PAIRS_PER_RAY: usize = 4;
 /// Receivers of a part of a row, where there are few rows: a multiple of the groups that receivers and factors come in.
 const RANGE: usize = 1 << 14;
 
-/// So many rows keep all threads at work without being cut.
+/// From this number of rows on, all threads have work without any row being cut.
 const FEW_ROWS: usize = 64;
 
 /// Longest wait for rows before the observer is asked again whether the bake is cancelled.
@@ -75,7 +75,7 @@ impl ReceiverSet {
         self.count
     }
 
-    /// Consecutive parts of a set whose rows are long.
+    /// The set in consecutive parts.
     fn parts(self) -> impl Iterator<Item = Self> {
         (0..self.count).step_by(RANGE).map(move |first| {
             let count = RANGE.min(self.count - first);

@@ -15,7 +15,7 @@ use rayon::prelude::*;
 use super::line::{Contact, narrow};
 use super::planar::Region;
 use super::{FEW_FACETS, WELD};
-use scene::{Corner, Facet, Scene, Side};
+use scene::{Corner, Facet, Scene};
 
 /// Shortest line that becomes an edge, relative to the scene's extent.
 const SHORTEST: f64 = 2e-3;
@@ -60,8 +60,7 @@ pub fn contacts(scene: &Scene, regions: &[Region], extent: f64, longest_edge: f6
     let is_long = |line: &Contact| line[0].distance(line[1]) >= shortest;
     // What is smaller than the shortest line leaves none.
     let rises = |facet: &&Facet| Bounds::around(facet.positions()).extent().length() >= shortest;
-    let front = scene.surfaces.iter().filter(|s| s.side == Side::Front).flat_map(|s| &s.facets);
-    let risers: Vec<FacetBox> = front.filter(rises).map(boxed).collect();
+    let risers: Vec<FacetBox> = scene.front_facets().filter(rises).map(boxed).collect();
     if risers.is_empty() {
         return vec![vec![]; regions.len()];
     }

@@ -42,6 +42,7 @@ use foldhash::HashMap;
 
 use glam::DVec3;
 use kernel::geometry::{ConvexPolygon, PlaneId};
+use scene::Scene;
 use smallvec::SmallVec;
 
 use order::FacetPlaces;
@@ -154,10 +155,11 @@ impl Mesh {
         &self.patches[id.index()]
     }
 
-    /// A patch as a polygon in this plane.
+    /// A patch as a polygon in the plane of its facet.
     #[must_use]
-    pub fn polygon(&self, id: PatchId, plane: PlaneId) -> ConvexPolygon {
-        ConvexPolygon { plane, corners: self.corners(id) }
+    pub fn polygon(&self, scene: &Scene, id: PatchId) -> ConvexPolygon {
+        let patch = self.patch(id);
+        ConvexPolygon { plane: scene.plane(patch.surface, patch.facet), corners: self.corners(id) }
     }
 
     /// Positions of a patch's corners.

@@ -4,6 +4,7 @@ use foldhash::{HashMap, HashMapExt};
 
 use glam::DVec3;
 use kernel::geometry::{Bounds, Corners, PlaneId, area_vector, clip};
+use scene::Scene;
 use smallvec::SmallVec;
 
 use super::{Mesh, PatchId, Share, VertexId};
@@ -20,16 +21,10 @@ type Key = (u32, PlaneId, [i64; 3]);
 impl Mesh {
     /// Lays the shares of another mesh of the same facets over this one, in their order. `size` is about that of the leaves.
     #[must_use]
-    pub fn overlaid(
-        &self,
-        other: &Self,
-        shares: Vec<Share>,
-        size: f64,
-        plane_of: impl Fn(u32, u32) -> PlaneId,
-    ) -> Vec<Share> {
+    pub fn overlaid(&self, other: &Self, shares: Vec<Share>, size: f64, scene: &Scene) -> Vec<Share> {
         let mut leaves_in: HashMap<Key, Vec<PatchId>> = HashMap::new();
         for (id, patch) in self.leaves() {
-            let plane = plane_of(patch.surface, patch.facet);
+            let plane = scene.plane(patch.surface, patch.facet);
             for cell in cells(&self.corners(id), size) {
                 leaves_in.entry((patch.surface, plane, cell)).or_default().push(id);
             }

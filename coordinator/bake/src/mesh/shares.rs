@@ -1,5 +1,6 @@
 use glam::DVec3;
-use kernel::geometry::{ConvexPolygon, PlaneId, area_vector};
+use kernel::geometry::{ConvexPolygon, area_vector};
+use scene::Scene;
 
 use super::{Mesh, Patch, PatchId, VertexId};
 
@@ -24,11 +25,11 @@ pub struct Share {
 impl Mesh {
     /// Each leaf as a share, in their order.
     #[must_use]
-    pub fn leaf_shares(&self, plane_of: impl Fn(u32, u32) -> PlaneId) -> Vec<Share> {
+    pub fn leaf_shares(&self, scene: &Scene) -> Vec<Share> {
         let share = |(id, patch): (PatchId, &Patch)| Share {
             vertex: patch.corners[0],
             surface: patch.surface,
-            polygons: vec![self.polygon(id, plane_of(patch.surface, patch.facet))],
+            polygons: vec![self.polygon(scene, id)],
             corners: (0..patch.corners.len()).map(|corner| (id, corner)).collect(),
             overlaps: vec![],
             area: patch.area,
@@ -38,7 +39,7 @@ impl Mesh {
 
     /// Divides the leaves among their vertices, in the order of vertices and surfaces. The shares tile the mesh.
     #[must_use]
-    pub fn shares(&self, plane_of: impl Fn(u32, u32) -> kernel::geometry::PlaneId) -> Vec<Share> {
+    pub fn shares(&self, scene: &Scene) -> Vec<Share> {
         let mut corners: Vec<(VertexId, u32, PatchId, usize)> = vec![];
         for (id, patch) in self.leaves() {
             corners
@@ -51,7 +52,7 @@ impl Mesh {
                 let quads: Vec<ConvexPolygon> = own
                     .iter()
                     .map(|&(_, surface, id, corner)| ConvexPolygon {
-                        plane: plane_of(surface, self.patch(id).facet),
+                        plane: scene.plane(surface, self.patch(id).facet),
                         corners: self.corner_quad(id, corner).to_vec(),
                     })
                     .collect();

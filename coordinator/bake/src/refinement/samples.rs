@@ -252,12 +252,7 @@ impl SamplePoints {
 
     /// Mean square of the gathered radiosity.
     fn mean_square(&self) -> f64 {
-        let squares = self
-            .points
-            .iter()
-            .zip(&self.irradiance)
-            .map(|(point, gathered)| point.weight * (point.reflectance * *gathered).length_squared());
-        squares.sum::<f64>() / self.points.len().max(1) as f64
+        self.mean_square_error(&self.irradiance)
     }
 }
 

@@ -52,25 +52,26 @@ impl RowSource for ExactRows {
     }
 
     fn shares(&self, cx: &Context, mesh: &Mesh, longest_edge: f64) -> Vec<Share> {
-        let plane_of =
-            |surface: u32, facet: u32| cx.scene.surfaces[surface as usize].facets[facet as usize].plane;
-        let own = mesh.shares(plane_of);
+        let own = mesh.shares(cx.scene);
         if !mesh.has_lines {
             return own;
         }
         let without = Mesh::new(cx.scene, cx.extent(), longest_edge, cx.settings.max_level, &[]);
-        let shares = without.shares(plane_of);
+        let shares = without.shares(cx.scene);
         if own.len() as f64 <= MOST_BY_LINES * shares.len() as f64 {
             return own;
         }
-        mesh.overlaid(&without, shares, longest_edge, plane_of)
+        mesh.overlaid(&without, shares, longest_edge, cx.scene)
     }
 
     fn joins_sources(&self) -> bool {
         false
     }
 
-    fn open(&mut self, cx: &mut Context, _: &ShareMesh, shooters: Vec<Shooter>) -> RowTable {
+    fn open(&mut self, cx: &mut Context, mesh: &ShareMesh) -> RowTable {
+        let shooter =
+            |(key, share): (u64, &Share)| Shooter { key, shape: Shape::Polygons(share.polygons.clone()) };
+        let shooters = (0..).zip(&mesh.shares).map(shooter).collect();
         RowTable::new(shooters, cx.settings.row_cache.saturating_mul(1 << 20))
     }
 
@@ -129,7 +130,11 @@ impl RowSource for ExactRows {
             add_to_sums(row, mesh.materials[share].opacity, &mut sums);
         })?;
         let light = light.into_iter().map(Gathering::into_irradiance).collect();
-        Ok(Once { light, between: None, sums })
+        Ok(Once { light, sums })
+    }
+
+    fn interpolated(&mut self, _: &mut Context, _: &Receivers, _: &[DVec3]) -> Result<Option<Vec<DVec3>>> {
+        Ok(None)
     }
 
     fn row_sums(&self, mesh: &ShareMesh, at_vertices: &[f64]) -> Vec<f64> {
@@ -216,13 +221,12 @@ impl RowSource for ExactRows {
         (irradiance, _): (&[DVec3], &[bool]),
     ) -> Result<LeafLight> {
         let (mut shooters, mut radiosities) = (vec![], vec![]);
-        for (id, patch) in mesh.mesh.leaves() {
+        for (id, _) in mesh.mesh.leaves() {
             let reflected = mesh.leaf_radiosity(cx.scene, id, irradiance);
             if reflected == DVec3::ZERO {
                 continue;
             }
-            let plane = cx.scene.surfaces[patch.surface as usize].facets[patch.facet as usize].plane;
-            let shape = Shape::Polygons(vec![mesh.mesh.polygon(id, plane)]);
+            let shape = Shape::Polygons(vec![mesh.mesh.polygon(cx.scene, id)]);
             shooters.push(Shooter { key: FIRST_LEAF_KEY + u64::from(id.0), shape });
             radiosities.push(reflected);
         }

@@ -4,6 +4,7 @@
 use std::ops::{AddAssign, Mul, Range};
 
 use kernel::row::{GROUP, Row};
+use rayon::prelude::*;
 
 use super::share_mesh::ShareMesh;
 use super::weights::mean_weights;
@@ -59,8 +60,8 @@ impl Means {
     /// The means of these shares. A vertex that is not exposed sees no surface, like the floor under a box, and sends light to
     /// none: it must not dim the mean of a share that lies half in the open.
     pub fn new(mesh: &Mesh, shares: &[Share], exposed: &[bool]) -> Self {
-        let by_share: Vec<Vec<(usize, f64)>> =
-            shares.iter().map(|share| mean_weights(mesh, share, exposed)).collect();
+        let of_share = |share: &Share| mean_weights(mesh, share, exposed);
+        let by_share: Vec<Vec<(usize, f64)>> = shares.par_iter().with_min_len(256).map(of_share).collect();
         let mut starts = vec![0; exposed.len() + 1];
         for (vertex, _) in by_share.iter().flatten() {
             starts[vertex + 1] += 1;

@@ -24,7 +24,7 @@ mod source;
 mod table;
 mod weights;
 
-use scene::{Scene, Side};
+use scene::Scene;
 
 use crate::settings::{BakeSettings, RowStrategy};
 pub use means::ShareValues;
@@ -46,9 +46,7 @@ pub fn row_source(scene: &Scene, settings: &BakeSettings) -> Box<dyn source::Row
         RowStrategy::Exact => false,
         RowStrategy::Gather => true,
         RowStrategy::Automatic => {
-            let facets = || {
-                scene.surfaces.iter().filter(|surface| surface.side == Side::Front).flat_map(|s| &s.facets)
-            };
+            let facets = || scene.front_facets();
             let smooth = facets().filter(|f| f.corners.iter().any(|corner| corner.normal != f.normal));
             facets().count() >= MANY_FACETS || smooth.count() >= MANY_SMOOTH_FACETS
         }

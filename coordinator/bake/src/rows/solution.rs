@@ -1,5 +1,6 @@
 use glam::DVec3;
 
+use crate::error::{BakeError, Result};
 use crate::refinement::SamplePoints;
 
 /// A solution of the light.
@@ -33,5 +34,16 @@ impl Solution {
             unshot_bound: 0.0,
             residual: 0.0,
         }
+    }
+
+    /// Sets the irradiance of the vertices: direct and reflected light.
+    pub fn set_irradiance(
+        &mut self,
+        direct: &[DVec3],
+        reflected: impl IntoIterator<Item = DVec3>,
+    ) -> Result<()> {
+        self.irradiance = direct.iter().zip(reflected).map(|(direct, light)| *direct + light).collect();
+        let is_finite = self.irradiance.iter().all(|irradiance| irradiance.is_finite());
+        if is_finite { Ok(()) } else { Err(BakeError::NotFinite) }
     }
 }

@@ -1,6 +1,6 @@
 use glam::DVec3;
 use kernel::replica::Receivers;
-use kernel::row::{Row, Shooter};
+use kernel::row::Row;
 
 use super::means::ShareValues;
 use super::share_mesh::ShareMesh;
@@ -32,8 +32,8 @@ pub trait RowSource {
     /// Whether neighbouring light sources share a row.
     fn joins_sources(&self) -> bool;
 
-    /// Publishes what rows are made from, and makes a table for them.
-    fn open(&mut self, cx: &mut Context, mesh: &ShareMesh, shooters: Vec<Shooter>) -> RowTable;
+    /// Publishes what rows are made from, and makes a table for them. The key of a share as a shooter is its index.
+    fn open(&mut self, cx: &mut Context, mesh: &ShareMesh) -> RowTable;
 
     /// Releases what was published.
     fn close(self: Box<Self>, table: RowTable, client: &mut RowClient);
@@ -67,6 +67,14 @@ pub trait RowSource {
         receivers: (ReceiverSet, &Receivers),
         radiosities: &[&[DVec3]],
     ) -> Result<Once>;
+
+    /// What shares of this radiosity give receivers as vertices get it, where that is interpolated between points.
+    fn interpolated(
+        &mut self,
+        cx: &mut Context,
+        receivers: &Receivers,
+        radiosity: &[DVec3],
+    ) -> Result<Option<Vec<DVec3>>>;
 
     /// How much of its hemisphere each share sees covered, from the same of the vertices of the shooting mesh.
     fn row_sums(&self, mesh: &ShareMesh, at_vertices: &[f64]) -> Vec<f64>;
@@ -144,8 +152,6 @@ impl Cover {
 pub struct Once {
     /// Irradiance of the receivers, by the radiosities that were given.
     pub light: Vec<Vec<DVec3>>,
-    /// The same as the light of vertices is found, where that is from points between which it is interpolated.
-    pub between: Option<Vec<Vec<DVec3>>>,
     /// Sum of the form factors of each.
     pub sums: Vec<f64>,
 }

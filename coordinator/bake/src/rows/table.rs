@@ -10,7 +10,7 @@ use super::share_mesh::ShareMesh;
 use super::solution::Solution;
 use crate::channels::Gathering;
 use crate::context::Context;
-use crate::error::{BakeError, Result};
+use crate::error::Result;
 use crate::jobs::{ReceiverSet, RowBatch, RowClient};
 use crate::solver::ShareId;
 use crate::solver::bounds::{Bounds, add_to_sums};
@@ -163,9 +163,7 @@ impl RowTable {
         }
         let mut gathered = gathered.concat();
         self.bounds.apply(0, &mut gathered);
-        solution.irradiance = direct.iter().zip(gathered).map(|(direct, light)| *direct + light).collect();
-        let is_finite = solution.irradiance.iter().all(|irradiance| irradiance.is_finite());
-        if is_finite { Ok(()) } else { Err(BakeError::NotFinite) }
+        solution.set_irradiance(direct, gathered)
     }
 
     /// Notes that a row was made.

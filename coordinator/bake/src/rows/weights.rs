@@ -146,55 +146,18 @@ fn area_and_centroid(corners: &[DVec3]) -> (f64, DVec3) {
 
 #[cfg(test)]
 mod tests {
-    use glam::DVec3;
-    use kernel::geometry::PlaneId;
-    use scene::{Corner, Facet, Frame, ImportReport, Scene, Side, SourceDocument, Surface};
-
     use super::*;
+    use crate::test_scenes::{facet, scene};
 
     const SIZE: f64 = 1000.0;
     const LONGEST_EDGE: f64 = 300.0;
     const EXACT: f64 = 1e-9;
 
-    /// A square in a sloping plane, as two triangles.
-    fn square() -> Scene {
-        let normal = DVec3::new(0.0, 1.0, -0.5).normalize();
-        let at = |x: f64, z: f64| DVec3::new(x * SIZE, z * SIZE / 2.0, z * SIZE);
-        let facet = |positions: [DVec3; 3]| Facet {
-            plane: PlaneId(0),
-            normal,
-            corners: positions.map(|position| Corner { position, normal }).into(),
-            triangles: vec![],
-        };
-        let [a, b, c, d] = [at(0.0, 0.0), at(0.0, 1.0), at(1.0, 1.0), at(1.0, 0.0)];
-        let surface = Surface {
-            node: 0,
-            primitive: 0,
-            side: Side::Front,
-            name: String::new(),
-            reflectance: DVec3::splat(0.5),
-            exitance: DVec3::ZERO,
-            opacity: 1.0,
-            appearance: None,
-            facets: vec![facet([a, b, c]), facet([a, c, d])],
-        };
-        Scene {
-            source: SourceDocument { root: gltf::json::Root::default(), buffers: vec![], folder: None },
-            vertex_count: 4,
-            surfaces: vec![surface],
-            lights: vec![],
-            sky: DVec3::ZERO,
-            frame: Frame { centre: DVec3::ZERO, scale: 1.0 },
-            plane_count: 1,
-            warnings: vec![],
-            import_report: ImportReport::default(),
-            degenerate_triangles: 0,
-        }
-    }
-
-    /// The mesh around so many slanting lines, and the shares of the mesh without them.
+    /// The mesh of a square in a sloping plane, divided by this number of slanting lines, and the shares of the one without them.
     fn overlaid(lines: u32) -> (Mesh, Vec<Share>) {
-        let scene = square();
+        let at = |x: f64, z: f64| [x * SIZE, z * SIZE / 2.0, z * SIZE];
+        let [a, b, c, d] = [at(0.0, 0.0), at(0.0, 1.0), at(1.0, 1.0), at(1.0, 0.0)];
+        let scene = scene(vec![vec![facet(0, &[a, b, c]), facet(0, &[a, c, d])]], vec![]);
         let line = |index: u32| {
             let x = SIZE * (0.2 + 0.6 * f64::from(index) / f64::from(lines));
             [(x, 0.1 * SIZE), (x + 0.05 * SIZE, 0.9 * SIZE)].map(|(x, z)| DVec3::new(x, z / 2.0, z))
@@ -202,8 +165,7 @@ mod tests {
         let lines = vec![vec![(0..lines).map(line).collect(), vec![]]];
         let mesh_of = |lines: &[_]| Mesh::new(&scene, SIZE, LONGEST_EDGE, 8, lines);
         let (mesh, without) = (mesh_of(&lines), mesh_of(&[]));
-        let shares =
-            mesh.overlaid(&without, without.shares(|_, _| PlaneId(0)), LONGEST_EDGE, |_, _| PlaneId(0));
+        let shares = mesh.overlaid(&without, without.shares(&scene), LONGEST_EDGE, &scene);
         assert_eq!(shares.len(), without.vertices.len());
         assert!(mesh.vertices.len() > 2 * shares.len(), "{} vertices", mesh.vertices.len());
         (mesh, shares)

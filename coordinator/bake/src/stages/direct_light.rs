@@ -43,8 +43,17 @@ impl Setup {
         cx.client.monitor.enter(Phase::Light, mesh.mesh.vertices.len());
         let (mut from_lights, mut from_outside) = (DVec3::ZERO, DVec3::ZERO);
         let Rows { source, table } = &mut rows;
+        let mut variances = vec![];
+        if samples.count() > 0 {
+            let receivers = samples.receivers(samples.count());
+            let id = source.add_receivers(cx, table, &receivers, None)?;
+            table.samples = Some(id);
+            let look = |_: &LightSource, _: &Row, variance| variances.push(variance);
+            samples.set_direct(light::irradiance(&sources, table.set(id), cx.client, look)?);
+        }
         // Nothing is known to be dark before the rows were looked at.
-        let values = LazyCell::new(|| source.first_values(&mesh, &vec![true; mesh.mesh.vertices.len()]));
+        let all_exposed = vec![true; mesh.mesh.vertices.len()];
+        let values = LazyCell::new(|| source.first_values(&mesh, &all_exposed));
         let direct = light::irradiance(&sources, table.set(COARSE), cx.client, |source, row, _| {
             if matches!(source.origin, Origin::Surface(_)) {
                 return;
@@ -55,18 +64,9 @@ impl Setup {
                 mesh.energies.iter().zip(of_shares).map(|(share, factor)| share.area * factor).sum::<f64>();
             *if source.is_outside { &mut from_outside } else { &mut from_lights } += source.strength * flux;
         })?;
-        let mut variances = vec![];
-        if samples.count() > 0 {
-            let receivers = samples.receivers(samples.count());
-            let id = source.add_receivers(cx, table, &receivers, None)?;
-            table.samples = Some(id);
-            let look = |_: &LightSource, _: &Row, variance| variances.push(variance);
-            samples.set_direct(light::irradiance(&sources, table.set(id), cx.client, look)?);
-        }
         cx.end_step("light");
         mesh.preview(cx, &direct, || {
             let dark = vec![DVec3::ZERO; mesh.shares.len()];
-            let values = rows.source.first_values(&mesh, &vec![true; direct.len()]);
             (direct.clone(), mesh.unshot(&values.of(&mesh.energies, &direct), &dark))
         });
         let sources = Sources { all: sources, variances, from_lights, from_outside };

@@ -47,7 +47,7 @@ pub fn emitters(scene: &Scene, mesh: &Mesh) -> Vec<Emitter> {
                 continue;
             }
             let own = pieces.remove(&(index as u32, facet_index as u32)).unwrap_or_default();
-            let parts: Vec<Part> = own.into_iter().map(|patch| Part::new(surface, mesh, patch)).collect();
+            let parts: Vec<Part> = own.into_iter().map(|patch| Part::new(scene, mesh, patch)).collect();
             let polygons = match together(&parts) {
                 Some((exitance, _)) => vec![(facet.polygon(), exitance)],
                 None => parts.into_iter().flat_map(Part::into_polygons).collect(),
@@ -68,17 +68,17 @@ enum Part {
 }
 
 impl Part {
-    fn new(surface: &Surface, mesh: &Mesh, id: PatchId) -> Self {
+    fn new(scene: &Scene, mesh: &Mesh, id: PatchId) -> Self {
         let patch = mesh.patch(id);
-        let corners: Vec<DVec3> = patch.corners.iter().map(|corner| mesh.position(*corner)).collect();
-        let plane = surface.facets[patch.facet as usize].plane;
+        let polygon = mesh.polygon(scene, id);
         if patch.first_child.is_none() {
-            let exitance = surface.mean_exitance(patch.facet, &corners);
-            return Self::One { polygon: ConvexPolygon { plane, corners }, exitance, area: patch.area };
+            let surface = &scene.surfaces[patch.surface as usize];
+            let exitance = surface.mean_exitance(patch.facet, &polygon.corners);
+            return Self::One { polygon, exitance, area: patch.area };
         }
-        let parts: Vec<Self> = mesh.children(id).map(|child| Self::new(surface, mesh, child)).collect();
+        let parts: Vec<Self> = mesh.children(id).map(|child| Self::new(scene, mesh, child)).collect();
         match together(&parts) {
-            Some((exitance, area)) => Self::One { polygon: ConvexPolygon { plane, corners }, exitance, area },
+            Some((exitance, area)) => Self::One { polygon, exitance, area },
             None => Self::Many(parts),
         }
     }

@@ -32,8 +32,6 @@ pub struct Irradiance {
     pub direct: Vec<DVec3>,
     /// In all.
     pub all: Vec<DVec3>,
-    /// The same as the light of vertices is found, where that is interpolated between points.
-    pub between: Option<Vec<DVec3>>,
 }
 
 /// Irradiance of receivers from each of some lights, and what they see.
@@ -61,25 +59,20 @@ pub fn irradiance_at(
         direct.push(light::irradiance(light.sources, set, cx.client, |_, _, _| ())?);
     }
     let radiosities: Vec<&[DVec3]> = lights.iter().map(|light| light.radiosity).collect();
-    let (gathered, between, cover) = match place {
+    let (gathered, cover) = match place {
         Place::Kept(id) => {
             let gathered = source.gather(cx, mesh, table, &[id], &radiosities, true)?.pop();
             let Gathered { light, cover } = gathered.unwrap_or_default();
-            (light, None, cover)
+            (light, cover)
         }
         Place::Once(receivers) => {
-            let Once { light, between, sums } =
-                source.gather_once(cx, mesh, table, (set, receivers), &radiosities)?;
+            let Once { light, sums } = source.gather_once(cx, mesh, table, (set, receivers), &radiosities)?;
             cx.client.release(set);
-            (light, between, Cover { sums, ..Cover::default() })
+            (light, Cover { sums, ..Cover::default() })
         }
     };
-    let sum = |direct: &[DVec3], light: &[DVec3]| -> Vec<DVec3> {
-        direct.iter().zip(light).map(|(direct, light)| *direct + *light).collect()
-    };
-    let light = direct.into_iter().zip(gathered).enumerate().map(|(index, (direct, light))| Irradiance {
-        all: sum(&direct, &light),
-        between: between.as_ref().map(|between| sum(&direct, &between[index])),
+    let light = direct.into_iter().zip(gathered).map(|(direct, light)| Irradiance {
+        all: direct.iter().zip(light).map(|(direct, light)| *direct + light).collect(),
         direct,
     });
     Ok(Received { light: light.collect(), cover })

@@ -82,9 +82,8 @@ impl Measured {
 }
 
 impl Solved {
-    /// Gathers the light of all sources and shares at sample points.
-    ///
-    /// Returns the relative error of the light that points between which others interpolate give them.
+    /// Gathers the light of all sources and shares at sample points. Returns the relative error that light interpolated between
+    /// gather points has there.
     fn light_samples(&mut self, cx: &mut Context, samples: &mut SamplePoints) -> Result<f64> {
         if samples.count() == 0 {
             return Ok(0.0);
@@ -94,17 +93,12 @@ impl Solved {
         let Received { light, cover } =
             irradiance_at(cx, &self.mesh, &mut self.rows, Place::Once(&receivers), &[lights])?;
         samples.set_row_sums(&cover.sums);
-        let mut error = 0.0;
-        for Irradiance { direct, all, between } in light {
-            if let Some(between) = between {
-                let errors: Vec<DVec3> = between.iter().zip(&all).map(|(a, b)| *a - *b).collect();
-                samples.set_irradiance(all.clone());
-                error = samples.mean_square_error(&errors).sqrt() / samples.level().max(f64::MIN_POSITIVE);
-            }
+        for Irradiance { direct, all } in light {
             samples.set_direct(direct);
             samples.set_irradiance(all);
         }
-        Ok(error)
+        let between = self.rows.source.interpolated(cx, &receivers, &self.solution.radiosity)?;
+        Ok(between.map_or(0.0, |light| samples.relative(samples.differences(&light).into_iter())))
     }
 
     /// Relative error of the light of shares, each of constant radiosity: against that of the leaves of the refined mesh, each with

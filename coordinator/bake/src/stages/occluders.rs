@@ -6,7 +6,7 @@ use kernel::occluder::convex_bodies;
 use kernel::replica::ScenePolygons;
 
 use super::{pieces, sky};
-use scene::{Facet, Scene, Side};
+use scene::{Facet, Scene};
 
 /// Heights up to this, in frame units, count as in the plane: a few ulps of f32 coordinates.
 const IN_PLANE: f64 = 3e-4;
@@ -21,8 +21,8 @@ const MAX_TESTS: usize = 2_000_000_000;
 /// on one side, such as the walls of a convex room; convex bodies stay whole. The back sides of double-sided surfaces are left
 /// out, since a facet blocks from both sides. Transparent occluders come in pieces, with the opacity of each.
 pub fn occluders(scene: &Scene) -> ScenePolygons {
-    let facets = || scene.surfaces.iter().filter(|s| s.side == Side::Front).flat_map(|s| &s.facets);
-    let points: Vec<DVec3> = facets()
+    let points: Vec<DVec3> = scene
+        .front_facets()
         .flat_map(Facet::positions)
         .chain(scene.lights.iter().flat_map(|light| light.kind.extremes()))
         .chain(sky::corners(scene))
@@ -45,7 +45,7 @@ pub fn occluders(scene: &Scene) -> ScenePolygons {
     let mut blocks: Vec<bool> = vec![];
     let mut polygons: Vec<ConvexPolygon> = vec![];
     let mut translucent = ScenePolygons::default();
-    for surface in scene.surfaces.iter().filter(|surface| surface.side == Side::Front) {
+    for surface in scene.fronts() {
         for (index, facet) in (0..).zip(&surface.facets) {
             if surface.opacity >= 1.0 {
                 blocks.push(can_block(facet));

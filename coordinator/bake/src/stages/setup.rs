@@ -1,11 +1,9 @@
 //! The shooting mesh, its shares and the light sources.
 
-use kernel::row::{Shape, Shooter};
-
 use super::light::{self, LightSource};
 use crate::context::{Context, extent};
 use crate::error::{BakeError, Result};
-use crate::mesh::{Mesh, Share, VertexId, receivers, shadow_lines};
+use crate::mesh::{Mesh, VertexId, receivers, shadow_lines};
 use crate::refinement::SamplePoints;
 use crate::rows::{Rows, ShareMesh, row_source};
 use crate::settings::BakeSettings;
@@ -36,14 +34,9 @@ impl Setup {
         let mut source = row_source(scene, settings);
         let shares = source.shares(cx, &mesh, longest_edge);
         let mesh = ShareMesh::new(scene, mesh, shares);
-        let shooter = |(key, share): (usize, &Share)| Shooter {
-            key: key as u64,
-            shape: Shape::Polygons(share.polygons.clone()),
-        };
-        let shooters: Vec<Shooter> = mesh.shares.iter().enumerate().map(shooter).collect();
-        let sources =
-            light::sources(scene, &mesh.mesh, settings, shooters.len() as u64, source.joins_sources());
-        let mut table = source.open(cx, &mesh, shooters);
+        let first_key = mesh.shares.len() as u64;
+        let sources = light::sources(scene, &mesh.mesh, settings, first_key, source.joins_sources());
+        let mut table = source.open(cx, &mesh);
         let (vertices, around) = receivers(&mesh.mesh, VertexId(0));
         let coarse = source.add_receivers(cx, &mut table, &vertices, Some(&around))?;
         table.vertices.push(coarse);

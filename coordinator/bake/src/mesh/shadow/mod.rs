@@ -28,7 +28,7 @@ use glam::DVec3;
 use kernel::geometry::ConvexPolygon;
 use kernel::occluder::Occluder;
 use rayon::prelude::*;
-use scene::{Facet, Scene, Side};
+use scene::{Facet, Scene};
 
 use super::WELD;
 use super::line::Contact;
@@ -108,10 +108,9 @@ pub fn shadow_lines(scene: &Scene, extent: f64, error: f64) -> Vec<Vec<Vec<Conta
     lines
 }
 
-/// The facets that cast shadows. A facet blocks light from both sides, so the back sides of double-sided surfaces are left out.
+/// The facets that cast shadows.
 fn casters(scene: &Scene) -> impl Iterator<Item = &Facet> {
-    let opaque = |surface: &&scene::Surface| surface.side == Side::Front && surface.opacity >= LEAST_OPACITY;
-    scene.surfaces.iter().filter(opaque).flat_map(|surface| &surface.facets)
+    scene.fronts().filter(|surface| surface.opacity >= LEAST_OPACITY).flat_map(|surface| &surface.facets)
 }
 
 fn facet_at(scene: &Scene, place: (usize, usize)) -> &Facet {

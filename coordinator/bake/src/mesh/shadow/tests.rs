@@ -1,26 +1,17 @@
 use std::f64::consts::FRAC_PI_4;
 
 use glam::DVec3;
-use kernel::geometry::{PlaneId, area_vector};
+use kernel::geometry::PlaneId;
 use kernel::row::Spot;
-use scene::{
-    AreaLight, AreaShape, Corner, Facet, Frame, ImportReport, Light, LightEntry, LightKind, Scene, Side,
-    SourceDocument, Surface,
-};
+use scene::{AreaLight, AreaShape, Facet, LightKind, Scene};
 
 use super::*;
+use crate::test_scenes::{facet, scene};
 
 const EXTENT: f64 = 1000.0;
 const ERROR: f64 = 0.03;
 /// Bound of the distance between computed and expected points.
 const EXACT: f64 = 1e-6;
-
-fn facet(plane: u32, corners: &[[f64; 3]]) -> Facet {
-    let corners: Vec<DVec3> = corners.iter().copied().map(DVec3::from_array).collect();
-    let normal = area_vector(&corners).normalize_or_zero();
-    let corners = corners.into_iter().map(|position| Corner { position, normal }).collect();
-    Facet { plane: PlaneId(plane), normal, corners, triangles: vec![] }
-}
 
 /// A horizontal rectangle, facing up.
 fn level(plane: u32, y: f64, [x0, x1]: [f64; 2], [z0, z1]: [f64; 2]) -> Facet {
@@ -50,44 +41,6 @@ fn faces(first_plane: u32, low: [f64; 3], high: [f64; 3], out: bool) -> Vec<Face
         }
     }
     faces
-}
-
-fn surface(facets: Vec<Facet>) -> Surface {
-    Surface {
-        node: 0,
-        primitive: 0,
-        side: Side::Front,
-        name: String::new(),
-        reflectance: DVec3::splat(0.5),
-        exitance: DVec3::ZERO,
-        opacity: 1.0,
-        appearance: None,
-        facets,
-    }
-}
-
-/// A scene whose surfaces have these facets.
-fn scene(surfaces: Vec<Vec<Facet>>, lights: Vec<LightKind>) -> Scene {
-    let light = |kind| Light {
-        node: 0,
-        name: String::new(),
-        kind,
-        intensity: DVec3::splat(1e6),
-        entry: LightEntry::Punctual(0),
-    };
-    let surfaces: Vec<Surface> = surfaces.into_iter().map(surface).collect();
-    Scene {
-        source: SourceDocument { root: gltf::json::Root::default(), buffers: vec![], folder: None },
-        vertex_count: surfaces.iter().map(Surface::vertex_count).sum(),
-        surfaces,
-        lights: lights.into_iter().map(light).collect(),
-        sky: DVec3::ZERO,
-        frame: Frame { centre: DVec3::ZERO, scale: 1.0 },
-        plane_count: 1000,
-        warnings: vec![],
-        import_report: ImportReport::default(),
-        degenerate_triangles: 0,
-    }
 }
 
 fn point(x: f64, y: f64, z: f64) -> LightKind {

@@ -1,13 +1,12 @@
 //! What receivers see of shares, by rays.
 
 use glam::DVec3;
-use kernel::geometry::ConvexPolygon;
 use kernel::replica::{Receiver, Receivers, ScenePolygons};
 use kernel::row::{Hemisphere, Shape, Shooter};
 
 use crate::error::Result;
 use crate::jobs::{ReceiverSet, RowClient};
-use crate::mesh::{Mesh, PatchId};
+use crate::mesh::Mesh;
 use scene::Scene;
 
 /// The shares that a receiver sees, by rising index, with their form factors.
@@ -24,15 +23,14 @@ pub fn covered(view: &[(u32, f32)]) -> f64 {
 }
 
 /// Leaves of a mesh as rays see them, each with its opacity where one is not opaque.
-pub fn leaf_polygons(scene: &Scene, mesh: &Mesh, ids: impl Iterator<Item = PatchId>) -> ScenePolygons {
+pub fn leaf_polygons(scene: &Scene, mesh: &Mesh) -> ScenePolygons {
     let mut leaves = ScenePolygons::default();
-    for id in ids {
-        let patch = mesh.patch(id);
+    for (id, patch) in mesh.leaves() {
         let surface = &scene.surfaces[patch.surface as usize];
-        let corners = mesh.corners(id);
-        let opacity = if surface.opacity < 1.0 { surface.mean_opacity(patch.facet, &corners) } else { 1.0 };
-        let plane = surface.facets[patch.facet as usize].plane;
-        leaves.polygons.push(ConvexPolygon { plane, corners });
+        let polygon = mesh.polygon(scene, id);
+        let is_solid = surface.opacity >= 1.0;
+        let opacity = if is_solid { 1.0 } else { surface.mean_opacity(patch.facet, &polygon.corners) };
+        leaves.polygons.push(polygon);
         leaves.opacities.push(opacity.clamp(0.0, 1.0) as f32);
     }
     if leaves.opacities.iter().all(|opacity| *opacity == 1.0) {
@@ -41,11 +39,10 @@ pub fn leaf_polygons(scene: &Scene, mesh: &Mesh, ids: impl Iterator<Item = Patch
     leaves
 }
 
-/// What each receiver sees of published polygons, by this number of rays each. `share_of` gives the share of each polygon.
+/// What each receiver sees of published polygons, one for each share, by this number of rays each.
 pub fn views(
     client: &mut RowClient,
     polygons: ReceiverSet,
-    share_of: &[u32],
     receivers: &Receivers,
     rays: impl Fn(usize) -> u32,
 ) -> Result<Vec<View>> {
@@ -57,19 +54,8 @@ pub fn views(
     };
     let shooters: Vec<Shooter> = receivers.receivers.iter().enumerate().map(hemisphere).collect();
     let mut views = Vec::with_capacity(shooters.len());
-    let mut factors: Vec<(u32, f32)> = vec![];
     client.each_row(&shooters, polygons.seen_by(most), |_, row, _| {
-        factors.clear();
-        row.for_each(|polygon, factor| factors.push((share_of[polygon], factor)));
-        factors.sort_by_key(|(share, _)| *share);
-        factors.dedup_by(|from, into| {
-            let is_same = from.0 == into.0;
-            if is_same {
-                into.1 += from.1;
-            }
-            is_same
-        });
-        views.push(View::from(&*factors));
+        views.push(row.iter().map(|(share, factor)| (share as u32, factor)).collect::<View>());
     })?;
     Ok(views)
 }

@@ -55,13 +55,25 @@ const MOST_EXTRAPOLATION: f64 = 1.6;
 /// Indices of points and their weights, which sum to 1.
 pub type Weights = Vec<(u32, f32)>;
 
+/// A point near a receiver.
+struct Near {
+    point: u32,
+    /// From the receiver to it, relative to the distance of the neighbours once that is known.
+    offset: DVec3,
+    distance: f64,
+    /// How much it counts: more the nearer it is and the more it is alike.
+    weight: f64,
+    /// How much its surface is like that of the receiver, up to 1.
+    alike: f64,
+}
+
 /// Weights of points for each of some receivers.
 #[derive(Default)]
 pub struct Interpolation {
     /// Offsets into `weights`: one per receiver, and the end.
     starts: Vec<u32>,
-    /// Indices of points and their weights, which sum to 1 for a receiver.
-    weights: Vec<(u32, f32)>,
+    /// Of all receivers.
+    weights: Weights,
 }
 
 impl Interpolation {
@@ -132,37 +144,29 @@ impl<'a> Neighbours<'a> {
     /// does not count.
     pub fn weights(&self, receiver: &Receiver, least_alike: f64, itself: Option<u32>) -> Option<Weights> {
         let place = place(receiver, self.extent);
-        let mut found =
+        let found =
             self.tree.as_ref()?.query(&place).nearest_n::<SquaredEuclidean<f64>>(NEIGHBOURS).execute();
-        found.sort_by(|a, b| a.distance.total_cmp(&b.distance).then(a.item.cmp(&b.item)));
-        let near = found.iter().map(|found| found.item).filter(|point| Some(*point) != itself);
-        let mut distances: Vec<(u32, DVec3, f64)> = near
-            .map(|point| {
-                let offset = self.points[point as usize].position - receiver.position;
-                (point, offset, offset.length())
-            })
-            .collect();
-        distances.sort_by(|a, b| a.2.total_cmp(&b.2));
-        let scale = distances.get(distances.len() / 2)?.2.max(f64::MIN_POSITIVE);
-        let (off_plane, near) = (OFF_PLANE * scale + LEAST_OFF_PLANE * self.extent, NEAR * scale);
-        let mut best = 0.0_f64;
-        let mut weighted: Vec<(u32, DVec3, f64, f64)> = distances
-            .into_iter()
-            .map(|(point, offset, distance)| {
-                let normal = self.points[point as usize].normal;
-                let off = (offset.dot(normal).abs() + offset.dot(receiver.normal).abs()) / off_plane;
-                let facing = normal.dot(receiver.normal).max(0.0).powi(FACING);
-                let alike = ((-off * off).exp() * facing).max(LEAST);
-                (point, offset / scale, alike * scale * scale / (distance * distance + near * near), alike)
-            })
-            .collect();
-        let largest = weighted.iter().map(|(_, _, weight, _)| *weight).fold(0.0, f64::max);
-        weighted.retain(|(point, _, weight, alike)| {
-            let counts = *weight > LEAST_WEIGHT * largest && self.is_seen(receiver, *point);
-            best = best.max(if counts { *alike } else { 0.0 });
-            counts
-        });
-        (best > 0.0 && best >= least_alike).then(|| fitted(receiver.normal, &weighted))
+        let near = |point: u32| {
+            let offset = self.points[point as usize].position - receiver.position;
+            Near { point, offset, distance: offset.length(), weight: 0.0, alike: 0.0 }
+        };
+        let points = found.iter().map(|found| found.item).filter(|point| Some(*point) != itself);
+        let mut all: Vec<Near> = points.map(near).collect();
+        all.sort_by(|a, b| a.distance.total_cmp(&b.distance).then(a.point.cmp(&b.point)));
+        let scale = all.get(all.len() / 2)?.distance.max(f64::MIN_POSITIVE);
+        let (off_plane, least) = (OFF_PLANE * scale + LEAST_OFF_PLANE * self.extent, NEAR * scale);
+        for near in &mut all {
+            let normal = self.points[near.point as usize].normal;
+            let off = (near.offset.dot(normal).abs() + near.offset.dot(receiver.normal).abs()) / off_plane;
+            let facing = normal.dot(receiver.normal).max(0.0).powi(FACING);
+            near.alike = ((-off * off).exp() * facing).max(LEAST);
+            near.weight = near.alike * scale * scale / (near.distance * near.distance + least * least);
+            near.offset /= scale;
+        }
+        let largest = all.iter().map(|near| near.weight).fold(0.0, f64::max);
+        all.retain(|near| near.weight > LEAST_WEIGHT * largest && self.is_seen(receiver, near.point));
+        let best = all.iter().map(|near| near.alike).fold(0.0, f64::max);
+        (best > 0.0 && best >= least_alike).then(|| fitted(receiver.normal, &all))
     }
 
     fn is_seen(&self, receiver: &Receiver, point: u32) -> bool {
@@ -183,23 +187,21 @@ fn place(receiver: &Receiver, extent: f64) -> [f64; 6] {
 }
 
 /// Weights by which values at some offsets make the value at 0: of the plane fitted to them, or of their mean.
-fn fitted(normal: DVec3, points: &[(u32, DVec3, f64, f64)]) -> Weights {
+fn fitted(normal: DVec3, points: &[Near]) -> Weights {
     let (u, v) = normal.any_orthonormal_pair();
     let terms = |offset: DVec3| DVec3::new(1.0, offset.dot(u), offset.dot(v));
-    let sum: f64 = points.iter().map(|(_, _, weight, _)| weight).sum();
+    let sum: f64 = points.iter().map(|near| near.weight).sum();
     let mut matrix = DMat3::from_diagonal(DVec3::new(0.0, HELD, HELD) * sum);
-    for (_, offset, weight, _) in points {
-        let terms = terms(*offset);
-        matrix += DMat3::from_cols(terms * terms.x, terms * terms.y, terms * terms.z) * *weight;
+    for near in points {
+        let terms = terms(near.offset);
+        matrix += DMat3::from_cols(terms * terms.x, terms * terms.y, terms * terms.z) * near.weight;
     }
     let first = matrix.inverse().x_axis;
-    let plane: Vec<f64> =
-        points.iter().map(|(_, offset, weight, _)| weight * first.dot(terms(*offset))).collect();
+    let plane: Vec<f64> = points.iter().map(|near| near.weight * first.dot(terms(near.offset))).collect();
     let is_held = plane.iter().map(|weight| weight.abs()).sum::<f64>() <= MOST_EXTRAPOLATION;
+    let mean = |near: &Near| near.weight / sum;
     let weights = points.iter().zip(plane);
-    weights
-        .map(|((point, _, weight, _), plane)| (*point, if is_held { plane } else { weight / sum } as f32))
-        .collect()
+    weights.map(|(near, plane)| (near.point, if is_held { plane } else { mean(near) } as f32)).collect()
 }
 
 #[cfg(test)]

@@ -11,12 +11,14 @@
 //! |---|---|
 //! | `hemisphere` | what receivers see, by rays |
 //! | `points` | gather points, with what they see |
+//! | `noise` | what their rays leave open |
 //! | `interpolation` | light between the points |
 //! | `place` | where the points lie |
 //! | `weigh` | which of them each receiver takes its light from |
 
 mod hemisphere;
 mod interpolation;
+mod noise;
 mod place;
 mod points;
 mod weigh;
@@ -24,7 +26,6 @@ mod weigh;
 use glam::DVec3;
 use kernel::occluder::Occluder;
 use kernel::replica::{Receiver, Receivers};
-use kernel::row::Shooter;
 
 use super::means::{Means, ShareValues};
 use super::share_mesh::ShareMesh;
@@ -32,17 +33,17 @@ use super::solution::Solution;
 use super::source::{Cover, Gathered, LeafLight, Once, Problem, RowSource};
 use super::table::RowTable;
 use crate::context::Context;
-use crate::error::{BakeError, Result};
+use crate::error::Result;
 use crate::jobs::{ReceiverSet, RowClient};
 use crate::mesh::{Mesh, PatchId, Share, Surroundings};
-use crate::refinement::SamplePoints;
 use crate::settings::{BakeSettings, RowStrategy};
 use crate::solver::acceleration::Acceleration;
 use crate::solver::cache::{ColumnCache, SetId};
-use hemisphere::{View, covered, gathered, leaf_polygons, views};
+use hemisphere::{covered, gathered, leaf_polygons, views};
 use interpolation::{Interpolation, Neighbours};
+use noise::Twins;
 use points::GatherPoints;
-use scene::{Scene, Side};
+use scene::Scene;
 
 /// Passes end here even if the accuracy was not reached; the bound is reported.
 const MOST_PASSES: u32 = 1000;
@@ -53,7 +54,7 @@ const EDGE_FACTOR: f64 = 1.0 / 3.0;
 /// The same in scenes of so many vertices that few are added by it.
 const FINE_EDGE_FACTOR: f64 = 0.1;
 
-/// So many vertices are many.
+/// Scenes with this many vertices get the fine edges.
 const MANY_VERTICES: usize = 100_000;
 
 /// Fewest rays of a gather point: many receivers depend on it.
@@ -68,27 +69,17 @@ const LEAST_PART: f64 = 0.125;
 /// Factor of the rays of receivers that the answer is measured at.
 const MEASURED: u32 = 4;
 
-/// Keys of gather points that are looked at with other rays.
-const TWIN_KEYS: u64 = 1 << 34;
-
-/// Gather points whose noise is measured.
-const TWINS: usize = 256;
-
 /// The gathering strategy.
 #[derive(Default)]
 pub struct GatherRows {
     /// The polygons of the shares, once they are published.
     polygons: Option<ReceiverSet>,
-    /// Share of each polygon.
-    share_of: Vec<u32>,
-    /// Whether points were placed, or were found not to be worth it.
-    is_placed: bool,
-    /// What stands between receivers and gather points.
-    occluder: Option<Occluder>,
     /// Rays of a gather point.
     rays: u32,
+    /// Empty until they are placed.
     points: GatherPoints,
-    /// The first gather points with other rays.
+    /// What stands between receivers and gather points; none where no receiver takes its light from others' points.
+    occluder: Option<Occluder>,
     twins: Twins,
     sets: Vec<Set>,
 }
@@ -102,13 +93,6 @@ struct Set {
     weights: Interpolation,
 }
 
-/// Gather points with other rays: the difference is noise.
-#[derive(Default)]
-struct Twins {
-    points: SamplePoints,
-    views: Vec<View>,
-}
-
 /// The fewer rays, the smaller a vertex's surroundings are. Where vertices lie close together, the light of a piece of surface is
 /// the mean of many, and so is their noise.
 fn rays_of_vertex(around: &Surroundings, wide: f64, all: u32) -> u32 {
@@ -117,23 +101,12 @@ fn rays_of_vertex(around: &Surroundings, wide: f64, all: u32) -> u32 {
     ((f64::from(all) * part) as u32).next_power_of_two().min(all)
 }
 
-impl Twins {
-    /// Mean square of the noise of the radiosity at a gather point.
-    fn square_noise(&self, points: &GatherPoints, radiosity: &[DVec3]) -> f64 {
-        let pairs = points.views.iter().zip(&self.views);
-        let difference = |(a, b): (&View, &View)| gathered(a, radiosity) - gathered(b, radiosity);
-        let differences: Vec<DVec3> = pairs.map(difference).collect();
-        self.points.mean_square_error(&differences) / 2.0
-    }
-}
-
 impl GatherRows {
+    /// The points that others interpolate between, sorted.
     fn neighbours<'a>(&'a self, cx: &Context) -> Option<Neighbours<'a>> {
         self.occluder.as_ref().map(|occluder| self.points.neighbours(occluder, cx.extent()))
     }
-}
 
-impl GatherRows {
     /// Irradiance of the receivers of a set, given that of the gather points.
     fn at_set(&self, set: SetId, points: &[DVec3]) -> Vec<DVec3> {
         self.sets[set.index()].weights.of(points)
@@ -144,6 +117,18 @@ impl GatherRows {
         let part = self.sets.first().map_or(1.0, |set| set.weights.variance_part());
         let square = self.twins.square_noise(&self.points, radiosity) * part;
         if level > 0.0 { square.sqrt() / level } else { 0.0 }
+    }
+
+    /// Sets the irradiance of the vertices, given that of the gather points.
+    fn light_vertices(
+        &self,
+        table: &RowTable,
+        direct: &[DVec3],
+        points: &[DVec3],
+        solution: &mut Solution,
+    ) -> Result<()> {
+        let reflected = table.vertices.iter().flat_map(|set| self.at_set(*set, points));
+        solution.set_irradiance(direct, reflected)
     }
 }
 
@@ -163,28 +148,18 @@ impl RowSource for GatherRows {
 
     /// Each leaf: what rays meet has the light of its own place, whatever lies hidden beside it, and more leaves cost no rays.
     fn shares(&self, cx: &Context, mesh: &Mesh, _: f64) -> Vec<Share> {
-        let plane_of =
-            |surface: u32, facet: u32| cx.scene.surfaces[surface as usize].facets[facet as usize].plane;
-        mesh.leaf_shares(plane_of)
+        mesh.leaf_shares(cx.scene)
     }
 
     fn joins_sources(&self) -> bool {
         true
     }
 
-    fn open(&mut self, cx: &mut Context, mesh: &ShareMesh, _: Vec<Shooter>) -> RowTable {
-        let of_share = |(index, share): (u32, &Share)| {
-            share.corners.chunk_by(|a, b| a.0 == b.0).map(|own| (own[0].0, index)).collect::<Vec<_>>()
-        };
-        let (leaves, share_of): (Vec<PatchId>, Vec<u32>) = (0..).zip(&mesh.shares).flat_map(of_share).unzip();
-        let leaves = leaf_polygons(cx.scene, &mesh.mesh, leaves.into_iter());
+    fn open(&mut self, cx: &mut Context, mesh: &ShareMesh) -> RowTable {
+        let leaves = leaf_polygons(cx.scene, &mesh.mesh);
         self.polygons = Some(cx.client.publish_polygons(&leaves.polygons, &leaves.opacities));
-        self.share_of = share_of;
         self.rays = self.rays(cx.settings);
         cx.client.set_precision(cx.settings.clone().with_rays(f64::from(self.rays)).precision());
-        let fronts = cx.scene.surfaces.iter().filter(|surface| surface.side == Side::Front);
-        let facets = fronts.flat_map(|surface| &surface.facets);
-        self.occluder = Some(Occluder::new(&facets.map(scene::Facet::polygon).collect::<Vec<_>>()));
         // No shooter has a row of its own.
         RowTable::new(vec![], 0)
     }
@@ -205,11 +180,10 @@ impl RowSource for GatherRows {
         let wide = WIDE * cx.settings.shooter_edge * cx.extent();
         let rays = |index| around.map_or(self.rays, |around| rays_of_vertex(&around[index], wide, self.rays));
         let rays: Vec<u32> = (0..receivers.receivers.len()).map(rays).collect();
-        // Before the points are placed there is nothing to weigh.
-        let weights = if self.is_placed {
-            self.weigh(cx, &receivers.receivers, &rays)?
-        } else {
+        let weights = if self.points.receivers.is_empty() {
             Interpolation::default()
+        } else {
+            self.weigh(cx, &receivers.receivers, &rays)?
         };
         self.sets.push(Set { receivers: receivers.receivers.clone(), rays, weights });
         Ok(id)
@@ -247,14 +221,23 @@ impl RowSource for GatherRows {
         radiosities: &[&[DVec3]],
     ) -> Result<Once> {
         let Some(polygons) = self.polygons else { return Ok(Once::default()) };
-        let views = views(cx.client, polygons, &self.share_of, receivers, |_| self.rays * MEASURED)?;
+        let views = views(cx.client, polygons, receivers, |_| self.rays * MEASURED)?;
         let at = |radiosity: &&[DVec3]| views.iter().map(|view| gathered(view, radiosity)).collect();
-        let light = radiosities.iter().map(at).collect();
-        let sums = views.iter().map(|view| covered(view)).collect();
+        Ok(Once {
+            light: radiosities.iter().map(at).collect(),
+            sums: views.iter().map(|view| covered(view)).collect(),
+        })
+    }
+
+    fn interpolated(
+        &mut self,
+        cx: &mut Context,
+        receivers: &Receivers,
+        radiosity: &[DVec3],
+    ) -> Result<Option<Vec<DVec3>>> {
         let rays = vec![self.rays; receivers.receivers.len()];
         let weights = self.weigh(cx, &receivers.receivers, &rays)?;
-        let between = radiosities.iter().map(|radiosity| weights.of(&self.points.gather(radiosity)));
-        Ok(Once { between: Some(between.collect()), light, sums })
+        Ok(Some(weights.of(&self.points.gather(radiosity))))
     }
 
     fn row_sums(&self, mesh: &ShareMesh, at_vertices: &[f64]) -> Vec<f64> {
@@ -280,7 +263,6 @@ impl RowSource for GatherRows {
         direct: &[DVec3],
     ) -> Result<Vec<DVec3>> {
         let radiosity = self.place(cx, mesh, direct)?;
-        self.is_placed = true;
         self.weigh_all(cx)?;
         Ok(radiosity)
     }
@@ -303,7 +285,8 @@ impl RowSource for GatherRows {
         let mut acceleration = Acceleration::new(areas.clone());
         for _ in 0..MOST_PASSES {
             cx.client.monitor.check()?;
-            self.irradiance(table, problem, &mut solution)?;
+            let points = self.points.gather(&solution.radiosity);
+            self.light_vertices(table, problem.direct, &points, &mut solution)?;
             let incident = problem.values.of(energies, &solution.irradiance);
             problem.mesh.preview(cx, problem.direct, || {
                 (solution.irradiance.clone(), problem.mesh.unshot(&incident, &solution.radiosity))
@@ -325,10 +308,10 @@ impl RowSource for GatherRows {
             }
             solution.radiosity = acceleration.next(before, &solution.radiosity);
         }
-        self.irradiance(table, problem, &mut solution)?;
+        let points = self.points.gather(&solution.radiosity);
+        self.light_vertices(table, problem.direct, &points, &mut solution)?;
         if let Some(set) = table.samples {
-            let gathered = self.at_set(set, &self.points.gather(&solution.radiosity));
-            solution.samples.set_gathered(&gathered);
+            solution.samples.set_gathered(&self.at_set(set, &points));
             solution.ray_noise = self.noise(&solution.radiosity, solution.samples.level());
         }
         Ok(solution)
@@ -341,33 +324,19 @@ impl RowSource for GatherRows {
         receivers: &Receivers,
         (irradiance, exposed): (&[DVec3], &[bool]),
     ) -> Result<LeafLight> {
-        let ids: Vec<PatchId> = mesh.mesh.leaves().map(|(id, _)| id).collect();
-        let leaves = leaf_polygons(cx.scene, &mesh.mesh, ids.iter().copied());
-        let each: Vec<u32> = (0..ids.len() as u32).collect();
-        let means = Means::new(&mesh.mesh, &self.shares(cx, &mesh.mesh, 0.0), exposed).of(irradiance);
+        let leaves = leaf_polygons(cx.scene, &mesh.mesh);
         let set = cx.client.publish_polygons(&leaves.polygons, &leaves.opacities);
-        let views = views(cx.client, set, &each, receivers, |_| self.rays * MEASURED)?;
+        let views = views(cx.client, set, receivers, |_| self.rays * MEASURED)?;
         cx.client.release(set);
-        let reflected = |(id, mean): (&PatchId, DVec3)| {
-            mesh.patch_materials.of(cx.scene, &mesh.mesh, *id).reflectance * mean
+        let means = Means::new(&mesh.mesh, &mesh.mesh.leaf_shares(cx.scene), exposed).of(irradiance);
+        let reflected = |((id, _), mean): ((PatchId, _), DVec3)| {
+            mesh.patch_materials.of(cx.scene, &mesh.mesh, id).reflectance * mean
         };
-        let radiosity: Vec<DVec3> = ids.iter().zip(means).map(reflected).collect();
+        let radiosity: Vec<DVec3> = mesh.mesh.leaves().zip(means).map(reflected).collect();
         // The same rays meet shares and leaves.
         Ok(LeafLight {
             irradiance: views.iter().map(|view| gathered(view, &radiosity)).collect(),
             rows: None,
         })
-    }
-}
-
-impl GatherRows {
-    /// Sets the irradiance of the vertices.
-    fn irradiance(&self, table: &RowTable, problem: &Problem, solution: &mut Solution) -> Result<()> {
-        let points = self.points.gather(&solution.radiosity);
-        let reflected = table.vertices.iter().flat_map(|set| self.at_set(*set, &points));
-        solution.irradiance =
-            problem.direct.iter().zip(reflected).map(|(direct, light)| *direct + light).collect();
-        let is_finite = solution.irradiance.iter().all(|irradiance| irradiance.is_finite());
-        if is_finite { Ok(()) } else { Err(BakeError::NotFinite) }
     }
 }

@@ -78,13 +78,12 @@ impl GatherRows {
         receivers: &[Receiver],
         least_alike: f64,
     ) -> Result<Vec<Option<Weights>>> {
+        let Some(neighbours) = self.neighbours(cx) else { return Ok(vec![None; receivers.len()]) };
         let mut weights = Vec::with_capacity(receivers.len());
-        if let Some(neighbours) = self.neighbours(cx) {
-            for some in receivers.chunks(AT_ONCE) {
-                cx.client.monitor.check()?;
-                let weigh = |receiver: &Receiver| neighbours.weights(receiver, least_alike, None);
-                weights.par_extend(some.par_iter().with_min_len(64).map(weigh));
-            }
+        for some in receivers.chunks(AT_ONCE) {
+            cx.client.monitor.check()?;
+            let weigh = |receiver: &Receiver| neighbours.weights(receiver, least_alike, None);
+            weights.par_extend(some.par_iter().with_min_len(64).map(weigh));
         }
         Ok(weights)
     }
@@ -129,7 +128,7 @@ impl GatherRows {
         let alone = Receivers { first_key: ALONE_KEYS + self.points.receivers.len() as u64, receivers };
         // With points around, few lack them, and small places.
         let part = if self.points.shared > 0 { ALONE } else { 1.0 };
-        views(cx.client, polygons, &self.share_of, &alone, |index| (f64::from(rays[index]) * part) as u32)
+        views(cx.client, polygons, &alone, |index| (f64::from(rays[index]) * part) as u32)
     }
 }
 

@@ -1,0 +1,46 @@
+//! What the rays of gather points leave open.
+
+use glam::DVec3;
+use kernel::replica::Receivers;
+
+use super::hemisphere::{View, gathered, views};
+use super::points::GatherPoints;
+use crate::error::Result;
+use crate::jobs::{ReceiverSet, RowClient};
+use crate::refinement::SamplePoints;
+
+/// Gather points whose noise is measured.
+pub const TWINS: usize = 256;
+
+/// Keys of gather points that are looked at with other rays.
+const KEYS: u64 = 1 << 34;
+
+/// The first gather points with other rays: the difference is noise.
+#[derive(Default)]
+pub struct Twins {
+    points: SamplePoints,
+    views: Vec<View>,
+}
+
+impl Twins {
+    /// Looks from the first of these points at the published polygons.
+    pub fn look(
+        client: &mut RowClient,
+        polygons: ReceiverSet,
+        points: SamplePoints,
+        rays: u32,
+    ) -> Result<Self> {
+        let Receivers { first_key, receivers } = points.receivers(TWINS);
+        let again = Receivers { first_key: first_key + KEYS, receivers };
+        let views = views(client, polygons, &again, |_| rays)?;
+        Ok(Self { points, views })
+    }
+
+    /// Mean square of the noise of the radiosity at a gather point.
+    pub fn square_noise(&self, points: &GatherPoints, radiosity: &[DVec3]) -> f64 {
+        let pairs = points.views.iter().zip(&self.views);
+        let difference = |(a, b): (&View, &View)| gathered(a, radiosity) - gathered(b, radiosity);
+        let differences: Vec<DVec3> = pairs.map(difference).collect();
+        self.points.mean_square_error(&differences) / 2.0
+    }
+}
