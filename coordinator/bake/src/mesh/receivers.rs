@@ -1,27 +1,126 @@
+use foldhash::{HashMap, HashMapExt};
 use glam::DVec3;
 use kernel::replica::{Receiver, Receivers};
 
-use super::{Mesh, Surroundings, Vertex, VertexId, surroundings};
+use super::{Mesh, PatchId, Surroundings, Vertex, VertexId, surroundings};
 
 /// How far a receiver is moved from its vertex into the surface around it, relative to that surface's width. A vertex on a
 /// room's edge lies in the planes of both walls and sees nothing of the other; a hair inside, half of its hemisphere is the
 /// other wall, and the form factors of a closed room sum to 1.
 pub const INWARD: f64 = 1e-3;
 
-/// The vertices from `first` on as receivers, with the surroundings of each.
+/// Vertices as receivers.
+pub struct VertexReceivers {
+    /// The receivers, by rising index of the first vertex of each.
+    pub receivers: Receivers,
+    /// The surroundings of each receiver.
+    pub around: Vec<Surroundings>,
+    /// Receiver of each vertex, where some share one.
+    pub of_vertices: Option<Vec<u32>>,
+}
+
+/// The vertices from `first` on as receivers. The corners of a leaf no wider than `small`, in frame units, which no other leaf has,
+/// share one in its middle: light does not change on so short a way.
 #[must_use]
-pub fn receivers(mesh: &Mesh, first: VertexId) -> (Receivers, Vec<Surroundings>) {
+pub fn receivers(mesh: &Mesh, first: VertexId, small: f64) -> VertexReceivers {
     let surroundings = surroundings(mesh, first);
-    let receiver = |(vertex, around): (&Vertex, &Surroundings)| {
-        let in_plane = around.inward - vertex.normal * vertex.normal.dot(around.inward);
-        // Facets around a smooth vertex lie under its horizon or rise over it: start above them all.
-        let lift = if vertex.smooth { vertex.normal * around.area.sqrt() } else { DVec3::ZERO };
-        Receiver {
-            position: vertex.position + (in_plane + lift) * INWARD,
-            normal: vertex.normal,
-            plane: vertex.plane,
-        }
+    let vertices = &mesh.vertices[first.index()..];
+    let of_leaves = only_leaves(mesh, first, small);
+    let mut all = VertexReceivers {
+        receivers: Receivers { first_key: u64::from(first.0), receivers: Vec::with_capacity(vertices.len()) },
+        around: Vec::with_capacity(vertices.len()),
+        of_vertices: None,
     };
-    let receivers = mesh.vertices[first.index()..].iter().zip(&surroundings).map(receiver).collect();
-    (Receivers { first_key: u64::from(first.0), receivers }, surroundings)
+    let mut of_vertices = Vec::with_capacity(vertices.len());
+    let mut shared: HashMap<PatchId, u32> = HashMap::new();
+    for ((vertex, around), leaf) in vertices.iter().zip(&surroundings).zip(of_leaves) {
+        let next = all.around.len() as u32;
+        let receiver = match leaf {
+            Some(leaf) => *shared.entry(leaf).or_insert(next),
+            None => next,
+        };
+        of_vertices.push(receiver);
+        if receiver < next {
+            all.around[receiver as usize].area += around.area;
+            continue;
+        }
+        all.around.push(*around);
+        all.receivers.receivers.push(match leaf {
+            Some(leaf) => {
+                Receiver { position: mesh.centre(leaf), normal: vertex.normal, plane: vertex.plane }
+            }
+            None => receiver_at(vertex, around),
+        });
+    }
+    all.of_vertices = (!shared.is_empty()).then_some(of_vertices);
+    all
+}
+
+/// The leaf of each vertex from `first` on that has only one, where that is small and as flat as it looks.
+fn only_leaves(mesh: &Mesh, first: VertexId, small: f64) -> Vec<Option<PatchId>> {
+    let vertices = &mesh.vertices[first.index()..];
+    let mut leaves: Vec<Option<PatchId>> = vec![None; vertices.len()];
+    let mut is_alone: Vec<bool> = vertices.iter().map(|vertex| !vertex.smooth).collect();
+    for (id, patch) in mesh.leaves() {
+        let is_small = mesh.size(id) <= small;
+        for index in patch.corners.iter().filter_map(|corner| corner.index().checked_sub(first.index())) {
+            is_alone[index] &= is_small && leaves[index].is_none();
+            leaves[index] = Some(id);
+        }
+    }
+    leaves.into_iter().zip(is_alone).map(|(leaf, is_alone)| leaf.filter(|_| is_alone)).collect()
+}
+
+fn receiver_at(vertex: &Vertex, around: &Surroundings) -> Receiver {
+    let in_plane = around.inward - vertex.normal * vertex.normal.dot(around.inward);
+    // Facets around a smooth vertex lie under its horizon or rise over it: start above them all.
+    let lift = if vertex.smooth { vertex.normal * around.area.sqrt() } else { DVec3::ZERO };
+    Receiver {
+        position: vertex.position + (in_plane + lift) * INWARD,
+        normal: vertex.normal,
+        plane: vertex.plane,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_scenes::{facet, scene};
+
+    const EXTENT: f64 = 1000.0;
+
+    #[test]
+    fn corners_of_a_small_leaf_share_a_receiver_where_it_has_them_alone() {
+        let floor =
+            facet(0, &[[0.0, 0.0, 0.0], [0.0, 0.0, EXTENT], [EXTENT, 0.0, EXTENT], [EXTENT, 0.0, 0.0]]);
+        let crumb = facet(1, &[[5.0, 5.0, 5.0], [5.0, 5.0, 8.0], [8.0, 5.0, 8.0]]);
+        // Two that have an edge in common, seen as one surface.
+        let chip = facet(2, &[[50.0, 5.0, 5.0], [50.0, 5.0, 8.0], [53.0, 5.0, 8.0]]);
+        let other = facet(2, &[[50.0, 5.0, 5.0], [53.0, 5.0, 8.0], [53.0, 5.0, 5.0]]);
+        let scene = scene(vec![vec![floor], vec![crumb], vec![chip, other]], vec![]);
+        let mesh = Mesh::new(&scene, EXTENT, EXTENT, 0, &[]);
+        let alone = receivers(&mesh, VertexId(0), 0.0);
+        assert_eq!(alone.of_vertices, None);
+        assert_eq!(alone.receivers.receivers.len(), mesh.vertices.len());
+
+        let some = receivers(&mesh, VertexId(0), 5.0);
+        let of_vertices = some.of_vertices.unwrap();
+        let of_surface = |surface: u32| -> Vec<u32> {
+            let leaves = mesh.leaves().filter(|(_, patch)| patch.surface == surface);
+            leaves.flat_map(|(_, patch)| &patch.corners).map(|vertex| of_vertices[vertex.index()]).collect()
+        };
+        let distinct = |mut all: Vec<u32>| {
+            all.sort_unstable();
+            all.dedup();
+            all
+        };
+        assert_eq!(distinct(of_surface(0)).len(), 4);
+        let [shared] = distinct(of_surface(1))[..] else { panic!("{:?}", of_surface(1)) };
+        let place = some.receivers.receivers[shared as usize].position;
+        assert!(place.distance(DVec3::new(6.0, 5.0, 7.0)) < 1e-9, "{place}");
+        assert!((some.around[shared as usize].area - 4.5).abs() < 1e-9);
+        // Both have two corners in common, which change light from one to the other.
+        assert_eq!(distinct(of_surface(2)).len(), 4);
+        assert_eq!(some.receivers.receivers.len(), 9);
+    }
 }

@@ -79,6 +79,10 @@ impl RowSource for ExactRows {
         table.release(client);
     }
 
+    fn small_leaves(&self, _: &BakeSettings) -> f64 {
+        0.0
+    }
+
     fn add_receivers(
         &mut self,
         cx: &mut Context,
@@ -178,7 +182,7 @@ impl RowSource for ExactRows {
         // Sweeps go over the columns again and again, over the rows they are computed from once: columns come first.
         let bytes = if means.is_some() { table.coarse_bytes + table.coarse_bytes / 4 } else { 0 };
         let reserved = table.cache().reserve(bytes);
-        let vertices = table.vertices.clone();
+        let vertices: Vec<SetId> = table.vertex_sets().collect();
         let bounds = table.bounds.clone();
         let mut transfer = Factors {
             bounds: &bounds,

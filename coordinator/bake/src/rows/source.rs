@@ -5,11 +5,11 @@ use kernel::row::Row;
 use super::means::ShareValues;
 use super::share_mesh::ShareMesh;
 use super::solution::Solution;
-use super::table::RowTable;
+use super::table::{RowTable, VertexSet};
 use crate::context::Context;
 use crate::error::Result;
 use crate::jobs::{ReceiverSet, RowClient};
-use crate::mesh::{Mesh, Share, Surroundings};
+use crate::mesh::{Mesh, Share, Surroundings, VertexId, VertexReceivers, receivers};
 use crate::settings::{BakeSettings, RowStrategy};
 use crate::solver::bounds::add_to_sums;
 use crate::solver::cache::{ColumnCache, SetId};
@@ -37,6 +37,9 @@ pub trait RowSource {
 
     /// Releases what was published.
     fn close(self: Box<Self>, table: RowTable, client: &mut RowClient);
+
+    /// Width of leaves whose corners share a receiver, relative to the scene's extent.
+    fn small_leaves(&self, settings: &BakeSettings) -> f64;
 
     /// Adds receivers to the table. Vertices come with their surroundings.
     fn add_receivers(
@@ -154,6 +157,19 @@ pub struct Once {
     pub light: Vec<Vec<DVec3>>,
     /// Sum of the form factors of each.
     pub sums: Vec<f64>,
+}
+
+impl Rows {
+    /// Adds the vertices of a mesh from `first` on.
+    pub fn add_vertices(&mut self, cx: &mut Context, mesh: &Mesh, first: VertexId) -> Result<VertexSet> {
+        let Self { source, table } = self;
+        let small = source.small_leaves(cx.settings) * cx.extent();
+        let VertexReceivers { receivers, around, of_vertices } = receivers(mesh, first, small);
+        let set = source.add_receivers(cx, table, &receivers, Some(&around))?;
+        let vertices = VertexSet { count: mesh.vertices.len() - first.index(), set, of_vertices };
+        table.vertices.push(vertices.clone());
+        Ok(vertices)
+    }
 }
 
 /// What a solution is to solve.

@@ -26,6 +26,27 @@ const PAIRS_PER_BLOCK: usize = 4_000_000;
 /// Most shares of a block.
 const LARGEST_BLOCK: usize = 1024;
 
+/// Vertices as receivers.
+#[derive(Debug, Clone)]
+pub struct VertexSet {
+    /// Number of vertices.
+    pub count: usize,
+    /// The receivers.
+    pub set: SetId,
+    /// Receiver of each vertex, where some share one.
+    pub of_vertices: Option<Vec<u32>>,
+}
+
+impl VertexSet {
+    /// Values of the vertices, from those of the receivers.
+    pub fn spread<T: Copy>(&self, values: Vec<T>) -> Vec<T> {
+        match &self.of_vertices {
+            Some(receivers) => receivers.iter().map(|receiver| values[*receiver as usize]).collect(),
+            None => values,
+        }
+    }
+}
+
 /// The rows of all shares over all sets of receivers that need them more than once.
 pub struct RowTable {
     shooters: Vec<Shooter>,
@@ -34,7 +55,7 @@ pub struct RowTable {
     /// By set and share: the variance of the row, once it was made.
     variances: Vec<Vec<Option<f64>>>,
     /// The vertices: those of the shooting mesh, then those of each round of refinement.
-    pub vertices: Vec<SetId>,
+    pub vertices: Vec<VertexSet>,
     /// Scales vertices that see more than a hemisphere.
     pub bounds: Bounds,
     /// The refinement samples, if there are any.
@@ -66,6 +87,16 @@ impl RowTable {
         self.sets.push(set);
         self.variances.push(vec![None; self.shooters.len()]);
         self.cache.add_set(self.shooters.len())
+    }
+
+    /// The vertices of the shooting mesh: they are added before all others.
+    pub fn coarse(&self) -> &VertexSet {
+        &self.vertices[COARSE.index()]
+    }
+
+    /// The sets of the vertices.
+    pub fn vertex_sets(&self) -> impl Iterator<Item = SetId> + '_ {
+        self.vertices.iter().map(|vertices| vertices.set)
     }
 
     /// A set of receivers.
@@ -142,7 +173,7 @@ impl RowTable {
         direct: &[DVec3],
         solution: &mut Solution,
     ) -> Result<()> {
-        let sets: Vec<SetId> = self.vertices.iter().copied().chain(self.samples).collect();
+        let sets: Vec<SetId> = self.vertex_sets().chain(self.samples).collect();
         // They do not change, and passes are many.
         let misses_sums = self.samples.is_some() && !solution.samples.has_row_sums();
         let mut sums = vec![0.0; solution.samples.count()];
@@ -161,7 +192,8 @@ impl RowTable {
         {
             solution.samples.set_gathered(&gathered);
         }
-        let mut gathered = gathered.concat();
+        let spread = |(vertices, gathered): (&VertexSet, Vec<DVec3>)| vertices.spread(gathered);
+        let mut gathered: Vec<DVec3> = self.vertices.iter().zip(gathered).flat_map(spread).collect();
         self.bounds.apply(0, &mut gathered);
         solution.set_irradiance(direct, gathered)
     }

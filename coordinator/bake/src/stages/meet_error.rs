@@ -7,7 +7,6 @@ use crate::context::Context;
 use crate::error::Result;
 use crate::error_budget::without;
 use crate::refinement::Obstacle;
-use crate::rows::COARSE;
 use crate::settings::BakeSettings;
 
 /// Part of the asked error that the shooters may take after a new start.
@@ -111,7 +110,7 @@ impl Measured {
             let factor = (SHOOTERS_PART * asked / error.shooters).clamp(0.25, 0.5);
             let finer = better.with_shooter_edge(cx.settings.shooter_edge * factor);
             let vertices = shooting_mesh(cx.scene, &finer).0.vertices.len();
-            let now = self.solved.rows.table.set(COARSE).count();
+            let now = self.solved.rows.table.coarse().count;
             if vertices <= now || vertices > finer.most_vertices(cx.scene) {
                 return None;
             }

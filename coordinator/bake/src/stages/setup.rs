@@ -3,7 +3,7 @@
 use super::light::{self, LightSource};
 use crate::context::{Context, extent};
 use crate::error::{BakeError, Result};
-use crate::mesh::{Mesh, VertexId, receivers, shadow_lines};
+use crate::mesh::{Mesh, VertexId, shadow_lines};
 use crate::refinement::SamplePoints;
 use crate::rows::{Rows, ShareMesh, row_source};
 use crate::settings::BakeSettings;
@@ -36,13 +36,12 @@ impl Setup {
         let mesh = ShareMesh::new(scene, mesh, shares);
         let first_key = mesh.shares.len() as u64;
         let sources = light::sources(scene, &mesh.mesh, settings, first_key, source.joins_sources());
-        let mut table = source.open(cx, &mesh);
-        let (vertices, around) = receivers(&mesh.mesh, VertexId(0));
-        let coarse = source.add_receivers(cx, &mut table, &vertices, Some(&around))?;
-        table.vertices.push(coarse);
+        let table = source.open(cx, &mesh);
+        let mut rows = Rows { source, table };
+        rows.add_vertices(cx, &mesh.mesh, VertexId(0))?;
         let samples = SamplePoints::draw(&mesh.mesh, scene, settings, &[], 0);
         cx.end_step("mesh");
-        Ok(Self { mesh, rows: Rows { source, table }, sources, samples })
+        Ok(Self { mesh, rows, sources, samples })
     }
 }
 

@@ -7,10 +7,10 @@ use super::irradiance::{Irradiance, Lights, Place, Received, irradiance_at};
 use super::light::{self, LightSource};
 use crate::context::Context;
 use crate::error::Result;
-use crate::mesh::{VertexId, receivers};
+use crate::mesh::VertexId;
 use crate::observer::Phase;
 use crate::refinement::{MeshError, SamplePoints, best_fit};
-use crate::rows::{COARSE, Cover, FIRST_TOLERANCE, Problem, Rows, ShareMesh, ShareValues, Solution};
+use crate::rows::{COARSE, FIRST_TOLERANCE, Problem, Rows, ShareMesh, ShareValues, Solution};
 
 /// Measured interpolation error over the predicted one, to begin with: .6 to .75 in rooms of all sorts.
 const FOUND_PER_PREDICTED: f64 = 0.68;
@@ -46,8 +46,9 @@ impl Lit {
         let mut radiosity = source.shoot(cx, &mesh, table, &direct)?;
         // A first look at all rows, those too that no shot needed.
         let seen = source.gather(cx, &mesh, table, &[COARSE], &[], true)?.pop().unwrap_or_default();
-        let Cover { sums, exposed, bytes } = seen.cover;
-        table.coarse_bytes = bytes;
+        table.coarse_bytes = seen.cover.bytes;
+        let coarse = table.coarse();
+        let (sums, exposed) = (coarse.spread(seen.cover.sums), coarse.spread(seen.cover.exposed));
         table.bounds.add(&sums);
         table.bounds.apply(0, &mut direct);
         if table.bounds.count() > 0 {
@@ -114,17 +115,15 @@ impl Solved {
     /// Adds the vertices from `first` on, and computes their irradiance.
     pub fn receive(&mut self, cx: &mut Context, first: VertexId) -> Result<()> {
         cx.client.monitor.enter(Phase::Refine, self.mesh.mesh.vertices.len());
-        let (vertices, around) = receivers(&self.mesh.mesh, first);
-        let Rows { source, table } = &mut self.rows;
-        let id = source.add_receivers(cx, table, &vertices, Some(&around))?;
-        table.vertices.push(id);
+        let vertices = self.rows.add_vertices(cx, &self.mesh.mesh, first)?;
         let lights = Lights { sources: &self.sources.all, radiosity: &self.solution.radiosity };
         let Received { light, cover } =
-            irradiance_at(cx, &self.mesh, &mut self.rows, Place::Kept(id), &[lights])?;
+            irradiance_at(cx, &self.mesh, &mut self.rows, Place::Kept(vertices.set), &[lights])?;
         let bounds = &mut self.rows.table.bounds;
-        bounds.add(&cover.sums);
-        self.exposed.extend(cover.exposed);
-        for Irradiance { mut direct, mut all, .. } in light {
+        bounds.add(&vertices.spread(cover.sums));
+        self.exposed.extend(vertices.spread(cover.exposed));
+        for Irradiance { direct, all } in light {
+            let (mut direct, mut all) = (vertices.spread(direct), vertices.spread(all));
             bounds.apply(self.direct.len(), &mut direct);
             bounds.apply(self.direct.len(), &mut all);
             self.direct.extend(direct);
@@ -159,8 +158,9 @@ impl Solved {
     /// Irradiance of all vertices straight from these sources.
     pub fn direct_of(&self, cx: &mut Context, sources: &[LightSource]) -> Result<Vec<DVec3>> {
         let mut direct = Vec::with_capacity(self.direct.len());
-        for set in &self.rows.table.vertices {
-            direct.extend(light::irradiance(sources, self.rows.table.set(*set), cx.client, |_, _, _| ())?);
+        for vertices in &self.rows.table.vertices {
+            let set = self.rows.table.set(vertices.set);
+            direct.extend(vertices.spread(light::irradiance(sources, set, cx.client, |_, _, _| ())?));
         }
         self.rows.table.bounds.apply(0, &mut direct);
         Ok(direct)

@@ -31,7 +31,7 @@ use super::means::{Means, ShareValues};
 use super::share_mesh::ShareMesh;
 use super::solution::Solution;
 use super::source::{Cover, Gathered, LeafLight, Once, Problem, RowSource};
-use super::table::RowTable;
+use super::table::{RowTable, VertexSet};
 use crate::context::Context;
 use crate::error::Result;
 use crate::jobs::{ReceiverSet, RowClient};
@@ -56,6 +56,12 @@ const FINE_EDGE_FACTOR: f64 = 0.1;
 
 /// Scenes with this many vertices get the fine edges.
 const MANY_VERTICES: usize = 100_000;
+
+/// Width of leaves whose light is one, relative to the scene's extent and the asked error,
+const SMALL: f64 = 0.05;
+
+/// but no wider than this part of the extent.
+const WIDEST_SMALL: f64 = 0.005;
 
 /// Fewest rays of a gather point: many receivers depend on it.
 const LEAST_RAYS: u32 = 256;
@@ -93,6 +99,11 @@ struct Set {
     weights: Interpolation,
 }
 
+/// The error asked for, or that of the mesh.
+fn asked_error(settings: &BakeSettings) -> f64 {
+    settings.error.unwrap_or(settings.mesh_error)
+}
+
 /// The fewer rays, the smaller a vertex's surroundings are. Where vertices lie close together, the light of a piece of surface is
 /// the mean of many, and so is their noise.
 fn rays_of_vertex(around: &Surroundings, wide: f64, all: u32) -> u32 {
@@ -127,7 +138,8 @@ impl GatherRows {
         points: &[DVec3],
         solution: &mut Solution,
     ) -> Result<()> {
-        let reflected = table.vertices.iter().flat_map(|set| self.at_set(*set, points));
+        let at = |vertices: &VertexSet| vertices.spread(self.at_set(vertices.set, points));
+        let reflected = table.vertices.iter().flat_map(at);
         solution.set_irradiance(direct, reflected)
     }
 }
@@ -167,6 +179,10 @@ impl RowSource for GatherRows {
     fn close(self: Box<Self>, table: RowTable, client: &mut RowClient) {
         table.release(client);
         self.polygons.into_iter().for_each(|set| client.release(set));
+    }
+
+    fn small_leaves(&self, settings: &BakeSettings) -> f64 {
+        (SMALL * asked_error(settings)).min(WIDEST_SMALL)
     }
 
     fn add_receivers(

@@ -6,10 +6,10 @@ use kernel::occluder::Occluder;
 use kernel::replica::Receiver;
 use rayon::prelude::*;
 
-use super::GatherRows;
 use super::hemisphere::{View, gathered, views};
 use super::interpolation::{Neighbours, interpolated};
 use super::noise::{TWINS, Twins};
+use super::{GatherRows, asked_error};
 use crate::context::Context;
 use crate::error::Result;
 use crate::error_budget::{INTERPOLATED_NOISE, without_noise};
@@ -50,7 +50,7 @@ impl GatherRows {
         mesh: &ShareMesh,
         direct: &[DVec3],
     ) -> Result<Vec<DVec3>> {
-        let asked = cx.settings.error.unwrap_or(cx.settings.mesh_error);
+        let asked = asked_error(cx.settings);
         let values = ShareValues::means(mesh, &vec![true; direct.len()]);
         let is_coarse = direct.len() <= FEW_VERTICES;
         let direct = values.of(&mesh.energies, direct);
