@@ -101,7 +101,8 @@ impl GatherRows {
             let relative = |square: f64| if all > 0.0 { (square * area / all).sqrt() } else { 0.0 };
             // The fresh light is noisy, and so is that between the points, less.
             let noise = self.twins.square_noise(&self.points, &radiosity) * (1.0 + INTERPOLATED_NOISE);
-            let error = without_noise(relative(drawn.mean_square_error(errors)), relative(noise));
+            let noise = relative(noise);
+            let error = without_noise(relative(drawn.mean_square_error(errors)), noise);
             tracing::debug!(points = self.points.shared, error, noise, "gather points placed");
             if error <= PART * asked || self.points.shared >= MOST_POINTS {
                 break;
