@@ -94,9 +94,9 @@ impl BakeSettings {
         self.max_vertices.unwrap_or_else(|| Self::LEAST_MAX_VERTICES.max(2 * scene.vertex_count))
     }
 
-    /// The error that shadow lines are chosen by.
+    /// The error asked for, or else that of the mesh.
     #[must_use]
-    pub fn line_error(&self) -> f64 {
+    pub fn asked_error(&self) -> f64 {
         self.error.unwrap_or(self.mesh_error)
     }
 

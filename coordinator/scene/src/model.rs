@@ -42,13 +42,14 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// The front sides. A facet blocks light from both of its sides: occluders need no others.
-    pub fn fronts(&self) -> impl Iterator<Item = &Surface> + Clone {
+    /// All surfaces but the back sides of double-sided ones: enough to tell what blocks light, since a facet does so from both
+    /// sides.
+    pub fn fronts(&self) -> impl Iterator<Item = &Surface> {
         self.surfaces.iter().filter(|surface| surface.side == Side::Front)
     }
 
     /// Facets of the front sides.
-    pub fn front_facets(&self) -> impl Iterator<Item = &Facet> + Clone {
+    pub fn front_facets(&self) -> impl Iterator<Item = &Facet> {
         self.fronts().flat_map(|surface| &surface.facets)
     }
 

@@ -79,8 +79,7 @@ fn assert_convex(corners: &[DVec3], normal: DVec3) {
 }
 
 fn assert_shares_tile(scene: &Scene, mesh: &Mesh) {
-    let facet = |surface: u32, facet: u32| &scene.surfaces[surface as usize].facets[facet as usize];
-    let shares = mesh.shares(|surface, index| facet(surface, index).plane);
+    let shares = mesh.shares(scene);
     let mut areas = vec![0.0; scene.surfaces.len()];
     for share in &shares {
         let of_polygons: f64 = share.polygons.iter().map(|polygon| area(&polygon.corners).length()).sum();

@@ -15,17 +15,18 @@ pub struct VertexReceivers {
     pub receivers: Receivers,
     /// The surroundings of each receiver.
     pub around: Vec<Surroundings>,
-    /// Receiver of each vertex, where some share one.
+    /// Index of the receiver of each vertex; `None` where each has its own.
     pub of_vertices: Option<Vec<u32>>,
 }
 
-/// The vertices from `first` on as receivers. The corners of a leaf no wider than `small`, in frame units, which no other leaf has,
-/// share one in its middle: light does not change on so short a way.
+/// The vertices from `first` on as receivers. The corners of a flat leaf no longer than `small`, in frame units, share one at its
+/// centre, where no other leaf has any of them: light hardly varies over it.
 #[must_use]
 pub fn receivers(mesh: &Mesh, first: VertexId, small: f64) -> VertexReceivers {
     let surroundings = surroundings(mesh, first);
     let vertices = &mesh.vertices[first.index()..];
-    let of_leaves = only_leaves(mesh, first, small);
+    let only_leaf =
+        if small > 0.0 { small_lone_leaves(mesh, first, small) } else { vec![None; vertices.len()] };
     let mut all = VertexReceivers {
         receivers: Receivers { first_key: u64::from(first.0), receivers: Vec::with_capacity(vertices.len()) },
         around: Vec::with_capacity(vertices.len()),
@@ -33,42 +34,42 @@ pub fn receivers(mesh: &Mesh, first: VertexId, small: f64) -> VertexReceivers {
     };
     let mut of_vertices = Vec::with_capacity(vertices.len());
     let mut shared: HashMap<PatchId, u32> = HashMap::new();
-    for ((vertex, around), leaf) in vertices.iter().zip(&surroundings).zip(of_leaves) {
+    for ((vertex, around), leaf) in vertices.iter().zip(&surroundings).zip(only_leaf) {
         let next = all.around.len() as u32;
-        let receiver = match leaf {
-            Some(leaf) => *shared.entry(leaf).or_insert(next),
-            None => next,
-        };
+        let receiver = leaf.map_or(next, |leaf| *shared.entry(leaf).or_insert(next));
         of_vertices.push(receiver);
         if receiver < next {
             all.around[receiver as usize].area += around.area;
             continue;
         }
         all.around.push(*around);
+        let own = receiver_at(vertex, around);
         all.receivers.receivers.push(match leaf {
-            Some(leaf) => {
-                Receiver { position: mesh.centre(leaf), normal: vertex.normal, plane: vertex.plane }
-            }
-            None => receiver_at(vertex, around),
+            Some(leaf) => Receiver { position: mesh.centre(leaf), ..own },
+            None => own,
         });
     }
     all.of_vertices = (!shared.is_empty()).then_some(of_vertices);
     all
 }
 
-/// The leaf of each vertex from `first` on that has only one, where that is small and as flat as it looks.
-fn only_leaves(mesh: &Mesh, first: VertexId, small: f64) -> Vec<Option<PatchId>> {
-    let vertices = &mesh.vertices[first.index()..];
-    let mut leaves: Vec<Option<PatchId>> = vec![None; vertices.len()];
-    let mut is_alone: Vec<bool> = vertices.iter().map(|vertex| !vertex.smooth).collect();
+/// The leaf of each vertex from `first` on, where it is no longer than `small` and has all of its corners for itself.
+fn small_lone_leaves(mesh: &Mesh, first: VertexId, small: f64) -> Vec<Option<PatchId>> {
+    let place = |vertex: &VertexId| vertex.index().checked_sub(first.index());
+    let mut leaves_around = vec![0_u32; mesh.vertices.len() - first.index()];
+    for (_, patch) in mesh.leaves() {
+        patch.corners.iter().filter_map(place).for_each(|index| leaves_around[index] += 1);
+    }
+    let is_lone = |vertex: &VertexId| {
+        place(vertex).is_some_and(|index| leaves_around[index] == 1 && !mesh.vertices[vertex.index()].smooth)
+    };
+    let mut only_leaf = vec![None; leaves_around.len()];
     for (id, patch) in mesh.leaves() {
-        let is_small = mesh.size(id) <= small;
-        for index in patch.corners.iter().filter_map(|corner| corner.index().checked_sub(first.index())) {
-            is_alone[index] &= is_small && leaves[index].is_none();
-            leaves[index] = Some(id);
+        if patch.corners.iter().all(is_lone) && mesh.size(id) <= small {
+            patch.corners.iter().filter_map(place).for_each(|index| only_leaf[index] = Some(id));
         }
     }
-    leaves.into_iter().zip(is_alone).map(|(leaf, is_alone)| leaf.filter(|_| is_alone)).collect()
+    only_leaf
 }
 
 fn receiver_at(vertex: &Vertex, around: &Surroundings) -> Receiver {
@@ -119,8 +120,13 @@ mod tests {
         let place = some.receivers.receivers[shared as usize].position;
         assert!(place.distance(DVec3::new(6.0, 5.0, 7.0)) < 1e-9, "{place}");
         assert!((some.around[shared as usize].area - 4.5).abs() < 1e-9);
-        // Both have two corners in common, which change light from one to the other.
+        // Of the other two each has a corner in common with its neighbour.
         assert_eq!(distinct(of_surface(2)).len(), 4);
+        let is_of_pair = |vertex: &Vertex| vertex.position.x >= 50.0 && vertex.position.y == 5.0;
+        for (index, vertex) in mesh.vertices.iter().enumerate().filter(|(_, vertex)| is_of_pair(vertex)) {
+            let place = some.receivers.receivers[of_vertices[index] as usize].position;
+            assert!(place.distance(vertex.position) < 0.01, "{place} is not at {}", vertex.position);
+        }
         assert_eq!(some.receivers.receivers.len(), 9);
     }
 }

@@ -64,9 +64,16 @@ impl Obstacle {
 }
 
 impl Plan {
-    /// Decides what to do where the error is predicted like this, and light has this relative noise.
+    /// Decides what to do where the error is predicted like this, and light has this relative noise. Only leaves that
+    /// `may_divide` allows are divided.
     #[must_use]
-    pub fn next(&self, mesh: &Mesh, prediction: &MeshError, noise: f64) -> Step {
+    pub fn next(
+        &self,
+        mesh: &Mesh,
+        prediction: &MeshError,
+        noise: f64,
+        may_divide: impl Fn(PatchId) -> bool,
+    ) -> Step {
         let error = self.found_per_predicted * without_noise(prediction.relative(), NOISE_SEEN * noise);
         if error <= self.limit {
             return Step::Done;
@@ -78,7 +85,7 @@ impl Plan {
         if room == 0 {
             return Step::Stop(Obstacle::MaxVertices);
         }
-        let may_divide = |id: PatchId| mesh.size(id) > self.shortest_edge;
+        let may_divide = |id: PatchId| mesh.size(id) > self.shortest_edge && may_divide(id);
         let worst = prediction.worst_leaves(part_to_divide(error, self.limit), room, may_divide);
         if worst.is_empty() { Step::Stop(Obstacle::SmallPatches) } else { Step::Divide(worst) }
     }
@@ -159,7 +166,7 @@ mod tests {
     fn refinement_ends_at_the_limit_or_an_obstacle() {
         let mesh = squares(&[1.0; 4]);
         let error = found(&mesh, &[0.1; 4]);
-        let is_done = |plan: Plan| matches!(plan.next(&mesh, &error, 0.0), Step::Done);
+        let is_done = |plan: Plan| matches!(plan.next(&mesh, &error, 0.0, |_| true), Step::Done);
         assert!(is_done(Plan { limit: 0.11, ..PLAN }));
         assert!(!is_done(Plan { limit: 0.11, found_per_predicted: 1.2, ..PLAN }), "measured errors count");
         for (obstacle, plan, noise) in [
@@ -168,7 +175,7 @@ mod tests {
             (Obstacle::SmallPatches, Plan { shortest_edge: 1.5, ..PLAN }, 0.0),
         ] {
             assert!(
-                matches!(plan.next(&mesh, &error, noise), Step::Stop(found) if found == obstacle),
+                matches!(plan.next(&mesh, &error, noise, |_| true), Step::Stop(found) if found == obstacle),
                 "{obstacle:?}"
             );
         }
@@ -179,15 +186,15 @@ mod tests {
         let mesh = squares(&[1.0; 5]);
         let error = found(&mesh, &[0.1, 0.3, 0.2, 0.3, 0.0]);
         assert_eq!(
-            divided(PLAN.next(&mesh, &error, 0.0)),
+            divided(PLAN.next(&mesh, &error, 0.0, |_| true)),
             ids(&[1, 3, 2]),
             "four fifths of the square error"
         );
         let two = Plan { max_vertices: 20 + 2 * NEW_VERTICES, ..PLAN };
-        assert_eq!(divided(two.next(&mesh, &error, 0.0)), ids(&[1, 3]));
+        assert_eq!(divided(two.next(&mesh, &error, 0.0, |_| true)), ids(&[1, 3]));
         let near = Plan { limit: 0.99 * error.relative(), ..PLAN };
         assert_eq!(
-            divided(near.next(&mesh, &error, 0.0)),
+            divided(near.next(&mesh, &error, 0.0, |_| true)),
             ids(&[1]),
             "no more than brings it under the limit"
         );
@@ -197,7 +204,7 @@ mod tests {
     fn patches_that_are_too_small_are_passed_over() {
         let mesh = squares(&[1.0, 0.4, 2.0]);
         let error = found(&mesh, &[0.1, 0.9, 0.1]);
-        assert_eq!(divided(PLAN.next(&mesh, &error, 0.0)), ids(&[2]));
+        assert_eq!(divided(PLAN.next(&mesh, &error, 0.0, |_| true)), ids(&[2]));
     }
 
     #[test]

@@ -93,7 +93,7 @@ pub fn keep_light(cx: &mut Context, measured: &mut Measured) -> Result<Option<Ke
             edge: settings.shooter_edge,
             max_level: settings.max_level,
             max_vertices: settings.most_vertices(cx.scene),
-            line_error: settings.line_error(),
+            line_error: settings.asked_error(),
             is_gathered: solved.rows.source.strategy() == RowStrategy::Gather,
         },
         divided: divided.into_iter().map(|(_, patch)| patch).collect(),

@@ -79,7 +79,8 @@ impl RowSource for ExactRows {
         table.release(client);
     }
 
-    fn small_leaves(&self, _: &BakeSettings) -> f64 {
+    /// Rows and means are over the vertices themselves.
+    fn shared_receiver_size(&self, _: &BakeSettings) -> f64 {
         0.0
     }
 

@@ -38,8 +38,9 @@ pub trait RowSource {
     /// Releases what was published.
     fn close(self: Box<Self>, table: RowTable, client: &mut RowClient);
 
-    /// Width of leaves whose corners share a receiver, relative to the scene's extent.
-    fn small_leaves(&self, settings: &BakeSettings) -> f64;
+    /// Longest edge of a leaf whose corners share a receiver, relative to the scene's extent. 0 where a solution takes the rows of
+    /// the table for those of the vertices.
+    fn shared_receiver_size(&self, settings: &BakeSettings) -> f64;
 
     /// Adds receivers to the table. Vertices come with their surroundings.
     fn add_receivers(
@@ -71,7 +72,8 @@ pub trait RowSource {
         radiosities: &[&[DVec3]],
     ) -> Result<Once>;
 
-    /// What shares of this radiosity give receivers as vertices get it, where that is interpolated between points.
+    /// Irradiance from shares of this radiosity, interpolated between gather points as that of vertices is; `None` where the
+    /// strategy does not interpolate.
     fn interpolated(
         &mut self,
         cx: &mut Context,
@@ -159,19 +161,6 @@ pub struct Once {
     pub sums: Vec<f64>,
 }
 
-impl Rows {
-    /// Adds the vertices of a mesh from `first` on.
-    pub fn add_vertices(&mut self, cx: &mut Context, mesh: &Mesh, first: VertexId) -> Result<VertexSet> {
-        let Self { source, table } = self;
-        let small = source.small_leaves(cx.settings) * cx.extent();
-        let VertexReceivers { receivers, around, of_vertices } = receivers(mesh, first, small);
-        let set = source.add_receivers(cx, table, &receivers, Some(&around))?;
-        let vertices = VertexSet { count: mesh.vertices.len() - first.index(), set, of_vertices };
-        table.vertices.push(vertices.clone());
-        Ok(vertices)
-    }
-}
-
 /// What a solution is to solve.
 pub struct Problem<'a> {
     /// The mesh with its shares.
@@ -218,6 +207,17 @@ pub struct Rows {
 }
 
 impl Rows {
+    /// Adds the vertices of a mesh from `first` on.
+    pub fn add_vertices(&mut self, cx: &mut Context, mesh: &Mesh, first: VertexId) -> Result<VertexSet> {
+        let Self { source, table } = self;
+        let small = source.shared_receiver_size(cx.settings) * cx.extent();
+        let VertexReceivers { receivers, around, of_vertices } = receivers(mesh, first, small);
+        let set = source.add_receivers(cx, table, &receivers, Some(&around))?;
+        let vertices = VertexSet { count: mesh.vertices.len() - first.index(), set, of_vertices };
+        table.vertices.push(vertices.clone());
+        Ok(vertices)
+    }
+
     /// Releases all that was published for them.
     pub fn release(self, client: &mut RowClient) {
         self.source.close(self.table, client);

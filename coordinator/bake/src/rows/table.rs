@@ -12,6 +12,7 @@ use crate::channels::Gathering;
 use crate::context::Context;
 use crate::error::Result;
 use crate::jobs::{ReceiverSet, RowBatch, RowClient};
+use crate::mesh::VertexId;
 use crate::solver::ShareId;
 use crate::solver::bounds::{Bounds, add_to_sums};
 use crate::solver::cache::{RowCache, SetId};
@@ -33,17 +34,26 @@ pub struct VertexSet {
     pub count: usize,
     /// The receivers.
     pub set: SetId,
-    /// Receiver of each vertex, where some share one.
+    /// Index of the receiver of each vertex; `None` where each has its own.
     pub of_vertices: Option<Vec<u32>>,
 }
 
 impl VertexSet {
-    /// Values of the vertices, from those of the receivers.
-    pub fn spread<T: Copy>(&self, values: Vec<T>) -> Vec<T> {
+    /// The value of each vertex, from that of each receiver.
+    pub fn to_vertices<T: Copy>(&self, values: Vec<T>) -> Vec<T> {
         match &self.of_vertices {
             Some(receivers) => receivers.iter().map(|receiver| values[*receiver as usize]).collect(),
             None => values,
         }
+    }
+
+    /// Whether these corners of a leaf share a receiver.
+    pub fn is_one(&self, corners: &[VertexId]) -> bool {
+        let Some(receivers) = &self.of_vertices else { return false };
+        let receiver = |vertex: &VertexId| receivers.get(vertex.index());
+        corners
+            .windows(2)
+            .all(|pair| receiver(&pair[0]).is_some() && receiver(&pair[0]) == receiver(&pair[1]))
     }
 }
 
@@ -192,8 +202,8 @@ impl RowTable {
         {
             solution.samples.set_gathered(&gathered);
         }
-        let spread = |(vertices, gathered): (&VertexSet, Vec<DVec3>)| vertices.spread(gathered);
-        let mut gathered: Vec<DVec3> = self.vertices.iter().zip(gathered).flat_map(spread).collect();
+        let at_vertices = |(vertices, gathered): (&VertexSet, Vec<DVec3>)| vertices.to_vertices(gathered);
+        let mut gathered: Vec<DVec3> = self.vertices.iter().zip(gathered).flat_map(at_vertices).collect();
         self.bounds.apply(0, &mut gathered);
         solution.set_irradiance(direct, gathered)
     }

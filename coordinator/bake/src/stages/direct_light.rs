@@ -59,13 +59,13 @@ impl Setup {
             if matches!(source.origin, Origin::Surface(_)) {
                 return;
             }
-            let factors: Vec<f64> = vertices.spread(row.to_dense().into_iter().map(f64::from).collect());
+            let factors: Vec<f64> = vertices.to_vertices(row.to_dense().into_iter().map(f64::from).collect());
             let of_shares = values.of(&mesh.energies, &factors);
             let flux =
                 mesh.energies.iter().zip(of_shares).map(|(share, factor)| share.area * factor).sum::<f64>();
             *if source.is_outside { &mut from_outside } else { &mut from_lights } += source.strength * flux;
         })?;
-        let direct = vertices.spread(direct);
+        let direct = vertices.to_vertices(direct);
         cx.end_step("light");
         mesh.preview(cx, &direct, || {
             let dark = vec![DVec3::ZERO; mesh.shares.len()];

@@ -128,7 +128,7 @@ impl Measured {
                 "the error asked for was predicted, not measured: give --validation-samples".to_owned(),
             );
         }
-        let asked = settings.error.unwrap_or(settings.mesh_error);
+        let asked = settings.asked_error();
         let estimate = if settings.error.is_some() { self.error.total } else { self.error.receivers };
         if estimate <= asked {
             return None;

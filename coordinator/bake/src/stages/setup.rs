@@ -54,7 +54,7 @@ pub fn shooting_mesh(scene: &Scene, settings: &BakeSettings) -> (Mesh, f64) {
     if scene.vertex_count >= most {
         edge = edge.max(COARSEST);
     }
-    let lines = shadow_lines(scene, extent, settings.line_error());
+    let lines = shadow_lines(scene, extent, settings.asked_error());
     loop {
         let mesh = Mesh::new(scene, extent, edge * extent, settings.max_level, &lines);
         if mesh.vertices.len() <= most || edge >= COARSEST {

@@ -48,7 +48,7 @@ impl Lit {
         let seen = source.gather(cx, &mesh, table, &[COARSE], &[], true)?.pop().unwrap_or_default();
         table.coarse_bytes = seen.cover.bytes;
         let coarse = table.coarse();
-        let (sums, exposed) = (coarse.spread(seen.cover.sums), coarse.spread(seen.cover.exposed));
+        let (sums, exposed) = (coarse.to_vertices(seen.cover.sums), coarse.to_vertices(seen.cover.exposed));
         table.bounds.add(&sums);
         table.bounds.apply(0, &mut direct);
         if table.bounds.count() > 0 {
@@ -120,10 +120,10 @@ impl Solved {
         let Received { light, cover } =
             irradiance_at(cx, &self.mesh, &mut self.rows, Place::Kept(vertices.set), &[lights])?;
         let bounds = &mut self.rows.table.bounds;
-        bounds.add(&vertices.spread(cover.sums));
-        self.exposed.extend(vertices.spread(cover.exposed));
+        bounds.add(&vertices.to_vertices(cover.sums));
+        self.exposed.extend(vertices.to_vertices(cover.exposed));
         for Irradiance { direct, all } in light {
-            let (mut direct, mut all) = (vertices.spread(direct), vertices.spread(all));
+            let (mut direct, mut all) = (vertices.to_vertices(direct), vertices.to_vertices(all));
             bounds.apply(self.direct.len(), &mut direct);
             bounds.apply(self.direct.len(), &mut all);
             self.direct.extend(direct);
@@ -160,7 +160,7 @@ impl Solved {
         let mut direct = Vec::with_capacity(self.direct.len());
         for vertices in &self.rows.table.vertices {
             let set = self.rows.table.set(vertices.set);
-            direct.extend(vertices.spread(light::irradiance(sources, set, cx.client, |_, _, _| ())?));
+            direct.extend(vertices.to_vertices(light::irradiance(sources, set, cx.client, |_, _, _| ())?));
         }
         self.rows.table.bounds.apply(0, &mut direct);
         Ok(direct)

@@ -39,7 +39,7 @@ pub fn leaf_polygons(scene: &Scene, mesh: &Mesh) -> ScenePolygons {
     leaves
 }
 
-/// What each receiver sees of published polygons, one for each share, by this number of rays each.
+/// What each receiver sees of published polygons, by its number of rays.
 pub fn views(
     client: &mut RowClient,
     polygons: ReceiverSet,

@@ -11,7 +11,7 @@
 //! |---|---|
 //! | `hemisphere` | what receivers see, by rays |
 //! | `points` | gather points, with what they see |
-//! | `noise` | what their rays leave open |
+//! | `noise` | the noise of their rays |
 //! | `interpolation` | light between the points |
 //! | `place` | where the points lie |
 //! | `weigh` | which of them each receiver takes its light from |
@@ -31,7 +31,7 @@ use super::means::{Means, ShareValues};
 use super::share_mesh::ShareMesh;
 use super::solution::Solution;
 use super::source::{Cover, Gathered, LeafLight, Once, Problem, RowSource};
-use super::table::{RowTable, VertexSet};
+use super::table::{COARSE, RowTable, VertexSet};
 use crate::context::Context;
 use crate::error::Result;
 use crate::jobs::{ReceiverSet, RowClient};
@@ -57,11 +57,11 @@ const FINE_EDGE_FACTOR: f64 = 0.1;
 /// Scenes with this many vertices get the fine edges.
 const MANY_VERTICES: usize = 100_000;
 
-/// Width of leaves whose light is one, relative to the scene's extent and the asked error,
+/// Longest edge of leaves whose corners share a receiver, relative to the scene's extent and the asked error,
 const SMALL: f64 = 0.05;
 
-/// but no wider than this part of the extent.
-const WIDEST_SMALL: f64 = 0.005;
+/// but no longer than this part of the extent.
+const LARGEST_SMALL: f64 = 0.005;
 
 /// Fewest rays of a gather point: many receivers depend on it.
 const LEAST_RAYS: u32 = 256;
@@ -99,11 +99,6 @@ struct Set {
     weights: Interpolation,
 }
 
-/// The error asked for, or that of the mesh.
-fn asked_error(settings: &BakeSettings) -> f64 {
-    settings.error.unwrap_or(settings.mesh_error)
-}
-
 /// The fewer rays, the smaller a vertex's surroundings are. Where vertices lie close together, the light of a piece of surface is
 /// the mean of many, and so is their noise.
 fn rays_of_vertex(around: &Surroundings, wide: f64, all: u32) -> u32 {
@@ -123,9 +118,9 @@ impl GatherRows {
         self.sets[set.index()].weights.of(points)
     }
 
-    /// Relative standard error of the irradiance of the vertices from rays.
+    /// Relative standard error of the irradiance at the receivers of the shooting mesh, from rays.
     fn noise(&self, radiosity: &[DVec3], level: f64) -> f64 {
-        let part = self.sets.first().map_or(1.0, |set| set.weights.variance_part());
+        let part = self.sets.get(COARSE.index()).map_or(1.0, |set| set.weights.variance_part());
         let square = self.twins.square_noise(&self.points, radiosity) * part;
         if level > 0.0 { square.sqrt() / level } else { 0.0 }
     }
@@ -138,7 +133,7 @@ impl GatherRows {
         points: &[DVec3],
         solution: &mut Solution,
     ) -> Result<()> {
-        let at = |vertices: &VertexSet| vertices.spread(self.at_set(vertices.set, points));
+        let at = |vertices: &VertexSet| vertices.to_vertices(self.at_set(vertices.set, points));
         let reflected = table.vertices.iter().flat_map(at);
         solution.set_irradiance(direct, reflected)
     }
@@ -181,8 +176,9 @@ impl RowSource for GatherRows {
         self.polygons.into_iter().for_each(|set| client.release(set));
     }
 
-    fn small_leaves(&self, settings: &BakeSettings) -> f64 {
-        (SMALL * asked_error(settings)).min(WIDEST_SMALL)
+    fn shared_receiver_size(&self, settings: &BakeSettings) -> f64 {
+        // What must be divided needs receivers of its own.
+        if settings.max_edge.is_some() { 0.0 } else { (SMALL * settings.asked_error()).min(LARGEST_SMALL) }
     }
 
     fn add_receivers(

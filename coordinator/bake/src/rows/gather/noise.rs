@@ -1,4 +1,4 @@
-//! What the rays of gather points leave open.
+//! The noise of the rays of gather points.
 
 use glam::DVec3;
 use kernel::replica::Receivers;

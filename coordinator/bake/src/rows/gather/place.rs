@@ -6,10 +6,10 @@ use kernel::occluder::Occluder;
 use kernel::replica::Receiver;
 use rayon::prelude::*;
 
+use super::GatherRows;
 use super::hemisphere::{View, gathered, views};
 use super::interpolation::{Neighbours, interpolated};
 use super::noise::{TWINS, Twins};
-use super::{GatherRows, asked_error};
 use crate::context::Context;
 use crate::error::Result;
 use crate::error_budget::{INTERPOLATED_NOISE, without_noise};
@@ -50,14 +50,14 @@ impl GatherRows {
         mesh: &ShareMesh,
         direct: &[DVec3],
     ) -> Result<Vec<DVec3>> {
-        let asked = asked_error(cx.settings);
+        let asked = cx.settings.asked_error();
         let values = ShareValues::means(mesh, &vec![true; direct.len()]);
-        let is_coarse = direct.len() <= FEW_VERTICES;
+        let has_few_vertices = direct.len() <= FEW_VERTICES;
         let direct = values.of(&mesh.energies, direct);
         let mut radiosity: Vec<DVec3> =
             mesh.energies.iter().zip(&direct).map(|(share, light)| share.reflectance * *light).collect();
         let Some(polygons) = self.polygons else { return Ok(radiosity) };
-        if is_coarse {
+        if has_few_vertices {
             self.place_twins(cx, mesh, polygons)?;
             return Ok(radiosity);
         }
@@ -100,8 +100,8 @@ impl GatherRows {
                 mesh.energies.iter().zip(&radiosity).map(|(share, b)| share.area * b.length_squared()).sum();
             let relative = |square: f64| if all > 0.0 { (square * area / all).sqrt() } else { 0.0 };
             // The fresh light is noisy, and so is that between the points, less.
-            let noise = self.twins.square_noise(&self.points, &radiosity) * (1.0 + INTERPOLATED_NOISE);
-            let noise = relative(noise);
+            let square_noise = self.twins.square_noise(&self.points, &radiosity);
+            let noise = relative(square_noise * (1.0 + INTERPOLATED_NOISE));
             let error = without_noise(relative(drawn.mean_square_error(errors)), noise);
             tracing::debug!(points = self.points.shared, error, noise, "gather points placed");
             if error <= PART * asked || self.points.shared >= MOST_POINTS {
@@ -117,7 +117,7 @@ impl GatherRows {
         Ok(radiosity)
     }
 
-    /// Where each vertex casts rays of its own, points tell the noise alone.
+    /// Places points only to measure the noise, where each vertex casts rays of its own.
     fn place_twins(&mut self, cx: &mut Context, mesh: &ShareMesh, polygons: ReceiverSet) -> Result<()> {
         let seed = (cx.settings.seed, FIRST_ROUND);
         let drawn = SamplePoints::draw_everywhere(&mesh.mesh, cx.scene, seed, FIRST_KEY, &[], TWINS);
