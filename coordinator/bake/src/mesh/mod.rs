@@ -50,7 +50,7 @@ pub use order::along_curve;
 
 pub use locate::{Interpolation, interpolation};
 pub use overlay::overlap;
-pub use receivers::{INWARD, VertexReceivers, receivers};
+pub use receivers::{INWARD, VertexReceivers, receivers, shared_receivers};
 pub use shadow::shadow_lines;
 pub use shares::{Share, Surroundings, surroundings};
 pub use triangulation::triangulate;

@@ -15,58 +15,59 @@ pub struct VertexReceivers {
     pub receivers: Receivers,
     /// The surroundings of each receiver.
     pub around: Vec<Surroundings>,
-    /// Index of the receiver of each vertex; `None` where each has its own.
-    pub of_vertices: Option<Vec<u32>>,
 }
 
-/// The vertices from `first` on as receivers. The corners of a flat leaf no longer than `small`, in frame units, share one at its
-/// centre, where no other leaf has any of them: light hardly varies over it.
+/// The vertices from `first` on as receivers.
 #[must_use]
-pub fn receivers(mesh: &Mesh, first: VertexId, small: f64) -> VertexReceivers {
-    let surroundings = surroundings(mesh, first);
+pub fn receivers(mesh: &Mesh, first: VertexId) -> VertexReceivers {
+    let around = surroundings(mesh, first);
     let vertices = &mesh.vertices[first.index()..];
-    let only_leaf =
-        if small > 0.0 { small_lone_leaves(mesh, first, small) } else { vec![None; vertices.len()] };
-    let mut all = VertexReceivers {
-        receivers: Receivers { first_key: u64::from(first.0), receivers: Vec::with_capacity(vertices.len()) },
-        around: Vec::with_capacity(vertices.len()),
-        of_vertices: None,
-    };
-    let mut of_vertices = Vec::with_capacity(vertices.len());
-    let mut shared: HashMap<PatchId, u32> = HashMap::new();
-    for ((vertex, around), leaf) in vertices.iter().zip(&surroundings).zip(only_leaf) {
-        let next = all.around.len() as u32;
-        let receiver = leaf.map_or(next, |leaf| *shared.entry(leaf).or_insert(next));
+    let receivers =
+        vertices.iter().zip(&around).map(|(vertex, around)| receiver_at(vertex, around)).collect();
+    VertexReceivers { receivers: Receivers { first_key: u64::from(first.0), receivers }, around }
+}
+
+/// All vertices as receivers, and the index of the receiver of each; `None` where each has its own. The corners of a flat leaf no
+/// longer than `small`, in frame units, share one at its centre, where no other leaf has any of them: light hardly varies over it.
+#[must_use]
+pub fn shared_receivers(mesh: &Mesh, small: f64) -> (VertexReceivers, Option<Vec<u32>>) {
+    let own = receivers(mesh, VertexId(0));
+    if small <= 0.0 {
+        return (own, None);
+    }
+    let only_leaf = small_lone_leaves(mesh, small);
+    let mut of_vertices = Vec::with_capacity(only_leaf.len());
+    let mut first_of: HashMap<PatchId, u32> = HashMap::new();
+    let (mut receivers, mut around) = (vec![], vec![]);
+    for ((own, surroundings), leaf) in own.receivers.receivers.iter().zip(own.around).zip(only_leaf) {
+        let next = around.len() as u32;
+        let receiver = leaf.map_or(next, |leaf| *first_of.entry(leaf).or_insert(next));
         of_vertices.push(receiver);
         if receiver < next {
-            all.around[receiver as usize].area += around.area;
-            continue;
+            let shared: &mut Surroundings = &mut around[receiver as usize];
+            shared.area += surroundings.area;
+        } else {
+            around.push(surroundings);
+            receivers
+                .push(Receiver { position: leaf.map_or(own.position, |leaf| mesh.centre(leaf)), ..*own });
         }
-        all.around.push(*around);
-        let own = receiver_at(vertex, around);
-        all.receivers.receivers.push(match leaf {
-            Some(leaf) => Receiver { position: mesh.centre(leaf), ..own },
-            None => own,
-        });
     }
-    all.of_vertices = (!shared.is_empty()).then_some(of_vertices);
-    all
+    let shared = VertexReceivers { receivers: Receivers { first_key: 0, receivers }, around };
+    (shared, (!first_of.is_empty()).then_some(of_vertices))
 }
 
-/// The leaf of each vertex from `first` on, where it is no longer than `small` and has all of its corners for itself.
-fn small_lone_leaves(mesh: &Mesh, first: VertexId, small: f64) -> Vec<Option<PatchId>> {
-    let place = |vertex: &VertexId| vertex.index().checked_sub(first.index());
-    let mut leaves_around = vec![0_u32; mesh.vertices.len() - first.index()];
+/// The leaf of each vertex, where it is no longer than `small` and has all of its corners for itself.
+fn small_lone_leaves(mesh: &Mesh, small: f64) -> Vec<Option<PatchId>> {
+    let mut leaves_around = vec![0_u32; mesh.vertices.len()];
     for (_, patch) in mesh.leaves() {
-        patch.corners.iter().filter_map(place).for_each(|index| leaves_around[index] += 1);
+        patch.corners.iter().for_each(|corner| leaves_around[corner.index()] += 1);
     }
-    let is_lone = |vertex: &VertexId| {
-        place(vertex).is_some_and(|index| leaves_around[index] == 1 && !mesh.vertices[vertex.index()].smooth)
-    };
+    let is_lone =
+        |corner: &VertexId| leaves_around[corner.index()] == 1 && !mesh.vertices[corner.index()].smooth;
     let mut only_leaf = vec![None; leaves_around.len()];
     for (id, patch) in mesh.leaves() {
         if patch.corners.iter().all(is_lone) && mesh.size(id) <= small {
-            patch.corners.iter().filter_map(place).for_each(|index| only_leaf[index] = Some(id));
+            patch.corners.iter().for_each(|corner| only_leaf[corner.index()] = Some(id));
         }
     }
     only_leaf
@@ -100,12 +101,12 @@ mod tests {
         let other = facet(2, &[[50.0, 5.0, 5.0], [53.0, 5.0, 8.0], [53.0, 5.0, 5.0]]);
         let scene = scene(vec![vec![floor], vec![crumb], vec![chip, other]], vec![]);
         let mesh = Mesh::new(&scene, EXTENT, EXTENT, 0, &[]);
-        let alone = receivers(&mesh, VertexId(0), 0.0);
-        assert_eq!(alone.of_vertices, None);
+        let (alone, of_vertices) = shared_receivers(&mesh, 0.0);
+        assert_eq!(of_vertices, None);
         assert_eq!(alone.receivers.receivers.len(), mesh.vertices.len());
 
-        let some = receivers(&mesh, VertexId(0), 5.0);
-        let of_vertices = some.of_vertices.unwrap();
+        let (some, of_vertices) = shared_receivers(&mesh, 5.0);
+        let of_vertices = of_vertices.unwrap();
         let of_surface = |surface: u32| -> Vec<u32> {
             let leaves = mesh.leaves().filter(|(_, patch)| patch.surface == surface);
             leaves.flat_map(|(_, patch)| &patch.corners).map(|vertex| of_vertices[vertex.index()]).collect()

@@ -6,6 +6,7 @@
 //! patch revealed the curvature.
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use super::prediction::{Revealed, revealed_errors};
 use crate::mesh::{Mesh, PatchId};
@@ -38,7 +39,7 @@ pub fn best_fit_of_part(mesh: &Mesh, whole: &[DVec3], part: &[DVec3]) -> Vec<DVe
 fn curvatures(mesh: &Mesh, exact: &[DVec3]) -> Vec<Option<DVec3>> {
     let divided =
         |id: PatchId| mesh.patch(id).first_child.map(|_| mean_curvature(&revealed_errors(mesh, id, exact)));
-    (0..mesh.patches.len() as u32).map(PatchId).map(divided).collect()
+    (0..mesh.patches.len() as u32).into_par_iter().with_min_len(1024).map(PatchId).map(divided).collect()
 }
 
 /// Moves exact values by their curvature on the level where that of the whole light is smaller.

@@ -7,8 +7,9 @@ use std::collections::HashMap;
 
 use glam::DVec3;
 use kernel::geometry::Bounds;
+use rayon::prelude::*;
 
-use crate::mesh::{Mesh, PatchId};
+use crate::mesh::{Mesh, Patch, PatchId};
 
 /// Decay of the square error per division: 16 where light is smooth, next to none across a shadow line.
 const DECAY: std::ops::RangeInclusive<f64> = 1.0 / 16.0..=0.75;
@@ -37,22 +38,21 @@ impl MeshError {
         reflectance: &[DVec3],
         found: &[(PatchId, DVec3)],
     ) -> Self {
-        let mut revealed: Vec<Option<Revealed>> = mesh.patches.iter().map(|_| None).collect();
-        for (index, patch) in mesh.patches.iter().enumerate() {
-            if patch.first_child.is_some() {
-                revealed[index] = Some(revealed_errors(mesh, PatchId(index as u32), irradiance));
-            }
-        }
+        let reveal = |(index, patch): (usize, &Patch)| {
+            patch.first_child.map(|_| revealed_errors(mesh, PatchId(index as u32), irradiance))
+        };
+        let revealed: Vec<Option<Revealed>> =
+            mesh.patches.par_iter().enumerate().with_min_len(1024).map(reveal).collect();
         let mut measured: HashMap<PatchId, f64> = HashMap::new();
         for (leaf, error) in found {
             let largest = measured.entry(*leaf).or_default();
             *largest = largest.max(error.length_squared());
         }
-        let (mut leaves, mut norm) = (vec![], 0.0);
-        for (id, patch) in mesh.leaves() {
+        let of_leaf = |(index, patch): (usize, &Patch)| {
+            let id = PatchId(index as u32);
             let weight = reflectance[patch.surface as usize].max(DVec3::splat(LEAST_WEIGHT));
             let corners = patch.corners.iter().map(|corner| weight * irradiance[corner.index()]);
-            norm += patch.area * corners.clone().map(DVec3::length_squared).sum::<f64>()
+            let square = patch.area * corners.clone().map(DVec3::length_squared).sum::<f64>()
                 / patch.corners.len() as f64;
             let error = match patch.parent {
                 Some(parent) => {
@@ -71,9 +71,12 @@ impl MeshError {
                 None => spread(corners) / 16.0,
             };
             let error = error.max(measured.get(&id).copied().unwrap_or(0.0));
-            leaves.push((id, error * patch.area));
-        }
-        Self { leaves, norm }
+            ((id, error * patch.area), square)
+        };
+        let is_leaf = |(_, patch): &(usize, &Patch)| patch.first_child.is_none();
+        let patches = mesh.patches.par_iter().enumerate().with_min_len(1024).filter(is_leaf);
+        let (leaves, squares): (Vec<(PatchId, f64)>, Vec<f64>) = patches.map(of_leaf).unzip();
+        Self { leaves, norm: squares.into_iter().sum() }
     }
 
     /// Predicted square error of each leaf, integrated over its area.

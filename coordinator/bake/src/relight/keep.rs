@@ -14,7 +14,7 @@ use crate::observer::Phase;
 use crate::refinement::SamplePoints;
 use crate::rows::{Problem, Rows, ShareValues, Solution};
 use crate::settings::RowStrategy;
-use crate::solver::cache::{ColumnCache, SetId};
+use crate::solver::cache::ColumnCache;
 use crate::stages::{
     LightSource, Lights, Measured, Origin, PART_TOLERANCE, Place, Solved, irradiance_at, names_of,
 };
@@ -171,13 +171,10 @@ impl Solved {
     fn gather_at_vertices(&mut self, cx: &mut Context, parts: &mut [SolvedPart]) -> Result<()> {
         let vertices = self.mesh.mesh.vertices.len();
         let together = (MOST_GATHERED / (vertices * size_of::<DVec3>()).max(1)).max(1);
-        let sets: Vec<SetId> = self.rows.table.vertex_sets().collect();
         for parts in parts.chunks_mut(together) {
             let radiosities: Vec<&[DVec3]> = parts.iter().map(|solved| &*solved.radiosity).collect();
-            let gathered = self.rows.table.gather_each(cx, &sets, &radiosities, |_, _| ())?;
-            for (solved, gathered) in parts.iter_mut().zip(gathered) {
-                let mut reflected = gathered.concat();
-                self.rows.table.bounds.apply(0, &mut reflected);
+            let gathered = self.rows.table.gather_at_vertices(cx, &radiosities)?;
+            for (solved, reflected) in parts.iter_mut().zip(gathered) {
                 let direct = &solved.part.direct;
                 let all = direct
                     .iter()

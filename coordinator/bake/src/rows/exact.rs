@@ -1,32 +1,28 @@
 //! Exact rows: those of shooters, with visibility computed pair by pair, exactly where little stands between. Solved for by
 //! shooting, then by sweeps.
 
-use std::borrow::Cow;
-
 use glam::DVec3;
 use kernel::replica::Receivers;
 use kernel::row::{Row, Shape, Shooter};
 
-use super::means::{Means, ShareValues};
+use super::factors::{Factors, solved};
+use super::means::ShareValues;
 use super::share_mesh::ShareMesh;
 use super::shoot;
 use super::solution::Solution;
-use super::source::{Cover, Gathered, LeafLight, Once, Problem, RowSource};
-use super::table::{COARSE, RowTable};
+use super::source::{Cover, Gathered, LeafLight, Problem, RowSource};
+use super::table::RowTable;
 use crate::channels::{Channels, Gathering};
 use crate::context::Context;
-use crate::error::{BakeError, Result};
+use crate::error::Result;
 use crate::jobs::{ReceiverSet, RowClient};
 use crate::mesh::{Mesh, Share, Surroundings};
+use crate::refinement::FIRST;
 use crate::settings::{BakeSettings, RowStrategy};
-use crate::solver::bounds::{Bounds, add_to_sums};
+use crate::solver::bounds::add_to_sums;
 use crate::solver::cache::{ColumnCache, SetId};
-use crate::solver::sweeps::{self, Transfer, solve};
-use crate::solver::{Light, ShareEnergy, ShareId};
+use crate::solver::{ShareEnergy, ShareId};
 use scene::Scene;
-
-/// Sweeps end here even if the accuracy was not reached; the bound is reported.
-const MAX_SWEEPS: u32 = 1000;
 
 /// Shadow lines are for receivers. Shares end at them too, where light jumps, unless they would be more than this many times those
 /// of the mesh without lines: then these shoot.
@@ -126,7 +122,7 @@ impl RowSource for ExactRows {
         table: &mut RowTable,
         (set, _): (ReceiverSet, &Receivers),
         radiosities: &[&[DVec3]],
-    ) -> Result<Once> {
+    ) -> Result<Gathered> {
         let mut light: Vec<Gathering> =
             radiosities.iter().map(|_| cx.channels.gathering(set.count())).collect();
         let mut sums = vec![0.0; set.count()];
@@ -135,7 +131,7 @@ impl RowSource for ExactRows {
             add_to_sums(row, mesh.materials[share].opacity, &mut sums);
         })?;
         let light = light.into_iter().map(Gathering::into_irradiance).collect();
-        Ok(Once { light, sums })
+        Ok(Gathered { light, cover: Cover { sums, ..Cover::default() } })
     }
 
     fn interpolated(&mut self, _: &mut Context, _: &Receivers, _: &[DVec3]) -> Result<Option<Vec<DVec3>>> {
@@ -183,7 +179,7 @@ impl RowSource for ExactRows {
         // Sweeps go over the columns again and again, over the rows they are computed from once: columns come first.
         let bytes = if means.is_some() { table.coarse_bytes + table.coarse_bytes / 4 } else { 0 };
         let reserved = table.cache().reserve(bytes);
-        let vertices: Vec<SetId> = table.vertex_sets().collect();
+        let vertices: Vec<SetId> = table.vertices.sets().collect();
         let bounds = table.bounds.clone();
         let mut transfer = Factors {
             bounds: &bounds,
@@ -218,6 +214,11 @@ impl RowSource for ExactRows {
         })
     }
 
+    /// Each leaf takes a row.
+    fn most_under_leaves(&self) -> usize {
+        FIRST
+    }
+
     fn light_of_leaves(
         &self,
         cx: &mut Context,
@@ -245,82 +246,4 @@ impl RowSource for ExactRows {
         cx.client.release(set);
         Ok(LeafLight { irradiance: gathered.into_irradiance(), rows: Some(rows) })
     }
-}
-
-/// The factors between shares, from the workers or from what is kept.
-struct Factors<'a, 'b> {
-    table: &'a mut RowTable,
-    client: &'a mut RowClient<'b>,
-    bounds: &'a Bounds,
-    /// Where shares take means over the refined mesh rather than the value at their vertex.
-    means: Option<&'a Means>,
-    /// All vertices.
-    sets: &'a [SetId],
-    /// The means, as far as they are kept.
-    columns: ColumnCache,
-}
-
-impl Transfer for Factors<'_, '_> {
-    type Error = BakeError;
-
-    fn pass(&mut self, take: &mut dyn FnMut(usize, &Row)) -> Result<()> {
-        let bounds = self.bounds;
-        let Some(means) = self.means else {
-            return self.table.each(
-                self.client,
-                &[COARSE],
-                |_| true,
-                |share, rows| {
-                    rows.into_iter().flatten().for_each(|row| take(share.index(), &bounds.row(0, row)));
-                },
-            );
-        };
-        let shares = self.table.shooters().len() as u32;
-        let missing: Vec<bool> =
-            (0..shares).map(|share| self.columns.column(ShareId(share)).is_none()).collect();
-        let mut sums = means.sums();
-        let columns = &mut self.columns;
-        self.table.each(
-            self.client,
-            self.sets,
-            |share| missing[share.index()],
-            |share, rows| {
-                let made = rows.map(|rows| {
-                    if bounds.count() == 0 {
-                        return sums.column(rows);
-                    }
-                    let starts = rows.iter().scan(0, |next, row| {
-                        let start = *next;
-                        *next += row.receivers();
-                        Some(start)
-                    });
-                    let bounded: Vec<Cow<Row>> =
-                        starts.zip(rows).map(|(start, row)| bounds.row(start, row)).collect();
-                    sums.column(&bounded.iter().map(AsRef::as_ref).collect::<Vec<_>>())
-                });
-                if let Some(column) = made.as_ref().or(columns.column(share)) {
-                    take(share.index(), column);
-                }
-                if let Some(column) = made {
-                    columns.keep(share, column);
-                }
-            },
-        )
-    }
-}
-
-/// A solution in the colours of the scene.
-fn solved<L: Light>(
-    energies: &[ShareEnergy],
-    transfer: &mut Factors,
-    colour: DVec3,
-    direct: &[DVec3],
-    guess: &[DVec3],
-    tolerance: f64,
-) -> Result<sweeps::Solution<DVec3>> {
-    let seen =
-        |lights: &[DVec3]| -> Vec<L> { lights.iter().map(|light| L::from_rgb(*light, colour)).collect() };
-    let energies: Vec<ShareEnergy<L>> = energies.iter().map(ShareEnergy::seen_as).collect();
-    let solution = solve(&energies, transfer, seen(direct), seen(guess), tolerance, MAX_SWEEPS)?;
-    Ok(solution.map(|light| light.to_rgb(colour)))
 }

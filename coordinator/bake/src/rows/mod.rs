@@ -4,9 +4,11 @@
 //! |---|---|
 //! | `source` | the trait of a row strategy |
 //! | `exact` | exact shooter rows, solved for by shooting and sweeps |
+//! | `factors` | its rows as factors between shares, kept as columns |
 //! | `shoot` | shooting as rows arrive |
 //! | `gather/` | hemisphere rows of gather points, solved for by passes |
 //! | `table` | rows kept, or made again |
+//! | `vertices` | the vertices as sets of receivers |
 //! | `solution` | radiosity, irradiance and what is missing |
 //! | `means` | which irradiance a share reflects |
 //! | `weights` | how its vertices count in that |
@@ -15,6 +17,7 @@
 //! A new strategy is a new file that implements `RowSource`, and an arm of [`row_source`].
 
 mod exact;
+mod factors;
 mod gather;
 mod means;
 mod share_mesh;
@@ -22,6 +25,7 @@ mod shoot;
 mod solution;
 mod source;
 mod table;
+mod vertices;
 mod weights;
 
 use scene::Scene;
@@ -31,8 +35,8 @@ pub use means::ShareValues;
 pub use share_mesh::ShareMesh;
 pub use shoot::FIRST_TOLERANCE;
 pub use solution::Solution;
-pub use source::{Cover, Gathered, Once, Problem, Rows};
-pub use table::COARSE;
+pub use source::{Cover, Gathered, Problem, Rows};
+pub use vertices::COARSE;
 
 /// Scenes with at least this many facets get hemisphere rows, unless a strategy was chosen.
 const MANY_FACETS: usize = 5000;

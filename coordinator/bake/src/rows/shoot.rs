@@ -6,7 +6,8 @@ use glam::DVec3;
 use kernel::row::Row;
 
 use super::share_mesh::ShareMesh;
-use super::table::{COARSE, RowTable};
+use super::table::RowTable;
+use super::vertices::COARSE;
 use crate::context::Context;
 use crate::error::Result;
 use crate::jobs::RowClient;

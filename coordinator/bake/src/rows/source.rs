@@ -5,11 +5,12 @@ use kernel::row::Row;
 use super::means::ShareValues;
 use super::share_mesh::ShareMesh;
 use super::solution::Solution;
-use super::table::{RowTable, VertexSet};
+use super::table::RowTable;
+use super::vertices::{COARSE, VertexSets};
 use crate::context::Context;
 use crate::error::Result;
 use crate::jobs::{ReceiverSet, RowClient};
-use crate::mesh::{Mesh, Share, Surroundings, VertexId, VertexReceivers, receivers};
+use crate::mesh::{Mesh, Share, Surroundings, VertexId, VertexReceivers, receivers, shared_receivers};
 use crate::settings::{BakeSettings, RowStrategy};
 use crate::solver::bounds::add_to_sums;
 use crate::solver::cache::{ColumnCache, SetId};
@@ -62,7 +63,7 @@ pub trait RowSource {
         wants_cover: bool,
     ) -> Result<Vec<Gathered>>;
 
-    /// The same of published receivers that are asked about only once.
+    /// The same of published receivers that are asked about only once. Of their cover there are only the sums.
     fn gather_once(
         &mut self,
         cx: &mut Context,
@@ -70,7 +71,7 @@ pub trait RowSource {
         table: &mut RowTable,
         receivers: (ReceiverSet, &Receivers),
         radiosities: &[&[DVec3]],
-    ) -> Result<Once>;
+    ) -> Result<Gathered>;
 
     /// Irradiance from shares of this radiosity, interpolated between gather points as that of vertices is; `None` where the
     /// strategy does not interpolate.
@@ -106,6 +107,9 @@ pub trait RowSource {
         columns: &mut Option<ColumnCache>,
         solution: Solution,
     ) -> Result<Solution>;
+
+    /// Most receivers that [`Self::light_of_leaves`] is worth its cost for.
+    fn most_under_leaves(&self) -> usize;
 
     /// Light that receivers get from the leaves of the refined mesh, each with its own mean radiosity, given the irradiance of the
     /// vertices and whether each sees any surface.
@@ -150,15 +154,6 @@ impl Cover {
         row.for_each(|receiver, _| self.exposed[receiver] = true);
         add_to_sums(row, opacity, &mut self.sums);
     }
-}
-
-/// What receivers that are asked about once get from shares.
-#[derive(Default)]
-pub struct Once {
-    /// Irradiance of the receivers, by the radiosities that were given.
-    pub light: Vec<Vec<DVec3>>,
-    /// Sum of the form factors of each.
-    pub sums: Vec<f64>,
 }
 
 /// What a solution is to solve.
@@ -207,15 +202,23 @@ pub struct Rows {
 }
 
 impl Rows {
-    /// Adds the vertices of a mesh from `first` on.
-    pub fn add_vertices(&mut self, cx: &mut Context, mesh: &Mesh, first: VertexId) -> Result<VertexSet> {
+    /// Adds the vertices of the shooting mesh: before all others.
+    pub fn add_coarse(&mut self, cx: &mut Context, mesh: &Mesh) -> Result<()> {
         let Self { source, table } = self;
         let small = source.shared_receiver_size(cx.settings) * cx.extent();
-        let VertexReceivers { receivers, around, of_vertices } = receivers(mesh, first, small);
+        let (VertexReceivers { receivers, around }, of_vertices) = shared_receivers(mesh, small);
         let set = source.add_receivers(cx, table, &receivers, Some(&around))?;
-        let vertices = VertexSet { count: mesh.vertices.len() - first.index(), set, of_vertices };
-        table.vertices.push(vertices.clone());
-        Ok(vertices)
+        debug_assert_eq!(set, COARSE, "they come first");
+        table.vertices = VertexSets::new(mesh.vertices.len(), of_vertices);
+        Ok(())
+    }
+
+    /// Adds the vertices of a mesh from `first` on.
+    pub fn add_vertices(&mut self, cx: &mut Context, mesh: &Mesh, first: VertexId) -> Result<SetId> {
+        let VertexReceivers { receivers, around } = receivers(mesh, first);
+        let set = self.source.add_receivers(cx, &mut self.table, &receivers, Some(&around))?;
+        self.table.vertices.push(set);
+        Ok(set)
     }
 
     /// Releases all that was published for them.

@@ -8,17 +8,14 @@ use smallvec::SmallVec;
 
 use super::share_mesh::ShareMesh;
 use super::solution::Solution;
+use super::vertices::VertexSets;
 use crate::channels::Gathering;
 use crate::context::Context;
 use crate::error::Result;
 use crate::jobs::{ReceiverSet, RowBatch, RowClient};
-use crate::mesh::VertexId;
 use crate::solver::ShareId;
 use crate::solver::bounds::{Bounds, add_to_sums};
 use crate::solver::cache::{RowCache, SetId};
-
-/// Receivers of the shooting mesh.
-pub const COARSE: SetId = SetId(0);
 
 /// Rows are requested in blocks of shares, over all sets at once, of about this many pairs: some jobs for each set, and little
 /// memory for the rows that wait until their block is complete.
@@ -27,36 +24,6 @@ const PAIRS_PER_BLOCK: usize = 4_000_000;
 /// Most shares of a block.
 const LARGEST_BLOCK: usize = 1024;
 
-/// Vertices as receivers.
-#[derive(Debug, Clone)]
-pub struct VertexSet {
-    /// Number of vertices.
-    pub count: usize,
-    /// The receivers.
-    pub set: SetId,
-    /// Index of the receiver of each vertex; `None` where each has its own.
-    pub of_vertices: Option<Vec<u32>>,
-}
-
-impl VertexSet {
-    /// The value of each vertex, from that of each receiver.
-    pub fn to_vertices<T: Copy>(&self, values: Vec<T>) -> Vec<T> {
-        match &self.of_vertices {
-            Some(receivers) => receivers.iter().map(|receiver| values[*receiver as usize]).collect(),
-            None => values,
-        }
-    }
-
-    /// Whether these corners of a leaf share a receiver.
-    pub fn is_one(&self, corners: &[VertexId]) -> bool {
-        let Some(receivers) = &self.of_vertices else { return false };
-        let receiver = |vertex: &VertexId| receivers.get(vertex.index());
-        corners
-            .windows(2)
-            .all(|pair| receiver(&pair[0]).is_some() && receiver(&pair[0]) == receiver(&pair[1]))
-    }
-}
-
 /// The rows of all shares over all sets of receivers that need them more than once.
 pub struct RowTable {
     shooters: Vec<Shooter>,
@@ -64,8 +31,8 @@ pub struct RowTable {
     cache: RowCache,
     /// By set and share: the variance of the row, once it was made.
     variances: Vec<Vec<Option<f64>>>,
-    /// The vertices: those of the shooting mesh, then those of each round of refinement.
-    pub vertices: Vec<VertexSet>,
+    /// The vertices as receivers.
+    pub vertices: VertexSets,
     /// Scales vertices that see more than a hemisphere.
     pub bounds: Bounds,
     /// The refinement samples, if there are any.
@@ -84,7 +51,7 @@ impl RowTable {
             sets: vec![],
             cache: RowCache::new(bytes),
             variances: vec![],
-            vertices: vec![],
+            vertices: VertexSets::default(),
             bounds: Bounds::default(),
             samples: None,
             coarse_bytes: 0,
@@ -97,16 +64,6 @@ impl RowTable {
         self.sets.push(set);
         self.variances.push(vec![None; self.shooters.len()]);
         self.cache.add_set(self.shooters.len())
-    }
-
-    /// The vertices of the shooting mesh: they are added before all others.
-    pub fn coarse(&self) -> &VertexSet {
-        &self.vertices[COARSE.index()]
-    }
-
-    /// The sets of the vertices.
-    pub fn vertex_sets(&self) -> impl Iterator<Item = SetId> + '_ {
-        self.vertices.iter().map(|vertices| vertices.set)
     }
 
     /// A set of receivers.
@@ -183,7 +140,7 @@ impl RowTable {
         direct: &[DVec3],
         solution: &mut Solution,
     ) -> Result<()> {
-        let sets: Vec<SetId> = self.vertex_sets().chain(self.samples).collect();
+        let sets: Vec<SetId> = self.vertices.sets().chain(self.samples).collect();
         // They do not change, and passes are many.
         let misses_sums = self.samples.is_some() && !solution.samples.has_row_sums();
         let mut sums = vec![0.0; solution.samples.count()];
@@ -202,10 +159,25 @@ impl RowTable {
         {
             solution.samples.set_gathered(&gathered);
         }
-        let at_vertices = |(vertices, gathered): (&VertexSet, Vec<DVec3>)| vertices.to_vertices(gathered);
-        let mut gathered: Vec<DVec3> = self.vertices.iter().zip(gathered).flat_map(at_vertices).collect();
-        self.bounds.apply(0, &mut gathered);
-        solution.set_irradiance(direct, gathered)
+        let mut reflected = self.vertices.join(gathered);
+        self.bounds.apply(0, &mut reflected);
+        solution.set_irradiance(direct, reflected)
+    }
+
+    /// Irradiance that shares of each of these radiosities give all vertices, in one pass over the rows.
+    pub fn gather_at_vertices(
+        &mut self,
+        cx: &mut Context,
+        radiosities: &[&[DVec3]],
+    ) -> Result<Vec<Vec<DVec3>>> {
+        let sets: Vec<SetId> = self.vertices.sets().collect();
+        let mut all = self.gather_each(cx, &sets, radiosities, |_, _| ())?;
+        let bounded = |gathered: Vec<Vec<DVec3>>| {
+            let mut reflected = self.vertices.join(gathered);
+            self.bounds.apply(0, &mut reflected);
+            reflected
+        };
+        Ok(all.drain(..).map(bounded).collect())
     }
 
     /// Notes that a row was made.

@@ -11,7 +11,7 @@ use crate::context::Context;
 use crate::error::Result;
 use crate::observer::Phase;
 use crate::refinement::SamplePoints;
-use crate::rows::{Rows, ShareMesh};
+use crate::rows::{COARSE, Rows, ShareMesh};
 
 /// A bake with direct light.
 pub struct Lit {
@@ -54,18 +54,18 @@ impl Setup {
         // Nothing is known to be dark before the rows were looked at.
         let all_exposed = vec![true; mesh.mesh.vertices.len()];
         let values = LazyCell::new(|| source.first_values(&mesh, &all_exposed));
-        let vertices = table.coarse();
-        let direct = light::irradiance(&sources, table.set(vertices.set), cx.client, |source, row, _| {
+        let vertices = &table.vertices;
+        let direct = light::irradiance(&sources, table.set(COARSE), cx.client, |source, row, _| {
             if matches!(source.origin, Origin::Surface(_)) {
                 return;
             }
-            let factors: Vec<f64> = vertices.to_vertices(row.to_dense().into_iter().map(f64::from).collect());
+            let factors: Vec<f64> = vertices.of_coarse(row.to_dense().into_iter().map(f64::from).collect());
             let of_shares = values.of(&mesh.energies, &factors);
             let flux =
                 mesh.energies.iter().zip(of_shares).map(|(share, factor)| share.area * factor).sum::<f64>();
             *if source.is_outside { &mut from_outside } else { &mut from_lights } += source.strength * flux;
         })?;
-        let direct = vertices.to_vertices(direct);
+        let direct = vertices.of_coarse(direct);
         cx.end_step("light");
         mesh.preview(cx, &direct, || {
             let dark = vec![DVec3::ZERO; mesh.shares.len()];

@@ -6,7 +6,7 @@ use kernel::replica::Receivers;
 use super::light::{self, LightSource};
 use crate::context::Context;
 use crate::error::Result;
-use crate::rows::{Cover, Gathered, Once, Rows, ShareMesh};
+use crate::rows::{Cover, Gathered, Rows, ShareMesh};
 use crate::solver::cache::SetId;
 
 /// Where irradiance is wanted.
@@ -59,19 +59,17 @@ pub fn irradiance_at(
         direct.push(light::irradiance(light.sources, set, cx.client, |_, _, _| ())?);
     }
     let radiosities: Vec<&[DVec3]> = lights.iter().map(|light| light.radiosity).collect();
-    let (gathered, cover) = match place {
+    let Gathered { light, cover } = match place {
         Place::Kept(id) => {
-            let gathered = source.gather(cx, mesh, table, &[id], &radiosities, true)?.pop();
-            let Gathered { light, cover } = gathered.unwrap_or_default();
-            (light, cover)
+            source.gather(cx, mesh, table, &[id], &radiosities, true)?.pop().unwrap_or_default()
         }
         Place::Once(receivers) => {
-            let Once { light, sums } = source.gather_once(cx, mesh, table, (set, receivers), &radiosities)?;
+            let gathered = source.gather_once(cx, mesh, table, (set, receivers), &radiosities)?;
             cx.client.release(set);
-            (light, Cover { sums, ..Cover::default() })
+            gathered
         }
     };
-    let light = direct.into_iter().zip(gathered).map(|(direct, light)| Irradiance {
+    let light = direct.into_iter().zip(light).map(|(direct, light)| Irradiance {
         all: direct.iter().zip(light).map(|(direct, light)| *direct + light).collect(),
         direct,
     });

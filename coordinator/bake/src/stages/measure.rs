@@ -11,7 +11,7 @@ use crate::error_budget::{
     ErrorBudget, INTERPOLATED_NOISE, RETURNING, rounding_error, without, without_noise,
 };
 use crate::observer::Phase;
-use crate::refinement::{FIRST, Obstacle, SamplePoints, best_fit};
+use crate::refinement::{Obstacle, SamplePoints, best_fit};
 
 /// A bake whose error is known.
 pub struct Measured {
@@ -109,7 +109,7 @@ impl Solved {
         samples: &SamplePoints,
         irradiance: &[DVec3],
     ) -> Result<f64> {
-        let count = samples.count().min(FIRST);
+        let count = samples.count().min(self.rows.source.most_under_leaves());
         if count == 0 {
             return Ok(0.0);
         }

@@ -110,7 +110,7 @@ impl Measured {
             let factor = (SHOOTERS_PART * asked / error.shooters).clamp(0.25, 0.5);
             let finer = better.with_shooter_edge(cx.settings.shooter_edge * factor);
             let vertices = shooting_mesh(cx.scene, &finer).0.vertices.len();
-            let now = self.solved.rows.table.coarse().count;
+            let now = self.solved.rows.table.vertices.coarse_count();
             if vertices <= now || vertices > finer.most_vertices(cx.scene) {
                 return None;
             }

@@ -31,7 +31,7 @@ impl Solved {
             // The corners of others would keep the light of the middle.
             let has_own_receivers = |id: PatchId| {
                 let corners = &self.mesh.mesh.patch(id).corners;
-                !self.rows.table.coarse().is_one(corners)
+                !self.rows.table.vertices.is_one(corners)
             };
             match plan.next(&self.mesh.mesh, &self.predict(cx), self.noise(), has_own_receivers) {
                 Step::Done => break None,

@@ -3,7 +3,7 @@
 use super::light::{self, LightSource};
 use crate::context::{Context, extent};
 use crate::error::{BakeError, Result};
-use crate::mesh::{Mesh, VertexId, shadow_lines};
+use crate::mesh::{Mesh, shadow_lines};
 use crate::refinement::SamplePoints;
 use crate::rows::{Rows, ShareMesh, row_source};
 use crate::settings::BakeSettings;
@@ -38,7 +38,7 @@ impl Setup {
         let sources = light::sources(scene, &mesh.mesh, settings, first_key, source.joins_sources());
         let table = source.open(cx, &mesh);
         let mut rows = Rows { source, table };
-        rows.add_vertices(cx, &mesh.mesh, VertexId(0))?;
+        rows.add_coarse(cx, &mesh.mesh)?;
         let samples = SamplePoints::draw(&mesh.mesh, scene, settings, &[], 0);
         cx.end_step("mesh");
         Ok(Self { mesh, rows, sources, samples })

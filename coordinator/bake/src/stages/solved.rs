@@ -47,8 +47,8 @@ impl Lit {
         // A first look at all rows, those too that no shot needed.
         let seen = source.gather(cx, &mesh, table, &[COARSE], &[], true)?.pop().unwrap_or_default();
         table.coarse_bytes = seen.cover.bytes;
-        let coarse = table.coarse();
-        let (sums, exposed) = (coarse.to_vertices(seen.cover.sums), coarse.to_vertices(seen.cover.exposed));
+        let (sums, exposed) =
+            (table.vertices.of_coarse(seen.cover.sums), table.vertices.of_coarse(seen.cover.exposed));
         table.bounds.add(&sums);
         table.bounds.apply(0, &mut direct);
         if table.bounds.count() > 0 {
@@ -115,15 +115,14 @@ impl Solved {
     /// Adds the vertices from `first` on, and computes their irradiance.
     pub fn receive(&mut self, cx: &mut Context, first: VertexId) -> Result<()> {
         cx.client.monitor.enter(Phase::Refine, self.mesh.mesh.vertices.len());
-        let vertices = self.rows.add_vertices(cx, &self.mesh.mesh, first)?;
+        let set = self.rows.add_vertices(cx, &self.mesh.mesh, first)?;
         let lights = Lights { sources: &self.sources.all, radiosity: &self.solution.radiosity };
         let Received { light, cover } =
-            irradiance_at(cx, &self.mesh, &mut self.rows, Place::Kept(vertices.set), &[lights])?;
+            irradiance_at(cx, &self.mesh, &mut self.rows, Place::Kept(set), &[lights])?;
         let bounds = &mut self.rows.table.bounds;
-        bounds.add(&vertices.to_vertices(cover.sums));
-        self.exposed.extend(vertices.to_vertices(cover.exposed));
-        for Irradiance { direct, all } in light {
-            let (mut direct, mut all) = (vertices.to_vertices(direct), vertices.to_vertices(all));
+        bounds.add(&cover.sums);
+        self.exposed.extend(cover.exposed);
+        for Irradiance { mut direct, mut all } in light {
             bounds.apply(self.direct.len(), &mut direct);
             bounds.apply(self.direct.len(), &mut all);
             self.direct.extend(direct);
@@ -157,12 +156,13 @@ impl Solved {
 
     /// Irradiance of all vertices straight from these sources.
     pub fn direct_of(&self, cx: &mut Context, sources: &[LightSource]) -> Result<Vec<DVec3>> {
-        let mut direct = Vec::with_capacity(self.direct.len());
-        for vertices in &self.rows.table.vertices {
-            let set = self.rows.table.set(vertices.set);
-            direct.extend(vertices.to_vertices(light::irradiance(sources, set, cx.client, |_, _, _| ())?));
+        let table = &self.rows.table;
+        let mut by_set = vec![];
+        for set in table.vertices.sets() {
+            by_set.push(light::irradiance(sources, table.set(set), cx.client, |_, _, _| ())?);
         }
-        self.rows.table.bounds.apply(0, &mut direct);
+        let mut direct = table.vertices.join(by_set);
+        table.bounds.apply(0, &mut direct);
         Ok(direct)
     }
 

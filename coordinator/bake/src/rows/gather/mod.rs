@@ -13,6 +13,7 @@
 //! | `points` | gather points, with what they see |
 //! | `noise` | the noise of their rays |
 //! | `interpolation` | light between the points |
+//! | `set` | receivers that take their light from the points |
 //! | `place` | where the points lie |
 //! | `weigh` | which of them each receiver takes its light from |
 
@@ -21,17 +22,19 @@ mod interpolation;
 mod noise;
 mod place;
 mod points;
+mod set;
 mod weigh;
 
 use glam::DVec3;
 use kernel::occluder::Occluder;
-use kernel::replica::{Receiver, Receivers};
+use kernel::replica::Receivers;
 
 use super::means::{Means, ShareValues};
 use super::share_mesh::ShareMesh;
 use super::solution::Solution;
-use super::source::{Cover, Gathered, LeafLight, Once, Problem, RowSource};
-use super::table::{COARSE, RowTable, VertexSet};
+use super::source::{Cover, Gathered, LeafLight, Problem, RowSource};
+use super::table::RowTable;
+use super::vertices::COARSE;
 use crate::context::Context;
 use crate::error::Result;
 use crate::jobs::{ReceiverSet, RowClient};
@@ -40,10 +43,11 @@ use crate::settings::{BakeSettings, RowStrategy};
 use crate::solver::acceleration::Acceleration;
 use crate::solver::cache::{ColumnCache, SetId};
 use hemisphere::{covered, gathered, leaf_polygons, views};
-use interpolation::{Interpolation, Neighbours};
+use interpolation::Neighbours;
 use noise::Twins;
 use points::GatherPoints;
 use scene::Scene;
+use set::Set;
 
 /// Passes end here even if the accuracy was not reached; the bound is reported.
 const MOST_PASSES: u32 = 1000;
@@ -66,12 +70,6 @@ const LARGEST_SMALL: f64 = 0.005;
 /// Fewest rays of a gather point: many receivers depend on it.
 const LEAST_RAYS: u32 = 256;
 
-/// Width of a vertex's surroundings, relative to the longest edge of the shooters, from which on it gets all rays of a hemisphere.
-const WIDE: f64 = 0.125;
-
-/// Least part of the rays that a vertex gets.
-const LEAST_PART: f64 = 0.125;
-
 /// Factor of the rays of receivers that the answer is measured at.
 const MEASURED: u32 = 4;
 
@@ -88,23 +86,6 @@ pub struct GatherRows {
     occluder: Option<Occluder>,
     twins: Twins,
     sets: Vec<Set>,
-}
-
-/// Receivers whose light is that of gather points.
-struct Set {
-    receivers: Vec<Receiver>,
-    /// Rays of each, if it became a point itself.
-    rays: Vec<u32>,
-    /// Empty until the points are placed.
-    weights: Interpolation,
-}
-
-/// The fewer rays, the smaller a vertex's surroundings are. Where vertices lie close together, the light of a piece of surface is
-/// the mean of many, and so is their noise.
-fn rays_of_vertex(around: &Surroundings, wide: f64, all: u32) -> u32 {
-    let part = (around.area.sqrt() / wide).clamp(LEAST_PART, 1.0);
-    // A power of two has the most even directions.
-    ((f64::from(all) * part) as u32).next_power_of_two().min(all)
 }
 
 impl GatherRows {
@@ -133,9 +114,8 @@ impl GatherRows {
         points: &[DVec3],
         solution: &mut Solution,
     ) -> Result<()> {
-        let at = |vertices: &VertexSet| vertices.to_vertices(self.at_set(vertices.set, points));
-        let reflected = table.vertices.iter().flat_map(at);
-        solution.set_irradiance(direct, reflected)
+        let by_set = table.vertices.sets().map(|set| self.at_set(set, points));
+        solution.set_irradiance(direct, table.vertices.join(by_set))
     }
 }
 
@@ -189,15 +169,12 @@ impl RowSource for GatherRows {
         around: Option<&[Surroundings]>,
     ) -> Result<SetId> {
         let id = table.add_set(cx.client.publish_receivers(receivers));
-        let wide = WIDE * cx.settings.shooter_edge * cx.extent();
-        let rays = |index| around.map_or(self.rays, |around| rays_of_vertex(&around[index], wide, self.rays));
-        let rays: Vec<u32> = (0..receivers.receivers.len()).map(rays).collect();
-        let weights = if self.points.receivers.is_empty() {
-            Interpolation::default()
-        } else {
-            self.weigh(cx, &receivers.receivers, &rays)?
-        };
-        self.sets.push(Set { receivers: receivers.receivers.clone(), rays, weights });
+        let shooter_edge = cx.settings.shooter_edge * cx.extent();
+        let mut set = Set::new(&receivers.receivers, around, shooter_edge, self.rays);
+        if !self.points.receivers.is_empty() {
+            set.weights = self.weigh(cx, &set.receivers, &set.rays)?;
+        }
+        self.sets.push(set);
         Ok(id)
     }
 
@@ -231,13 +208,14 @@ impl RowSource for GatherRows {
         _: &mut RowTable,
         (_, receivers): (ReceiverSet, &Receivers),
         radiosities: &[&[DVec3]],
-    ) -> Result<Once> {
-        let Some(polygons) = self.polygons else { return Ok(Once::default()) };
+    ) -> Result<Gathered> {
+        let Some(polygons) = self.polygons else { return Ok(Gathered::default()) };
         let views = views(cx.client, polygons, receivers, |_| self.rays * MEASURED)?;
         let at = |radiosity: &&[DVec3]| views.iter().map(|view| gathered(view, radiosity)).collect();
-        Ok(Once {
+        let sums = views.iter().map(|view| covered(view)).collect();
+        Ok(Gathered {
             light: radiosities.iter().map(at).collect(),
-            sums: views.iter().map(|view| covered(view)).collect(),
+            cover: Cover { sums, ..Cover::default() },
         })
     }
 
@@ -327,6 +305,10 @@ impl RowSource for GatherRows {
             solution.ray_noise = self.noise(&solution.radiosity, solution.samples.level());
         }
         Ok(solution)
+    }
+
+    fn most_under_leaves(&self) -> usize {
+        usize::MAX
     }
 
     fn light_of_leaves(

@@ -16,12 +16,13 @@ use crate::error_budget::{INTERPOLATED_NOISE, without_noise};
 use crate::jobs::ReceiverSet;
 use crate::mesh::{Mesh, PatchId, Share};
 use crate::refinement::{MOST_DRAWN, SamplePoints};
+use crate::rows::COARSE;
 use crate::rows::means::ShareValues;
 use crate::rows::share_mesh::ShareMesh;
 use scene::{Facet, Scene};
 
-/// Meshes of no more vertices cast rays from each.
-const FEW_VERTICES: usize = 1 << 13;
+/// Meshes of no more receivers cast rays from each.
+const FEW_RECEIVERS: usize = 1 << 13;
 
 /// Points to begin with.
 const FIRST_POINTS: usize = 1024;
@@ -52,12 +53,11 @@ impl GatherRows {
     ) -> Result<Vec<DVec3>> {
         let asked = cx.settings.asked_error();
         let values = ShareValues::means(mesh, &vec![true; direct.len()]);
-        let has_few_vertices = direct.len() <= FEW_VERTICES;
         let direct = values.of(&mesh.energies, direct);
         let mut radiosity: Vec<DVec3> =
             mesh.energies.iter().zip(&direct).map(|(share, light)| share.reflectance * *light).collect();
         let Some(polygons) = self.polygons else { return Ok(radiosity) };
-        if has_few_vertices {
+        if self.sets[COARSE.index()].receivers.len() <= FEW_RECEIVERS {
             self.place_twins(cx, mesh, polygons)?;
             return Ok(radiosity);
         }
@@ -75,7 +75,12 @@ impl GatherRows {
                 SamplePoints::draw_everywhere(&mesh.mesh, cx.scene, seed, first_key, &expected, count);
             let fresh = drawn.receivers(count);
             let seen = views(cx.client, polygons, &fresh, |_| self.rays)?;
-            let at_fresh = (round > 0).then(|| self.errors_at(cx, &fresh.receivers, &seen, &radiosity));
+            let at_fresh = match self.neighbours(cx) {
+                Some(neighbours) if round > 0 => {
+                    Some(self.errors_at(&fresh.receivers, &seen, &radiosity, &neighbours))
+                }
+                _ => None,
+            };
             self.points.add_shared(&fresh.receivers, seen);
             if round == 0 {
                 self.twins = Twins::look(cx.client, polygons, drawn.clone(), self.rays)?;
@@ -131,13 +136,12 @@ impl GatherRows {
     /// Errors of interpolation at receivers with these views. Receivers that are alone get rays of their own.
     fn errors_at(
         &self,
-        cx: &Context,
         receivers: &[Receiver],
         views: &[View],
         radiosity: &[DVec3],
+        neighbours: &Neighbours,
     ) -> Vec<DVec3> {
         let known = self.points.gather(radiosity);
-        let Some(neighbours) = self.neighbours(cx) else { return vec![] };
         let error = |(receiver, view): (&Receiver, &View)| {
             let weights = neighbours.weights(receiver, 0.0, None);
             weights.map_or(DVec3::ZERO, |weights| interpolated(&weights, &known) - gathered(view, radiosity))

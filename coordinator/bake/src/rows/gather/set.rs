@@ -1,0 +1,47 @@
+//! Receivers that take their light from gather points.
+
+use kernel::replica::Receiver;
+
+use super::interpolation::Interpolation;
+use crate::mesh::Surroundings;
+
+/// Width of a vertex's surroundings, relative to the longest edge of the shooters, from which on it gets all rays of a hemisphere.
+const WIDE: f64 = 0.125;
+
+/// Least part of the rays that a vertex gets.
+const LEAST_PART: f64 = 0.125;
+
+/// Receivers whose light is that of gather points.
+pub struct Set {
+    pub receivers: Vec<Receiver>,
+    /// Rays of each, if it became a point itself.
+    pub rays: Vec<u32>,
+    /// Empty until the points are placed.
+    pub weights: Interpolation,
+}
+
+impl Set {
+    /// Receivers with at most this number of rays; vertices come with their surroundings. `shooter_edge` is in frame units.
+    pub fn new(
+        receivers: &[Receiver],
+        around: Option<&[Surroundings]>,
+        shooter_edge: f64,
+        most_rays: u32,
+    ) -> Self {
+        let rays = match around {
+            Some(around) => {
+                around.iter().map(|around| rays_of_vertex(around, WIDE * shooter_edge, most_rays)).collect()
+            }
+            None => vec![most_rays; receivers.len()],
+        };
+        Self { receivers: receivers.to_vec(), rays, weights: Interpolation::default() }
+    }
+}
+
+/// The fewer rays, the smaller a vertex's surroundings are. Where vertices lie close together, the light of a piece of surface is
+/// the mean of many, and so is their noise.
+fn rays_of_vertex(around: &Surroundings, wide: f64, all: u32) -> u32 {
+    let part = (around.area.sqrt() / wide).clamp(LEAST_PART, 1.0);
+    // A power of two has the most even directions.
+    ((f64::from(all) * part) as u32).next_power_of_two().min(all)
+}
