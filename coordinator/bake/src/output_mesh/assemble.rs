@@ -1,8 +1,8 @@
 //! The lit mesh of the triangles that are left.
 
-use std::collections::HashMap;
-
+use foldhash::{HashMap, HashMapExt};
 use glam::DVec3;
+use rayon::prelude::*;
 
 use super::fit::Fit;
 use super::working::{Corner, NONE, Working};
@@ -53,7 +53,10 @@ impl Working {
             sources.iter().map(|corner| of_corners[*corner as usize]).collect()
         };
         let irradiance: Vec<DVec3> = lit.vertices.iter().map(|vertex| vertex.irradiance).collect();
-        let irradiance = moved(&irradiance);
+        let (irradiance, unshot) = rayon::join(
+            || moved(&irradiance),
+            || if lit.unshot.is_empty() { vec![] } else { moved(&lit.unshot) },
+        );
         let is_dark: Vec<_> = irradiance.iter().map(|irradiance| irradiance.cmple(DVec3::ZERO)).collect();
         for (vertex, irradiance) in vertices.iter_mut().zip(irradiance) {
             vertex.irradiance = if fit.is_some() { irradiance.max(DVec3::ZERO) } else { irradiance };
@@ -64,8 +67,7 @@ impl Working {
             let irradiance = light.map(|(light, is_dark)| DVec3::select(*is_dark, DVec3::ZERO, light));
             LitLayer { irradiance: irradiance.collect(), ..layer.clone() }
         };
-        let layers = lit.layers.iter().map(layer).collect();
-        let unshot = if lit.unshot.is_empty() { vec![] } else { moved(&lit.unshot) };
+        let layers = lit.layers.par_iter().map(layer).collect();
         LitMesh { vertices, surfaces, layers, unshot }
     }
 }

@@ -3,10 +3,10 @@
 //! An edge is *open* where not exactly two triangles of its surface share it by its vertices: at creases, contacts, borders between
 //! materials and sides. Where another vertex lies inside it a rasterizer shows dots, so the triangle is split there.
 
-use std::collections::HashMap;
-
+use foldhash::{HashMap, HashMapExt};
 use glam::{DVec3, I64Vec3};
 use kernel::geometry::Bounds;
+use rayon::prelude::*;
 use smallvec::SmallVec;
 
 use super::working::{Corner, NONE, Triangle, Working};
@@ -29,13 +29,16 @@ pub fn conform(working: &mut Working) {
     }
     let grid = Grid::new(&places.position, ONE_POINT.max(ON_EDGE) * working.extent);
     let mut inside: HashMap<(u32, u32), Vec<(u32, f64)>> = HashMap::new();
-    for (a, b, _) in &open {
+    let margin = 2.0 * ONE_POINT * working.extent;
+    let find = |(a, b, _): &(u32, u32, u32)| {
         let ends = [*a, *b].map(|corner| places.of_corner[corner as usize]);
-        let found = grid.inside(&places.position, ends, 2.0 * ONE_POINT * working.extent);
-        if !found.is_empty() {
-            found.iter().for_each(|(place, _)| is_tied[*place as usize] = true);
-            inside.insert((*a, *b), found);
-        }
+        ((*a, *b), grid.inside(&places.position, ends, margin))
+    };
+    let found: Vec<((u32, u32), Vec<(u32, f64)>)> =
+        open.par_iter().with_min_len(256).map(find).filter(|(_, found)| !found.is_empty()).collect();
+    for (edge, found) in found {
+        found.iter().for_each(|(place, _)| is_tied[*place as usize] = true);
+        inside.insert(edge, found);
     }
     move_to_places(working, &places, &is_tied);
     split(working, &places, &inside);

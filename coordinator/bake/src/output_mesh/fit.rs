@@ -35,8 +35,8 @@ struct Element {
 }
 
 impl Fit {
-    /// The fit of a mesh, no farther from its values than the limits allow.
-    pub fn new(working: &Working, limits: &Limits) -> Self {
+    /// The fit of a mesh, no farther from its values than the limits allow, and these fitted.
+    pub fn new(working: &Working, limits: &Limits) -> (Self, Vec<DVec3>) {
         let mut fit = Self {
             triangles: vec![],
             diagonal: vec![0.0; working.corners.len()],
@@ -66,18 +66,29 @@ impl Fit {
         fit.own = fit.diagonal.iter().map(|diagonal| OWN * diagonal + f64::MIN_POSITIVE).collect();
         fit.diagonal.iter_mut().zip(&fit.own).for_each(|(diagonal, own)| *diagonal += own);
         let light: Vec<DVec3> = working.corners.iter().map(|corner| corner.light).collect();
-        let fitted = fit.apply(&light);
-        for ((part, light), fitted) in fit.part.iter_mut().zip(&light).zip(&fitted) {
-            let step = light.distance(*fitted);
+        let change = fit.change(&light);
+        for ((part, light), change) in fit.part.iter_mut().zip(&light).zip(&change) {
+            let step = light.distance(*light + *change);
             // What no light reaches stays dark: a wall must not leak, not even by rounding.
             let reached = *light != DVec3::ZERO;
             *part = if reached && step > 0.0 { (limits.at(*light) / step).min(1.0) } else { 0.0 };
         }
-        fit
+        let fitted = fit.moved(&light, change);
+        (fit, fitted)
     }
 
     /// Fits values, given those that all corners had.
     pub fn apply(&self, values: &[DVec3]) -> Vec<DVec3> {
+        self.moved(values, self.change(values))
+    }
+
+    fn moved(&self, values: &[DVec3], change: Vec<DVec3>) -> Vec<DVec3> {
+        let parts = values.iter().zip(change).zip(&self.part);
+        parts.map(|((value, change), part)| *value + change * *part).collect()
+    }
+
+    /// How far the best fit lies from the values that all corners had.
+    fn change(&self, values: &[DVec3]) -> Vec<DVec3> {
         // Residual of the values that are there.
         let mut residual: Vec<DVec3> = vec![DVec3::ZERO; values.len()];
         for element in &self.triangles {
@@ -112,8 +123,7 @@ impl Fit {
             direction.iter_mut().zip(&scaled).for_each(|(own, scaled)| *own = *scaled + turn * *own);
             square = next;
         }
-        let moved = values.iter().zip(change).zip(&self.part);
-        moved.map(|((value, change), part)| *value + change * *part).collect()
+        change
     }
 
     /// The matrix times values, with the weight of the old ones or without.

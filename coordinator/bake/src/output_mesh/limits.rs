@@ -83,7 +83,16 @@ impl Limits {
 
     /// Puts a sample in the middle of each edge. Sums over them integrate squares of linear differences exactly.
     pub fn sample(&self, working: &mut Working) {
-        let mut samples = vec![];
+        let of_corner = |(index, corner): (u32, &Corner)| Sample {
+            position: corner.position,
+            light: corner.light,
+            limit: self.at(corner.light).powi(2),
+            weight: 0.0,
+            between: [index; 2],
+        };
+        // Each corner has a sample for when it is gone: with its own number. Edges are shared by two triangles, where they are.
+        let mut samples = Vec::with_capacity(working.corners.len() + working.triangles.len() * 3);
+        samples.extend((0..).zip(&working.corners).map(of_corner));
         for index in 0..working.triangles.len() {
             let triangle = &working.triangles[index];
             let weight = working.area(triangle) / 3.0;
@@ -107,19 +116,6 @@ impl Limits {
                 }
             }
         }
-        // Each corner has a sample for when it is gone.
-        let of_corner = |(index, corner): (u32, &Corner)| Sample {
-            position: corner.position,
-            light: corner.light,
-            limit: self.at(corner.light).powi(2),
-            weight: 0.0,
-            between: [index; 2],
-        };
-        let corners: Vec<Sample> = (0..).zip(&working.corners).map(of_corner).collect();
-        // First those of the corners: the sample of a corner has its number.
-        let shift = corners.len() as u32;
-        working.triangles.iter_mut().flat_map(|t| &mut t.samples).for_each(|sample| *sample += shift);
-        working.samples = corners;
-        working.samples.extend(samples);
+        working.samples = samples;
     }
 }

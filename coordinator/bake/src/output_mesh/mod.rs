@@ -32,8 +32,6 @@ mod own_triangles;
 mod simplify;
 mod working;
 
-use glam::DVec3;
-
 use crate::error_budget::{ErrorBudget, INTERPOLATED_NOISE, without};
 use crate::lit::LitMesh;
 use fit::Fit;
@@ -67,9 +65,7 @@ pub fn output_mesh(scene: &Scene, lit: LitMesh, error: Option<&ErrorBudget>) -> 
         conform::conform(&mut working);
         limits.sample(&mut working);
         simplify::simplify(&mut working);
-        let fit = Fit::new(&working, &limits);
-        let light: Vec<DVec3> = working.corners.iter().map(|corner| corner.light).collect();
-        let fitted = fit.apply(&light);
+        let (fit, fitted) = Fit::new(&working, &limits);
         working.corners.iter_mut().zip(fitted).for_each(|(corner, fitted)| corner.light = fitted);
         // Noise that is no longer there is no error.
         let difference = without(limits.difference(&working), between);
