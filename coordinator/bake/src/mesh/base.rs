@@ -67,6 +67,8 @@ impl Mesh {
             has_lines: lines.iter().flatten().any(|own| !own.is_empty()),
             ..Self::default()
         };
+        mesh.patches.reserve(welded.polygons.len());
+        mesh.leaves_at.reserve(welded.polygons.iter().map(Vec::len).sum());
         for ((surface, piece), corners) in places.into_iter().zip(welded.polygons) {
             if !corners.is_empty() {
                 mesh.add_leaf(surface, piece.facet, corners.into(), None);

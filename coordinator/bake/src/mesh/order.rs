@@ -6,6 +6,7 @@
 use foldhash::HashMap;
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use super::{Edge, Mesh, PatchId, VertexId, edge};
 use scene::{Facet, Scene};
@@ -55,7 +56,7 @@ impl Mesh {
             }
         }
         let mut order: Vec<u32> = (0..self.vertices.len() as u32).collect();
-        order.sort_by_cached_key(|vertex| {
+        order.par_sort_by_cached_key(|vertex| {
             let position = self.vertices[*vertex as usize].position;
             patch_of[*vertex as usize].map(|id| self.key(id, position, *vertex))
         });

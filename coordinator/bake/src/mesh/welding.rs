@@ -1,11 +1,11 @@
 //! Welds the corners of pieces into vertices of the mesh.
 
-use std::collections::BTreeMap;
-
-use foldhash::{HashMap, HashMapExt};
+use foldhash::{HashMap, HashMapExt, HashSet};
 
 use glam::{DVec3, I64Vec3};
 use kernel::geometry::{Bounds, PlaneId, area_vector};
+use rayon::prelude::*;
+use smallvec::SmallVec;
 
 use super::line::{Contact, distance_to_line};
 use super::{Vertex, VertexId, WELD};
@@ -22,6 +22,9 @@ enum SmoothingGroup {
     Smooth([i32; 3]),
 }
 
+/// Polygons that a thread takes.
+const AT_ONCE: usize = 256;
+
 /// Index of a point: a position and a smoothing group. A vertex is a point, or a part of one where a contact divides the
 /// surface around it.
 type PointId = usize;
@@ -33,10 +36,10 @@ pub struct Welder {
     groups: Vec<SmoothingGroup>,
     found: HashMap<([i64; 3], SmoothingGroup), PointId>,
     /// Points of each plane, for T-vertices.
-    flat: BTreeMap<SmoothingGroup, Vec<PointId>>,
+    flat: HashMap<SmoothingGroup, Vec<PointId>>,
     polygons: Vec<Vec<PointId>>,
     /// Edges that lie on a contact.
-    contact_edges: std::collections::HashSet<(PointId, PointId)>,
+    contact_edges: HashSet<(PointId, PointId)>,
 }
 
 /// The vertices, and the corners of each polygon; empty where welding removed it.
@@ -119,36 +122,37 @@ impl Welder {
     /// Makes every point that lies on an edge of its own plane a corner there, so that both sides of the edge divide it alike;
     /// then finds the vertices. `contacts` gives the contacts that edges of each polygon lie on.
     #[must_use]
-    pub fn weld<'a>(mut self, contacts: impl Fn(usize) -> &'a [Contact]) -> Welded {
+    pub fn weld<'a>(mut self, contacts: impl Fn(usize) -> &'a [Contact] + Sync) -> Welded {
         self.insert_t_vertices();
         self.drop_flat_polygons();
-        for (index, polygon) in self.polygons.iter().enumerate() {
+        let points = &self.points;
+        let on_contact = |(index, polygon): (usize, &Vec<PointId>)| {
             let contacts = contacts(index);
-            if !contacts.is_empty() {
-                let on_contact = edges(polygon).filter(|(a, b)| {
-                    let middle = (self.points[*a].position + self.points[*b].position) / 2.0;
-                    contacts.iter().any(|contact| distance_to_line(middle, contact) < WELD)
-                });
-                self.contact_edges.extend(on_contact.map(sorted));
-            }
-        }
+            let found = edges(polygon).filter(|(a, b)| {
+                let middle = (points[*a].position + points[*b].position) / 2.0;
+                contacts.iter().any(|contact| distance_to_line(middle, contact) < WELD)
+            });
+            found.map(sorted).collect::<SmallVec<[_; 4]>>()
+        };
+        let polygons = self.polygons.par_iter().enumerate().with_min_len(AT_ONCE);
+        self.contact_edges = polygons.flat_map_iter(on_contact).collect::<Vec<_>>().into_iter().collect();
         self.vertices()
     }
 
     /// A needle thinner than the welding distance folds onto itself, and is removed.
     fn drop_flat_polygons(&mut self) {
-        for polygon in &mut self.polygons {
-            let positions: Vec<DVec3> = polygon.iter().map(|id| self.points[*id].position).collect();
-            let longest =
-                edges(polygon).map(|(a, b)| self.points[a].position.distance(self.points[b].position));
+        let points = &self.points;
+        self.polygons.par_iter_mut().with_min_len(AT_ONCE).for_each(|polygon| {
+            let positions: SmallVec<[DVec3; 8]> = polygon.iter().map(|id| points[*id].position).collect();
+            let longest = edges(polygon).map(|(a, b)| points[a].position.distance(points[b].position));
             let least_area = WELD * longest.fold(0.0, f64::max);
-            let mut distinct = polygon.clone();
+            let mut distinct: SmallVec<[PointId; 8]> = SmallVec::from_slice(polygon);
             distinct.sort_unstable();
             distinct.dedup();
             if distinct.len() < polygon.len() || area_vector(&positions).length() <= least_area {
                 polygon.clear();
             }
-        }
+        });
     }
 
     /// The corners of one point that are joined through edges without contact are one vertex.
@@ -164,7 +168,7 @@ impl Welder {
             .collect();
         let count = self.polygons.iter().map(Vec::len).sum();
         let mut joined = DisjointSets::new(count);
-        let mut first_at: HashMap<(PointId, PointId), [usize; 2]> = HashMap::new();
+        let mut first_at: HashMap<(PointId, PointId), [usize; 2]> = HashMap::with_capacity(count);
         for (polygon, first) in self.polygons.iter().zip(&slot_of) {
             for (i, (a, b)) in edges(polygon).enumerate() {
                 let slots = [first + i, first + (i + 1) % polygon.len()];
@@ -177,12 +181,12 @@ impl Welder {
                 }
             }
         }
-        let mut vertex_of: HashMap<usize, VertexId> = HashMap::new();
+        let mut vertex_of: Vec<Option<VertexId>> = vec![None; count];
         let mut vertices = vec![];
         let mut polygons = vec![];
         for (polygon, first) in self.polygons.iter().zip(&slot_of) {
             let corners = polygon.iter().enumerate().map(|(i, point)| {
-                *vertex_of.entry(joined.representative(first + i)).or_insert_with(|| {
+                *vertex_of[joined.representative(first + i)].get_or_insert_with(|| {
                     vertices.push(self.points[*point]);
                     VertexId(vertices.len() as u32 - 1)
                 })
@@ -193,30 +197,29 @@ impl Welder {
     }
 
     fn insert_t_vertices(&mut self) {
-        let sorted: BTreeMap<SmoothingGroup, (usize, Vec<(f64, PointId)>)> = self
-            .flat
-            .iter()
-            .map(|(group, ids)| {
-                let positions = ids.iter().map(|id| self.points[*id].position);
-                let axis = Bounds::around(positions).extent().max_position();
-                let mut along: Vec<_> = ids.iter().map(|id| (self.points[*id].position[axis], *id)).collect();
-                along.sort_by(|a, b| a.0.total_cmp(&b.0));
-                (*group, (axis, along))
-            })
-            .collect();
-        for polygon in &mut self.polygons {
-            let mut corners = vec![];
+        let points = &self.points;
+        let sort = |(group, ids): (&SmoothingGroup, &Vec<PointId>)| {
+            let axis = Bounds::around(ids.iter().map(|id| points[*id].position)).extent().max_position();
+            let mut along: Vec<_> = ids.iter().map(|id| (points[*id].position[axis], *id)).collect();
+            along.sort_by(|a, b| a.0.total_cmp(&b.0));
+            (*group, (axis, along))
+        };
+        // A triangle with a plane to itself has no point between its corners.
+        let several = self.flat.iter().filter(|(_, ids)| ids.len() > 3);
+        let sorted: HashMap<SmoothingGroup, (usize, Vec<(f64, PointId)>)> = several.map(sort).collect();
+        self.polygons.par_iter_mut().with_min_len(AT_ONCE).for_each(|polygon| {
+            let mut corners = Vec::with_capacity(polygon.len());
             for (from, to) in edges(polygon) {
                 corners.push(from);
                 let group = self.groups[from];
                 if group == self.groups[to]
                     && let Some((axis, along)) = sorted.get(&group)
                 {
-                    corners.extend(points_between(&self.points, from, to, *axis, along));
+                    corners.extend(points_between(points, from, to, *axis, along));
                 }
             }
             *polygon = corners;
-        }
+        });
     }
 }
 
