@@ -181,6 +181,8 @@ pub fn next_revision(last: u64) -> u64 {
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
 
     #[test]
@@ -191,6 +193,15 @@ mod tests {
         assert_eq!(small.len(), 32);
         for wrong in ["", "ab", "../../etc/passwd", &small.to_uppercase(), &format!("+{}", &small[1..])] {
             assert_eq!(wrong.parse::<JobId>(), Err(NotAJobId), "{wrong}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn no_job_has_two_names(text in "[0-9a-fA-F+ -]{31,33}|[0-9a-f]{32}") {
+            if let Ok(job) = text.parse::<JobId>() {
+                prop_assert_eq!(job.to_string(), text);
+            }
         }
     }
 

@@ -5,14 +5,8 @@ use libfuzzer_sys::fuzz_target;
 use pipeline::options::{Violations, wanted};
 use prost::Message;
 use protocol::api::SubmitSceneHeader;
-use service::JobId;
 
 fuzz_target!(|bytes: &[u8]| {
-    if let Ok(text) = std::str::from_utf8(bytes)
-        && let Ok(job) = text.parse::<JobId>()
-    {
-        assert_eq!(job.to_string(), text, "a job has one name");
-    }
     let Ok(header) = SubmitSceneHeader::decode(bytes) else { return };
     let mut wrong = Violations::default();
     let wanted = wanted(&header, &mut wrong);
