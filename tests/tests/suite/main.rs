@@ -66,6 +66,7 @@ mod service;
 mod shadow_lines;
 mod size;
 mod sky;
+mod small_leaves;
 mod spheres;
 mod stability;
 mod study;
