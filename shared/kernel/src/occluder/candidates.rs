@@ -5,6 +5,7 @@ use std::ops::Range;
 use glam::DVec3;
 use smallvec::SmallVec;
 
+use super::boxes::{Boxes, HalfSpace};
 use super::{Body, Occluder, OccluderPolygon, Pyramids, Reach, Shaft};
 use crate::form_factor::PreparedPolygon;
 use crate::geometry::lanes::{LANES, Mask};
@@ -14,6 +15,11 @@ use crate::geometry::{Bounds, PlaneId, clip};
 #[derive(Debug, Default)]
 pub struct CandidateList {
     parts: Vec<Part>,
+    /// Around each part.
+    boxes: Boxes,
+    /// The parts that are near the points at hand, and their boxes.
+    near: Vec<u32>,
+    near_boxes: Boxes,
     corners: Vec<DVec3>,
     found: Vec<u32>,
     bodies: Vec<u32>,
@@ -46,6 +52,14 @@ pub enum Blocker<'a> {
     Polygon(&'a [DVec3]),
     /// The outline of a body that the point is outside of.
     Outline(&'a Body),
+}
+
+/// Corners of a part, given those of all polygons.
+fn corners_of<'a>(part: &Part, corners: &'a [DVec3], occluder: &'a Occluder) -> &'a [DVec3] {
+    match part {
+        Part::Polygon { corners: range, .. } => &corners[range.clone()],
+        Part::Body(number) => &occluder.bodies[*number as usize].corners,
+    }
 }
 
 impl CandidateList {
@@ -92,6 +106,11 @@ impl CandidateList {
             Part::Polygon { occluder, .. } => *occluder,
             Part::Body(number) => occluder.bodies[*number as usize].faces[0],
         });
+        self.boxes.clear();
+        for part in &self.parts {
+            let corners = corners_of(part, &self.corners, occluder);
+            self.boxes.push(&Bounds::around(corners));
+        }
     }
 
     fn add_polygon(&mut self, index: u32, face: &OccluderPolygon, over_plane: impl Fn(&DVec3) -> f64) {
@@ -107,8 +126,16 @@ impl CandidateList {
         }
     }
 
-    /// The parts that can lie between any two points of the shaft's boxes, and rise over the horizon of points with this
-    /// normal, none of which is lower along it than `lowest`.
+    /// Leaves the parts aside whose boxes lie outside of a shaft, until the next call. Returns true if any is left.
+    pub fn approach(&mut self, shaft: &Shaft) -> bool {
+        let spaces: SmallVec<[HalfSpace; 20]> = shaft.half_spaces().collect();
+        self.boxes.inside(&spaces, &mut self.near);
+        self.near_boxes.take(&self.boxes, &self.near);
+        !self.near.is_empty()
+    }
+
+    /// The parts, of those approached, that can lie between any two points of the shaft's boxes, and rise over the horizon of points
+    /// with this normal, none of which is lower along it than `lowest`.
     pub fn narrow(
         &self,
         occluder: &Occluder,
@@ -116,15 +143,15 @@ impl CandidateList {
         horizon: Option<(DVec3, f64)>,
         parts: &mut Vec<u32>,
     ) {
-        parts.clear();
-        parts.extend((0..self.parts.len() as u32).filter(|part| {
-            let corners = match &self.parts[*part as usize] {
-                Part::Polygon { corners, .. } => &self.corners[corners.clone()],
-                Part::Body(body) => &occluder.bodies[*body as usize].corners,
-            };
+        let mut spaces: SmallVec<[HalfSpace; 20]> = shaft.half_spaces().collect();
+        spaces.extend(horizon);
+        self.near_boxes.inside(&spaces, parts);
+        parts.iter_mut().for_each(|part| *part = self.near[*part as usize]);
+        parts.retain(|part| {
+            let corners = corners_of(&self.parts[*part as usize], &self.corners, occluder);
             let is_over = |(normal, lowest): (DVec3, f64)| corners.iter().any(|c| normal.dot(*c) > lowest);
             horizon.is_none_or(is_over) && shaft.meets(corners)
-        }));
+        });
     }
 
     /// Number of parts.

@@ -1,6 +1,7 @@
 //! The surfaces that block light, in a BVH.
 
 mod bodies;
+mod boxes;
 mod candidates;
 mod pyramids;
 mod segment;

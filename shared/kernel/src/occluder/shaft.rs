@@ -5,6 +5,7 @@ use glam::{DVec2, DVec3};
 use smallvec::SmallVec;
 
 use super::Occluder;
+use super::boxes::HalfSpace;
 use crate::geometry::Bounds;
 
 /// Slack of sides, relative to the coordinates: rounding.
@@ -15,7 +16,7 @@ const ROUNDING: f64 = 1e-12;
 pub struct Shaft {
     bounds: Bounds,
     /// Inward normal and offset: inside where normal . x >= offset.
-    sides: SmallVec<[(DVec3, f64); 12]>,
+    sides: SmallVec<[HalfSpace; 12]>,
 }
 
 impl Shaft {
@@ -54,6 +55,13 @@ impl Shaft {
         &self.bounds
     }
 
+    /// The half spaces that it is the part in common of: those of the box around both first.
+    pub(super) fn half_spaces(&self) -> impl Iterator<Item = HalfSpace> + '_ {
+        let Bounds { low, high } = self.bounds;
+        let of_axis = move |axis: DVec3| [(axis, axis.dot(low)), (-axis, -axis.dot(high))];
+        DVec3::AXES.into_iter().flat_map(of_axis).chain(self.sides.iter().copied())
+    }
+
     /// Cuts off all with normal . x < offset.
     pub fn add_side(&mut self, normal: DVec3, offset: f64) {
         self.sides.push((normal, offset));
@@ -63,7 +71,7 @@ impl Shaft {
     #[must_use]
     pub fn meets(&self, corners: &[DVec3]) -> bool {
         let outside =
-            |(normal, offset): &(DVec3, f64)| corners.iter().all(|corner| normal.dot(*corner) < *offset);
+            |(normal, offset): &HalfSpace| corners.iter().all(|corner| normal.dot(*corner) < *offset);
         !self.sides.iter().any(outside)
     }
 

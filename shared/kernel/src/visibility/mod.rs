@@ -34,15 +34,20 @@ pub use transparent::{Transmitted, TransparentOccluders};
 /// A group that crosses a polygon's plane by less than this part of its size does so by rounding.
 const BACK_FACE: f64 = 1e-9;
 
-/// Level of the groups that share a candidate list: those of some hundred receivers.
-const COLLECTING: usize = 2;
+/// Level of the groups that share a candidate list: those of some thousand receivers,
+const COLLECTING: usize = 4;
+
+/// and of those that look at the near ones of it: some hundred.
+const APPROACHING: usize = 2;
 
 /// Computes visible form factors. Keeps its buffers between calls.
 pub struct VisibilityKernel<'a> {
     occluder: &'a Occluder,
     precision: &'a Precision,
-    /// Occluders between the polygon and some hundred receivers.
+    /// Occluders between the polygon and some thousand receivers.
     candidates: CandidateList,
+    /// Whether any of them is near.
+    has_near: bool,
     /// Those of them that may matter to a group.
     parts: Vec<u32>,
     /// What some of them leave of the polygon for some receivers.
@@ -64,6 +69,7 @@ impl<'a> VisibilityKernel<'a> {
             occluder,
             precision,
             candidates: CandidateList::default(),
+            has_near: false,
             parts: vec![],
             partly: vec![],
             last_filler: None,
@@ -85,6 +91,8 @@ impl<'a> VisibilityKernel<'a> {
         statistics: &mut RowStatistics,
     ) {
         statistics.pairs += groups.receivers().len() as u64;
+        let target = Bounds::around(polygon.corners());
+        let mut around = None;
         let mut stack = vec![(groups.top(), 0)];
         while let Some((level, index)) = stack.pop() {
             let Some(node) = groups.node(level, index) else { continue };
@@ -98,8 +106,15 @@ impl<'a> VisibilityKernel<'a> {
                 continue;
             }
             if level == groups.top().min(COLLECTING) {
-                self.candidates.collect(self.occluder, &node.bounds, polygon);
-                self.likely_filler = self.last_filler.and_then(|filler| self.candidates.part_of(filler));
+                around = Some(&node.bounds);
+            }
+            if level == groups.top().min(APPROACHING) {
+                // Only where not all of them are hidden.
+                if let Some(bounds) = around.take() {
+                    self.candidates.collect(self.occluder, bounds, polygon);
+                    self.likely_filler = self.last_filler.and_then(|filler| self.candidates.part_of(filler));
+                }
+                self.has_near = self.candidates.approach(&Shaft::new(&node.bounds, &target, 0.0));
             }
             if level > 0 {
                 stack.extend(groups.children(level, index).rev().map(|child| (level - 1, child)));
@@ -204,7 +219,7 @@ impl<'a> VisibilityKernel<'a> {
         statistics: &mut RowStatistics,
     ) -> Mask {
         self.partly.clear();
-        if self.candidates.is_empty() {
+        if !self.has_near {
             return 0;
         }
         self.pyramids.aim(&lanes.positions, polygon.corners());
