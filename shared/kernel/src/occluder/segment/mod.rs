@@ -10,9 +10,6 @@ use glam::DVec3;
 
 use super::{Occluder, OccluderPolygon};
 use crate::geometry::PlaneId;
-#[cfg(target_arch = "x86_64")]
-use lanes::Avx2;
-use lanes::Portable;
 pub use tree::Tree;
 
 impl Occluder {
@@ -30,13 +27,20 @@ impl Occluder {
             return false;
         }
         #[cfg(target_arch = "x86_64")]
-        if let Some(avx2) = Avx2::try_new() {
+        if let Some(avx2) = pulp::x86::V3::try_new() {
             return avx2.vectorize(
                 #[inline(always)]
                 || self.tree.blocks(avx2, &self.polygons, [from, span], clearance, planes),
             );
         }
-        self.tree.blocks(Portable, &self.polygons, [from, span], clearance, planes)
+        #[cfg(target_arch = "aarch64")]
+        if let Some(neon) = pulp::aarch64::Neon::try_new() {
+            return neon.vectorize(
+                #[inline(always)]
+                || self.tree.blocks(neon, &self.polygons, [from, span], clearance, planes),
+            );
+        }
+        self.tree.blocks(pulp::Scalar, &self.polygons, [from, span], clearance, planes)
     }
 
     /// True when a polygon blocks light that reaches a point in a plane from infinitely far, travelling along this unit vector.

@@ -6,9 +6,10 @@
 use std::array::from_fn;
 
 use glam::DVec3;
+use pulp::Simd;
 
 use super::OccluderPolygon;
-use super::lanes::{Eight, LANES, Lanes, Wide};
+use super::lanes::{LANES, Lanes, bits};
 use crate::geometry::PlaneId;
 
 /// Bound of the rounding of f32 in a corner seen along a segment, relative to the largest coordinate of scene and segment.
@@ -141,78 +142,108 @@ impl Packet {
 
     /// Does a triangle outside of the segment's planes cross it?
     #[inline(always)]
-    pub(super) fn blocks<W: Wide>(&self, wide: W, sight: &Sight<'_>) -> bool {
-        let splat = |value: f32| Eight::splat(wide, value);
-        let [a, b, c] = &self.corners;
-        let (a, b, c) = (Seen::new(wide, a, sight), Seen::new(wide, b, sight), Seen::new(wide, c, sight));
-        let (u, v, w) = (c.side(&b), a.side(&c), b.side(&a));
-        let (zero, rounding) = (splat(0.0), splat(sight.rounding));
-        let bound = rounding * (a.spread() + b.spread() + c.spread() + rounding);
-        let negative_bound = zero - bound;
-        let (least, greatest) = (u.min(v).min(w), u.max(v).max(w));
-        // Bits of lanes: on the same side of all edges, up to rounding.
-        let may_be_inside = negative_bound.at_most(least) | greatest.at_most(bound);
-        if may_be_inside == 0 {
-            return false;
-        }
-        let inside = bound.at_most(least) | greatest.at_most(negative_bound);
-        // Heights of both ends over the triangle's plane, times a common factor: compared without a division.
-        let depth = splat(sight.depth);
-        let determinant = u + v + w;
-        let near = u * a.height + v * b.height + w * c.height;
-        let far = near.minus_product(determinant, depth);
-        let reach = a.height.abs() + b.height.abs() + c.height.abs() + depth.abs() * splat(3.0);
-        let end_bound = bound * reach + rounding * determinant.abs() * splat(2.0);
-        let (least, greatest) = (near.min(far), near.max(far));
-        let negative_end_bound = zero - end_bound;
-        // The segment crosses the plane where its ends are on different sides.
-        let apart = end_bound.at_most(least) | greatest.at_most(negative_end_bound);
-        let across = least.at_most(negative_end_bound) & end_bound.at_most(greatest);
-        let certain = inside & across;
-        let mut left = may_be_inside & !(inside & apart);
-        while left != 0 {
-            let lane = left.trailing_zeros() as usize;
-            left &= left - 1;
-            if sight.leaves_out(self.planes[lane]) {
-                continue;
-            }
-            if certain >> lane & 1 == 1 || crosses(self.places[lane], sight) {
-                return true;
+    pub(super) fn blocks<S: Simd>(&self, simd: S, sight: &Sight<'_>) -> bool {
+        for part in 0..LANES / S::F32_LANES {
+            let (mut left, certain) = self.crossed(simd, part, sight);
+            while left != 0 {
+                let bit = left.trailing_zeros() as usize;
+                let lane = part * S::F32_LANES + bit;
+                left &= left - 1;
+                if sight.leaves_out(self.planes[lane]) {
+                    continue;
+                }
+                if certain >> bit & 1 == 1 || crosses(self.places[lane], sight) {
+                    return true;
+                }
             }
         }
         false
     }
-}
 
-/// A corner of all lanes as a segment sees it: across it and along it.
-struct Seen<W: Wide> {
-    x: Eight<W>,
-    y: Eight<W>,
-    height: Eight<W>,
-}
-
-impl<W: Wide> Seen<W> {
+    /// Bits of the lanes of a register's part: where the segment may cross the triangle, whatever its plane, and where it
+    /// certainly does.
     #[inline(always)]
-    fn new(wide: W, corner: &[Lanes; 3], sight: &Sight<'_>) -> Self {
-        let load = |axis: usize| Eight::load(wide, &corner[axis]);
-        let splat = |value: f32| Eight::splat(wide, value);
-        let [x, y, z] = sight.axes;
-        let height = load(z) - splat(sight.rounded_origin[2]);
-        let x = (load(x) - splat(sight.rounded_origin[0])).minus_product(height, splat(sight.shear[0]));
-        let y = (load(y) - splat(sight.rounded_origin[1])).minus_product(height, splat(sight.shear[1]));
+    fn crossed<S: Simd>(&self, simd: S, part: usize, sight: &Sight<'_>) -> (u8, u8) {
+        let [a, b, c] = &self.corners;
+        let a = Seen::new(simd, a, part, sight);
+        let b = Seen::new(simd, b, part, sight);
+        let c = Seen::new(simd, c, part, sight);
+        let (u, v, w) = (c.side(simd, &b), a.side(simd, &c), b.side(simd, &a));
+        let rounding = simd.splat_f32s(sight.rounding);
+        let spread = sum(simd, [a.spread(simd), b.spread(simd), c.spread(simd)]);
+        let bound = simd.mul_f32s(rounding, simd.add_f32s(spread, rounding));
+        let least = simd.min_f32s(simd.min_f32s(u, v), w);
+        let greatest = simd.max_f32s(simd.max_f32s(u, v), w);
+        // On the same side of all edges, up to rounding.
+        let may_be_inside = bits(simd, are_apart(simd, [least, greatest], simd.neg_f32s(bound)));
+        if may_be_inside == 0 {
+            return (0, 0);
+        }
+        let inside = are_apart(simd, [least, greatest], bound);
+        // Heights of both ends over the triangle's plane, times a common factor: compared without a division.
+        let determinant = sum(simd, [u, v, w]);
+        let near = simd.mul_add_e_f32s(v, b.height, simd.mul_f32s(u, a.height));
+        let near = simd.mul_add_e_f32s(w, c.height, near);
+        let far = simd.negate_mul_add_e_f32s(determinant, simd.splat_f32s(sight.depth), near);
+        let heights = [simd.abs_f32s(a.height), simd.abs_f32s(b.height), simd.abs_f32s(c.height)];
+        let reach = simd.add_f32s(sum(simd, heights), simd.splat_f32s(3.0 * sight.depth.abs()));
+        let end_bound = simd.mul_f32s(simd.splat_f32s(2.0 * sight.rounding), simd.abs_f32s(determinant));
+        let end_bound = simd.mul_add_e_f32s(bound, reach, end_bound);
+        let (least, greatest) = (simd.min_f32s(near, far), simd.max_f32s(near, far));
+        // The segment crosses the plane where its ends are on different sides.
+        let misses = simd.and_m32s(inside, are_apart(simd, [least, greatest], end_bound));
+        let across = simd.and_m32s(
+            simd.less_than_or_equal_f32s(least, simd.neg_f32s(end_bound)),
+            simd.less_than_or_equal_f32s(end_bound, greatest),
+        );
+        (may_be_inside & !bits(simd, misses), bits(simd, simd.and_m32s(inside, across)))
+    }
+}
+
+/// A register's part of a corner's lanes as a segment sees it: across it and along it.
+struct Seen<S: Simd> {
+    x: S::f32s,
+    y: S::f32s,
+    height: S::f32s,
+}
+
+impl<S: Simd> Seen<S> {
+    #[inline(always)]
+    fn new(simd: S, corner: &[Lanes; 3], part: usize, sight: &Sight<'_>) -> Self {
+        let mut seen = [simd.splat_f32s(0.0); 3];
+        for (i, axis) in sight.axes.into_iter().enumerate() {
+            let origin = simd.splat_f32s(sight.rounded_origin[i]);
+            seen[i] = simd.sub_f32s(corner[axis].load::<S>(part), origin);
+        }
+        let [x, y, height] = seen;
+        let x = simd.negate_mul_add_e_f32s(height, simd.splat_f32s(sight.shear[0]), x);
+        let y = simd.negate_mul_add_e_f32s(height, simd.splat_f32s(sight.shear[1]), y);
         Self { x, y, height }
     }
 
     /// Twice the area between the segment and the edge to another corner, with its sign.
     #[inline(always)]
-    fn side(&self, other: &Self) -> Eight<W> {
-        (self.x * other.y).minus_product(self.y, other.x)
+    fn side(&self, simd: S, other: &Self) -> S::f32s {
+        simd.negate_mul_add_e_f32s(self.y, other.x, simd.mul_f32s(self.x, other.y))
     }
 
     #[inline(always)]
-    fn spread(&self) -> Eight<W> {
-        self.x.abs() + self.y.abs()
+    fn spread(&self, simd: S) -> S::f32s {
+        simd.add_f32s(simd.abs_f32s(self.x), simd.abs_f32s(self.y))
     }
+}
+
+#[inline(always)]
+fn sum<S: Simd>(simd: S, [a, b, c]: [S::f32s; 3]) -> S::f32s {
+    simd.add_f32s(simd.add_f32s(a, b), c)
+}
+
+/// The lanes in which all of a range is at least the bound, or at most its negative.
+#[inline(always)]
+fn are_apart<S: Simd>(simd: S, [least, greatest]: [S::f32s; 2], bound: S::f32s) -> S::m32s {
+    let above = simd.less_than_or_equal_f32s(bound, least);
+    let below = simd.less_than_or_equal_f32s(greatest, simd.neg_f32s(bound));
+    simd.or_m32s(above, below)
 }
 
 /// The test in f64, after Woop, Benthin and Wald, "Watertight Ray/Triangle Intersection" (JCGT 2013): sheared so that the segment

@@ -4,7 +4,6 @@ use glam::DVec3;
 use proptest::prelude::*;
 
 use super::Occluder;
-use super::lanes::Portable;
 use super::packet::{Rounded, Sight, crosses};
 use crate::geometry::{ConvexPolygon, PlaneId};
 
@@ -15,7 +14,7 @@ const ELSEWHERE: [PlaneId; 2] = [PlaneId(u32::MAX); 2];
 fn blocks(occluder: &Occluder, from: DVec3, to: DVec3, planes: [PlaneId; 2]) -> bool {
     let blocked = occluder.blocks(from, to, planes);
     let portable =
-        occluder.tree.blocks(Portable, &occluder.polygons, [from, to - from], occluder.clearance, planes);
+        occluder.tree.blocks(pulp::Scalar, &occluder.polygons, [from, to - from], occluder.clearance, planes);
     let rounded = Rounded::new(from, to - from, occluder.tree.largest());
     let sight = Sight::new(from, to - from, &rounded, occluder.clearance, planes, &occluder.polygons);
     let one_by_one =

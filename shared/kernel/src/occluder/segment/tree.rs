@@ -5,10 +5,11 @@
 
 use glam::DVec3;
 use obvhs::bvh2::Bvh2;
+use pulp::Simd;
 use smallvec::SmallVec;
 
 use super::OccluderPolygon;
-use super::lanes::{Eight, LANES, Lanes, Wide};
+use super::lanes::{LANES, Lanes, bits};
 use super::packet::{Packet, Rounded, Sight};
 use crate::geometry::PlaneId;
 
@@ -110,9 +111,9 @@ impl Tree {
     /// Does a triangle of the polygons, which are those of [`Self::new`], outside of these planes cross the segment, given
     /// by where it starts and its span? `clearance`: length at either end that does not count.
     #[inline(always)]
-    pub(super) fn blocks<W: Wide>(
+    pub(super) fn blocks<S: Simd>(
         &self,
-        wide: W,
+        simd: S,
         polygons: &[OccluderPolygon],
         [from, span]: [DVec3; 2],
         clearance: f64,
@@ -126,10 +127,10 @@ impl Tree {
         let mut current = 0_u32;
         loop {
             let node = &self.nodes[current as usize];
-            let met = slab.meets(wide, node);
+            let met = slab.meets(simd, node);
             let mut packets = met & node.packets;
             while packets != 0 {
-                if self.is_blocked_by(wide, node.children[packets.trailing_zeros() as usize], &sight) {
+                if self.is_blocked_by(simd, node.children[packets.trailing_zeros() as usize], &sight) {
                     return true;
                 }
                 packets &= packets - 1;
@@ -150,9 +151,9 @@ impl Tree {
 
     /// Is the segment blocked by the packets that a child stands for?
     #[inline(always)]
-    fn is_blocked_by<W: Wide>(&self, wide: W, child: u32, sight: &Sight<'_>) -> bool {
+    fn is_blocked_by<S: Simd>(&self, simd: S, child: u32, sight: &Sight<'_>) -> bool {
         for packet in &self.packets[child as usize..] {
-            if packet.blocks(wide, sight) {
+            if packet.blocks(simd, sight) {
                 return true;
             }
             if !packet.goes_on {
@@ -189,18 +190,22 @@ impl Slab {
 
     /// Which of a node's boxes the segment may touch: the first child is the lowest bit.
     #[inline(always)]
-    fn meets<W: Wide>(&self, wide: W, node: &Node) -> u8 {
-        let splat = |value: f32| Eight::splat(wide, value);
-        let (mut near, mut far) = (splat(0.0), splat(1.0));
-        for axis in 0..3 {
-            let inverse = splat(self.inverse[axis]);
-            let side = self.first[axis];
-            let first = Eight::load(wide, &node.bounds[side][axis]);
-            let last = Eight::load(wide, &node.bounds[1 - side][axis]);
-            near = near.max((first - splat(self.origins[0][axis])) * inverse);
-            far = far.min((last - splat(self.origins[1][axis])) * inverse);
+    fn meets<S: Simd>(&self, simd: S, node: &Node) -> u8 {
+        let mut met = 0;
+        for part in 0..LANES / S::F32_LANES {
+            let (mut near, mut far) = (simd.splat_f32s(0.0), simd.splat_f32s(1.0));
+            for axis in 0..3 {
+                let inverse = simd.splat_f32s(self.inverse[axis]);
+                let side = self.first[axis];
+                let (first, last) = (&node.bounds[side][axis], &node.bounds[1 - side][axis]);
+                let first = simd.sub_f32s(first.load::<S>(part), simd.splat_f32s(self.origins[0][axis]));
+                let last = simd.sub_f32s(last.load::<S>(part), simd.splat_f32s(self.origins[1][axis]));
+                near = simd.max_f32s(near, simd.mul_f32s(first, inverse));
+                far = simd.min_f32s(far, simd.mul_f32s(last, inverse));
+            }
+            met |= bits(simd, simd.less_than_or_equal_f32s(near, far)) << (part * S::F32_LANES);
         }
-        near.at_most(far)
+        met
     }
 }
 
