@@ -1,5 +1,7 @@
 //! Many small triangles, each for itself: their corners share a receiver where light is gathered.
 
+use std::f64::consts::TAU;
+
 use bake::{BakeSettings, Baked, LightGroup, NewLight, RowStrategy, relight};
 use glam::{DMat4, DVec3};
 use scene::Scene;
@@ -25,7 +27,7 @@ fn scene() -> Scene {
     let crumb = |number: usize| -> Polygon {
         let place = DVec3::new(part(number, 0.754_877), part(number, 0.569_84), part(number, 0.618_034));
         let place = DVec3::splat(0.2) + place * DVec3::new(0.6, 0.4, 0.6);
-        let (height, turn) = (2.0 * part(number, 0.324_718) - 1.0, 6.28 * part(number, 0.206_99));
+        let (height, turn) = (2.0 * part(number, 0.324_718) - 1.0, TAU * part(number, 0.206_99));
         let flat = (1.0 - height * height).sqrt();
         let normal = DVec3::new(flat * turn.cos(), height, flat * turn.sin());
         let (along, across) = normal.any_orthonormal_pair();

@@ -34,7 +34,7 @@ pub fn conform(working: &mut Working) {
         let ends = [*a, *b].map(|corner| places.of_corner[corner as usize]);
         ((*a, *b), grid.inside(&places.position, ends, margin))
     };
-    let found: Vec<((u32, u32), Vec<(u32, f64)>)> =
+    let found: Vec<_> =
         open.par_iter().with_min_len(256).map(find).filter(|(_, found)| !found.is_empty()).collect();
     for (edge, found) in found {
         found.iter().for_each(|(place, _)| is_tied[*place as usize] = true);

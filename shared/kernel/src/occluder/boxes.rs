@@ -107,11 +107,11 @@ fn inside_of(centres: &Vectors, halves: &Vectors, tests: &[Test]) -> Mask {
     let mut least = [f64::INFINITY; LANES];
     for some in tests.chunks(AT_ONCE) {
         for Test { normal: [x, y, z], size: [a, b, c], limit } in some {
-            for lane in 0..LANES {
+            for (lane, least) in least.iter_mut().enumerate() {
                 let centre = x * centres.x[lane] + y * centres.y[lane] + z * centres.z[lane];
                 let reach = a * halves.x[lane] + b * halves.y[lane] + c * halves.z[lane];
                 let over = centre + reach - limit;
-                least[lane] = if over < least[lane] { over } else { least[lane] };
+                *least = if over < *least { over } else { *least };
             }
         }
         if least.iter().fold(f64::NEG_INFINITY, |most, one| if *one > most { *one } else { most }) < 0.0 {
