@@ -73,7 +73,7 @@ fn crumbs_are_lit_as_a_whole_as_they_are_corner_by_corner() {
     let shared = baked(&scene, &settings());
     assert_eq!(shared.lit.surfaces[CRUMBS].len(), COUNT);
     assert_eq!(even_crumbs(&shared), COUNT, "each has one receiver");
-    // What must be divided has receivers of its own.
+    // A limit of edges gives each vertex its own.
     let own = baked(&scene, &BakeSettings { max_edge: Some(1.0), ..settings() });
     assert!(even_crumbs(&own) < COUNT / 2);
     for surface in [0, CRUMBS] {

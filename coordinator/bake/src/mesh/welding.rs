@@ -129,6 +129,9 @@ impl Welder {
         let on_contact = |(index, polygon): (usize, &Vec<PointId>)| {
             let contacts = contacts(index);
             let found = edges(polygon).filter(|(a, b)| {
+                if contacts.is_empty() {
+                    return false;
+                }
                 let middle = (points[*a].position + points[*b].position) / 2.0;
                 contacts.iter().any(|contact| distance_to_line(middle, contact) < WELD)
             });
@@ -204,8 +207,7 @@ impl Welder {
             along.sort_by(|a, b| a.0.total_cmp(&b.0));
             (*group, (axis, along))
         };
-        // A triangle with a plane to itself has no point between its corners.
-        let several = self.flat.iter().filter(|(_, ids)| ids.len() > 3);
+        let several = self.flat.iter().filter(|(_, ids)| ids.len() > 2);
         let sorted: HashMap<SmoothingGroup, (usize, Vec<(f64, PointId)>)> = several.map(sort).collect();
         self.polygons.par_iter_mut().with_min_len(AT_ONCE).for_each(|polygon| {
             let mut corners = Vec::with_capacity(polygon.len());

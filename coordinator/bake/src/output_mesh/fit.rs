@@ -35,7 +35,7 @@ struct Element {
 }
 
 impl Fit {
-    /// The fit of a mesh, no farther from its values than the limits allow, and these fitted.
+    /// The fit of a mesh, no farther from its values than the limits allow, with the fitted values.
     pub fn new(working: &Working, limits: &Limits) -> (Self, Vec<DVec3>) {
         let mut fit = Self {
             triangles: vec![],

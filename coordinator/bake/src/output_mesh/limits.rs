@@ -90,7 +90,7 @@ impl Limits {
             weight: 0.0,
             between: [index; 2],
         };
-        // Each corner has a sample for when it is gone: with its own number. Edges are shared by two triangles, where they are.
+        // Each corner has a sample for when it is gone, with its own number.
         let mut samples = Vec::with_capacity(working.corners.len() + working.triangles.len() * 3);
         samples.extend((0..).zip(&working.corners).map(of_corner));
         for index in 0..working.triangles.len() {

@@ -26,7 +26,7 @@ const PATCHES_PER_POINT: usize = 16;
 /// Most points, unless more were asked for.
 const MOST_POINTS: usize = 2048;
 
-/// The first points are a random part of all.
+/// Number of points at the front that are a random part of all.
 pub const FIRST: usize = 256;
 
 /// Length of the sequence that points are drawn from.
@@ -291,7 +291,7 @@ fn draw_on(
         point_on(mesh, scene, id, [y, z], weight)
     };
     let mut points: Vec<SamplePoint> = (0..count).map(point).collect();
-    // The first of them are used alone: they stay a random part of all. What shooters see of neighbours costs least.
+    // The first of them are used alone: they stay a random part of all. Rows over neighbours cost least.
     let (first, others) = points.split_at_mut(FIRST.min(count));
     for part in [first, others] {
         part.sort_by_cached_key(|point| along_curve(point.position));

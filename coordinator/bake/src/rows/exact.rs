@@ -17,7 +17,6 @@ use crate::context::Context;
 use crate::error::Result;
 use crate::jobs::{ReceiverSet, RowClient};
 use crate::mesh::{Mesh, Share, Surroundings};
-use crate::refinement::FIRST;
 use crate::settings::{BakeSettings, RowStrategy};
 use crate::solver::bounds::add_to_sums;
 use crate::solver::cache::{ColumnCache, SetId};
@@ -214,9 +213,8 @@ impl RowSource for ExactRows {
         })
     }
 
-    /// Each leaf takes a row.
-    fn most_under_leaves(&self) -> usize {
-        FIRST
+    fn leaves_cost_rows(&self) -> bool {
+        true
     }
 
     fn light_of_leaves(

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | `source` | the trait of a row strategy |
 //! | `exact` | exact shooter rows, solved for by shooting and sweeps |
-//! | `factors` | its rows as factors between shares, kept as columns |
+//! | `factors` | exact rows as factors between shares, and the sweeps with them |
 //! | `shoot` | shooting as rows arrive |
 //! | `gather/` | hemisphere rows of gather points, solved for by passes |
 //! | `table` | rows kept, or made again |

@@ -63,7 +63,7 @@ pub trait RowSource {
         wants_cover: bool,
     ) -> Result<Vec<Gathered>>;
 
-    /// The same of published receivers that are asked about only once. Of their cover there are only the sums.
+    /// The same of published receivers that are asked about only once. Their cover has only the sums.
     fn gather_once(
         &mut self,
         cx: &mut Context,
@@ -108,8 +108,8 @@ pub trait RowSource {
         solution: Solution,
     ) -> Result<Solution>;
 
-    /// Most receivers that [`Self::light_of_leaves`] is worth its cost for.
-    fn most_under_leaves(&self) -> usize;
+    /// Whether [`Self::light_of_leaves`] takes a row for each leaf.
+    fn leaves_cost_rows(&self) -> bool;
 
     /// Light that receivers get from the leaves of the refined mesh, each with its own mean radiosity, given the irradiance of the
     /// vertices and whether each sees any surface.

@@ -171,13 +171,13 @@ impl RowTable {
         radiosities: &[&[DVec3]],
     ) -> Result<Vec<Vec<DVec3>>> {
         let sets: Vec<SetId> = self.vertices.sets().collect();
-        let mut all = self.gather_each(cx, &sets, radiosities, |_, _| ())?;
+        let all = self.gather_each(cx, &sets, radiosities, |_, _| ())?;
         let bounded = |gathered: Vec<Vec<DVec3>>| {
             let mut reflected = self.vertices.join(gathered);
             self.bounds.apply(0, &mut reflected);
             reflected
         };
-        Ok(all.drain(..).map(bounded).collect())
+        Ok(all.into_iter().map(bounded).collect())
     }
 
     /// Notes that a row was made.

@@ -11,7 +11,7 @@ use crate::error_budget::{
     ErrorBudget, INTERPOLATED_NOISE, RETURNING, rounding_error, without, without_noise,
 };
 use crate::observer::Phase;
-use crate::refinement::{Obstacle, SamplePoints, best_fit};
+use crate::refinement::{FIRST, Obstacle, SamplePoints, best_fit};
 
 /// A bake whose error is known.
 pub struct Measured {
@@ -102,14 +102,15 @@ impl Solved {
     }
 
     /// Relative error of the light of shares, each of constant radiosity: against that of the leaves of the refined mesh, each with
-    /// its own mean, at the first samples.
+    /// its own mean, at all samples, or at the first where leaves cost rows.
     fn error_of_shooters(
         &self,
         cx: &mut Context,
         samples: &SamplePoints,
         irradiance: &[DVec3],
     ) -> Result<f64> {
-        let count = samples.count().min(self.rows.source.most_under_leaves());
+        let most = if self.rows.source.leaves_cost_rows() { FIRST } else { usize::MAX };
+        let count = samples.count().min(most);
         if count == 0 {
             return Ok(0.0);
         }

@@ -21,9 +21,6 @@ const MARGIN: f64 = 0.9;
 /// The interpolation must be left this part of the asked error at least: else it would have to pay for others.
 const LEAST_REST: f64 = 0.4;
 
-/// Where others leave less, interpolation on the mesh may still be as large as what they take, times this: vertices help until then.
-const BESIDE_OTHERS: f64 = 1.0;
-
 /// Factor of the limit of refinement where the error was found too large and no patch was divided.
 const UNSEEN_STEP: f64 = 0.7;
 
@@ -75,7 +72,7 @@ impl Measured {
         let is_met = self.error.receivers <= rest || self.is_predicted();
         let of_mesh = without(self.error.receivers, self.between);
         let limited_by_others = self.others_take_all(cx.settings)
-            && (self.needs_new_start(cx) || of_mesh <= self.aim_for_mesh(cx.settings));
+            && (of_mesh <= self.aim_for_mesh(cx.settings) || self.better_settings(cx).is_some());
         is_met || limited_by_others || self.obstacle.is_some()
     }
 
@@ -84,11 +81,12 @@ impl Measured {
         settings.error.is_some_and(|asked| self.rest_for_mesh(settings) < LEAST_REST * asked)
     }
 
-    /// The error of interpolation on the mesh that refinement aims at.
+    /// The error of interpolation on the mesh that refinement aims at. Where others leave next to nothing, it may be as large as they
+    /// are: vertices help until then.
     fn aim_for_mesh(&self, settings: &BakeSettings) -> f64 {
         let rest = self.rest_for_mesh(settings);
         if self.others_take_all(settings) {
-            rest.max(BESIDE_OTHERS * self.error.without_receivers().hypot(self.between))
+            rest.max(self.error.without_receivers().hypot(self.between))
         } else {
             rest
         }
@@ -109,13 +107,6 @@ impl Measured {
         self.solved.solution.samples.count() == 0
     }
 
-    /// Whether shooters, rays and the like leave next to nothing to the interpolation, and other settings may be tried.
-    fn needs_new_start(&self, cx: &Context) -> bool {
-        let most = |asked: f64| asked * (1.0 - LEAST_REST * LEAST_REST).sqrt();
-        cx.work.restarts < MAX_RESTARTS
-            && cx.settings.error.is_some_and(|asked| self.error.without_receivers() > most(asked))
-    }
-
     /// Settings that should meet the asked error where these did not; `None` when it is met, or cannot be.
     pub fn better_settings(&self, cx: &Context) -> Option<BakeSettings> {
         let asked = cx.settings.error?;
@@ -123,7 +114,7 @@ impl Measured {
             return None;
         }
         let error = &self.error;
-        let rest_is_too_small = self.needs_new_start(cx);
+        let rest_is_too_small = error.without_receivers() > asked * (1.0 - LEAST_REST * LEAST_REST).sqrt();
         let noise_hides = self.obstacle == Some(Obstacle::Noise);
         let most = error.unshot.max(error.form_factors);
         let better = cx.settings.clone();

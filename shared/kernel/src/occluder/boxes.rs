@@ -6,10 +6,10 @@ use crate::geometry::Bounds;
 use crate::geometry::lanes::{LANES, Mask, Vectors};
 use crate::simd::widest;
 
-/// Boxes count as inside of a plane that they miss by less than this, relative to the coordinates: rounding.
+/// A box that misses a half space by less than this, relative to the coordinates, is inside: rounding.
 const ROUNDING: f64 = 1e-12;
 
-/// Half spaces that are tested between two looks whether any box is left.
+/// Half spaces that are tested before it is checked whether any box is left.
 const AT_ONCE: usize = 6;
 
 /// A half space: inside where normal . x >= offset.
@@ -101,7 +101,7 @@ impl Boxes {
     }
 }
 
-/// Of these boxes those that no test leaves out.
+/// The boxes that no test leaves out.
 #[inline(always)]
 fn inside_of(centres: &Vectors, halves: &Vectors, tests: &[Test]) -> Mask {
     let mut least = [f64::INFINITY; LANES];

@@ -106,10 +106,15 @@ impl CandidateList {
             Part::Polygon { occluder, .. } => *occluder,
             Part::Body(number) => occluder.bodies[*number as usize].faces[0],
         });
+        self.near.clear();
+        self.near_boxes.clear();
         self.boxes.clear();
         for part in &self.parts {
-            let corners = corners_of(part, &self.corners, occluder);
-            self.boxes.push(&Bounds::around(corners));
+            let bounds = Bounds::around(corners_of(part, &self.corners, occluder));
+            self.boxes.push(&match part {
+                Part::Polygon { .. } => bounds,
+                Part::Body(number) => bounds.padded(DVec3::splat(occluder.bodies[*number as usize].rounding)),
+            });
         }
     }
 
@@ -126,7 +131,7 @@ impl CandidateList {
         }
     }
 
-    /// Leaves the parts aside whose boxes lie outside of a shaft, until the next call. Returns true if any is left.
+    /// Finds the parts whose boxes are not outside of a shaft, for [`Self::narrow`]. Returns true if there are any.
     pub fn approach(&mut self, shaft: &Shaft) -> bool {
         let spaces: SmallVec<[HalfSpace; 20]> = shaft.half_spaces().collect();
         self.boxes.inside(&spaces, &mut self.near);
@@ -134,7 +139,7 @@ impl CandidateList {
         !self.near.is_empty()
     }
 
-    /// The parts, of those approached, that can lie between any two points of the shaft's boxes, and rise over the horizon of points
+    /// The parts, of those that were approached last, that can lie between any two points of the shaft's boxes, and rise over the horizon of points
     /// with this normal, none of which is lower along it than `lowest`.
     pub fn narrow(
         &self,

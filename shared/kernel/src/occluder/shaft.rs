@@ -55,7 +55,7 @@ impl Shaft {
         &self.bounds
     }
 
-    /// The half spaces that it is the part in common of: those of the box around both first.
+    /// The half spaces whose intersection is the shaft: the six of the box around both first.
     pub(super) fn half_spaces(&self) -> impl Iterator<Item = HalfSpace> + '_ {
         let Bounds { low, high } = self.bounds;
         let of_axis = move |axis: DVec3| [(axis, axis.dot(low)), (-axis, -axis.dot(high))];

@@ -34,10 +34,10 @@ pub use transparent::{Transmitted, TransparentOccluders};
 /// A group that crosses a polygon's plane by less than this part of its size does so by rounding.
 const BACK_FACE: f64 = 1e-9;
 
-/// Level of the groups that share a candidate list: those of some thousand receivers,
+/// Level of the groups that share a candidate list: 4,096 receivers.
 const COLLECTING: usize = 4;
 
-/// and of those that look at the near ones of it: some hundred.
+/// Level of the groups that have the occluders near them found in it: 256 receivers.
 const APPROACHING: usize = 2;
 
 /// Computes visible form factors. Keeps its buffers between calls.
@@ -48,6 +48,8 @@ pub struct VisibilityKernel<'a> {
     candidates: CandidateList,
     /// Whether any of them is near.
     has_near: bool,
+    /// Around the polygon.
+    target: Bounds,
     /// Those of them that may matter to a group.
     parts: Vec<u32>,
     /// What some of them leave of the polygon for some receivers.
@@ -70,6 +72,7 @@ impl<'a> VisibilityKernel<'a> {
             precision,
             candidates: CandidateList::default(),
             has_near: false,
+            target: Bounds::EMPTY,
             parts: vec![],
             partly: vec![],
             last_filler: None,
@@ -91,7 +94,7 @@ impl<'a> VisibilityKernel<'a> {
         statistics: &mut RowStatistics,
     ) {
         statistics.pairs += groups.receivers().len() as u64;
-        let target = Bounds::around(polygon.corners());
+        self.target = Bounds::around(polygon.corners());
         let mut around = None;
         let mut stack = vec![(groups.top(), 0)];
         while let Some((level, index)) = stack.pop() {
@@ -114,7 +117,7 @@ impl<'a> VisibilityKernel<'a> {
                     self.candidates.collect(self.occluder, bounds, polygon);
                     self.likely_filler = self.last_filler.and_then(|filler| self.candidates.part_of(filler));
                 }
-                self.has_near = self.candidates.approach(&Shaft::new(&node.bounds, &target, 0.0));
+                self.has_near = self.candidates.approach(&Shaft::new(&node.bounds, &self.target, 0.0));
             }
             if level > 0 {
                 stack.extend(groups.children(level, index).rev().map(|child| (level - 1, child)));
@@ -228,11 +231,10 @@ impl<'a> VisibilityKernel<'a> {
             open &= !self.candidates.reach(self.occluder, likely, &self.pyramids, &lanes.planes).wholly;
         }
         if open != 0 {
-            let target = Bounds::around(polygon.corners());
             let horizon = node.normal.map(|normal| (normal, -node.bounds.farthest_along(-normal)));
             self.candidates.narrow(
                 self.occluder,
-                &Shaft::new(&node.bounds, &target, 0.0),
+                &Shaft::new(&node.bounds, &self.target, 0.0),
                 horizon,
                 &mut self.parts,
             );

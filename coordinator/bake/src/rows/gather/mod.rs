@@ -307,8 +307,8 @@ impl RowSource for GatherRows {
         Ok(solution)
     }
 
-    fn most_under_leaves(&self) -> usize {
-        usize::MAX
+    fn leaves_cost_rows(&self) -> bool {
+        false
     }
 
     fn light_of_leaves(

@@ -75,12 +75,8 @@ impl GatherRows {
                 SamplePoints::draw_everywhere(&mesh.mesh, cx.scene, seed, first_key, &expected, count);
             let fresh = drawn.receivers(count);
             let seen = views(cx.client, polygons, &fresh, |_| self.rays)?;
-            let at_fresh = match self.neighbours(cx) {
-                Some(neighbours) if round > 0 => {
-                    Some(self.errors_at(&fresh.receivers, &seen, &radiosity, &neighbours))
-                }
-                _ => None,
-            };
+            let known = if round > 0 { self.neighbours(cx) } else { None };
+            let at_fresh = known.map(|known| self.errors_at(&fresh.receivers, &seen, &radiosity, &known));
             self.points.add_shared(&fresh.receivers, seen);
             if round == 0 {
                 self.twins = Twins::look(cx.client, polygons, drawn.clone(), self.rays)?;
@@ -122,7 +118,7 @@ impl GatherRows {
         Ok(radiosity)
     }
 
-    /// Places points only to measure the noise, where each vertex casts rays of its own.
+    /// Places points only to measure the noise, where each receiver casts rays of its own.
     fn place_twins(&mut self, cx: &mut Context, mesh: &ShareMesh, polygons: ReceiverSet) -> Result<()> {
         let seed = (cx.settings.seed, FIRST_ROUND);
         let drawn = SamplePoints::draw_everywhere(&mesh.mesh, cx.scene, seed, FIRST_KEY, &[], TWINS);
