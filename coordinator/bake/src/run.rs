@@ -43,8 +43,8 @@ pub fn bake(
     let mut work = Work::default();
     loop {
         let mut cx = Context::new(scene, &settings, &mut client, work);
-        let measured = Setup::new(&mut cx)?.light(&mut cx)?.solve(&mut cx)?.meet_error(&mut cx)?;
-        let Some(better) = measured.better_settings(&cx) else {
+        let (measured, better) = Setup::new(&mut cx)?.light(&mut cx)?.solve(&mut cx)?.meet_error(&mut cx)?;
+        let Some(better) = better else {
             return finish(measured, cx, blockers.polygons.len());
         };
         work = Work { restarts: cx.work.restarts + 1, ..cx.work };

@@ -35,8 +35,9 @@ const MAX_ROUNDS: u32 = 12;
 const MAX_RESTARTS: u32 = 3;
 
 impl Solved {
-    /// Refines and measures, until the asked error is met or limited by something else than interpolation.
-    pub fn meet_error(self, cx: &mut Context) -> Result<Measured> {
+    /// Refines and measures, until the asked error is met or limited by something else than interpolation. Returns settings for a
+    /// new start, too, where those should meet it.
+    pub fn meet_error(self, cx: &mut Context) -> Result<(Measured, Option<BakeSettings>)> {
         let mut solved = self;
         let mut limit = MARGIN * cx.settings.mesh_error;
         let mut round = 1;
@@ -44,19 +45,25 @@ impl Solved {
         loop {
             let vertices = solved.mesh.mesh.vertices.len();
             let mut measured = solved.refine(cx, limit)?.measure(cx, shooters)?;
-            if shooters.is_some() && (measured.is_enough(cx) || round == MAX_ROUNDS) {
+            let mut better = measured.better_settings(cx);
+            let is_end = |measured: &Measured, better: &Option<BakeSettings>| {
+                round == MAX_ROUNDS
+                    || measured.is_enough(cx.settings)
+                    || measured.others_take_all(cx.settings) && better.is_some()
+            };
+            if shooters.is_some() && is_end(&measured, &better) {
                 measured = measured.measure_shooters(cx)?;
+                better = measured.better_settings(cx);
             }
-            if measured.is_enough(cx) || round == MAX_ROUNDS {
-                return Ok(measured);
+            if is_end(&measured, &better) {
+                return Ok((measured, better));
             }
             // Where the prediction did not see what was found, only a lower limit goes on.
             let is_unchanged = measured.solved.mesh.mesh.vertices.len() == vertices;
-            let step = LONGEST_STEP * without(measured.error.receivers, measured.between);
             limit = if is_unchanged {
                 limit * UNSEEN_STEP
             } else {
-                (MARGIN * measured.aim_for_mesh(cx.settings)).max(step)
+                (MARGIN * measured.aim_for_mesh(cx.settings)).max(LONGEST_STEP * measured.of_mesh())
             };
             shooters = Some(measured.error.shooters);
             solved = measured.solved;
@@ -67,13 +74,16 @@ impl Solved {
 
 impl Measured {
     /// Whether more vertices are of no use: the error is met, or something else limits it.
-    fn is_enough(&self, cx: &Context) -> bool {
-        let rest = self.rest_for_receivers(cx.settings);
-        let is_met = self.error.receivers <= rest || self.is_predicted();
-        let of_mesh = without(self.error.receivers, self.between);
-        let limited_by_others = self.others_take_all(cx.settings)
-            && (of_mesh <= self.aim_for_mesh(cx.settings) || self.better_settings(cx).is_some());
+    fn is_enough(&self, settings: &BakeSettings) -> bool {
+        let is_met = self.error.receivers <= self.rest_for_receivers(settings) || self.is_predicted();
+        let limited_by_others =
+            self.others_take_all(settings) && self.of_mesh() <= self.aim_for_mesh(settings);
         is_met || limited_by_others || self.obstacle.is_some()
+    }
+
+    /// The error of interpolation on the mesh.
+    fn of_mesh(&self) -> f64 {
+        without(self.error.receivers, self.between)
     }
 
     /// Whether the other parts of the error leave next to nothing to interpolation on the mesh.
@@ -107,14 +117,16 @@ impl Measured {
         self.solved.solution.samples.count() == 0
     }
 
-    /// Settings that should meet the asked error where these did not; `None` when it is met, or cannot be.
-    pub fn better_settings(&self, cx: &Context) -> Option<BakeSettings> {
+    /// Settings that should meet the asked error where these did not; `None` when it is met, or cannot be. A new start costs as much
+    /// as all before it: it is made where the shooters or the rays alone exceed what was asked. Under that, measured as they are at
+    /// some thousand points, chance would decide.
+    fn better_settings(&self, cx: &Context) -> Option<BakeSettings> {
         let asked = cx.settings.error?;
         if self.error.total <= asked || cx.work.restarts >= MAX_RESTARTS {
             return None;
         }
         let error = &self.error;
-        let rest_is_too_small = error.without_receivers() > asked * (1.0 - LEAST_REST * LEAST_REST).sqrt();
+        let rest_is_too_small = error.without_receivers() > asked;
         let noise_hides = self.obstacle == Some(Obstacle::Noise);
         let most = error.unshot.max(error.form_factors);
         let better = cx.settings.clone();
