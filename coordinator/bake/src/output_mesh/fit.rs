@@ -4,10 +4,11 @@
 //! vertices. The best fit evens both out. It is linear in the light, so that layers still sum to the whole.
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use super::limits::Limits;
 use super::linear::LightIn;
-use super::working::Working;
+use super::working::{NONE, Triangle, Working};
 
 /// Iterations of conjugate gradients: the matrix of linear functions on triangles needs no more.
 const ITERATIONS: usize = 12;
@@ -34,6 +35,26 @@ struct Element {
     samples: Vec<([u32; 2], DVec3)>,
 }
 
+impl Element {
+    fn new(working: &Working, triangle: &Triangle) -> Self {
+        let light: LightIn = working.light_in(triangle);
+        let mut element = Self { corners: triangle.corners, products: [0.0; 6], samples: vec![] };
+        for sample in &triangle.samples {
+            let sample = &working.samples[*sample as usize];
+            let weights = light.weights(sample.position);
+            if sample.weight > 0.0 && weights.is_finite() {
+                let [a, b, c] = weights.to_array();
+                let products = [a * b, b * c, c * a, a * a, b * b, c * c];
+                for (sum, product) in element.products.iter_mut().zip(products) {
+                    *sum += sample.weight * product;
+                }
+                element.samples.push((sample.between, weights * sample.weight));
+            }
+        }
+        element
+    }
+}
+
 impl Fit {
     /// The fit of a mesh, no farther from its values than the limits allow, with the fitted values.
     pub fn new(working: &Working, limits: &Limits) -> (Self, Vec<DVec3>) {
@@ -43,25 +64,16 @@ impl Fit {
             own: vec![],
             part: vec![1.0; working.corners.len()],
         };
-        for (_, triangle) in working.alive() {
-            let light: LightIn = working.light_in(triangle);
-            let mut element = Element { corners: triangle.corners, products: [0.0; 6], samples: vec![] };
-            for sample in &triangle.samples {
-                let sample = &working.samples[*sample as usize];
-                let weights = light.weights(sample.position);
-                if sample.weight > 0.0 && weights.is_finite() {
-                    let [a, b, c] = weights.to_array();
-                    let products = [a * b, b * c, c * a, a * a, b * b, c * c];
-                    for (sum, product) in element.products.iter_mut().zip(products) {
-                        *sum += sample.weight * product;
-                    }
-                    element.samples.push((sample.between, weights * sample.weight));
-                }
-            }
-            for (corner, product) in triangle.corners.iter().zip(&element.products[3..]) {
+        fit.triangles = working
+            .triangles
+            .par_iter()
+            .filter(|triangle| triangle.corners[0] != NONE)
+            .map(|triangle| Element::new(working, triangle))
+            .collect();
+        for element in &fit.triangles {
+            for (corner, product) in element.corners.iter().zip(&element.products[3..]) {
                 fit.diagonal[*corner as usize] += product;
             }
-            fit.triangles.push(element);
         }
         fit.own = fit.diagonal.iter().map(|diagonal| OWN * diagonal + f64::MIN_POSITIVE).collect();
         fit.diagonal.iter_mut().zip(&fit.own).for_each(|(diagonal, own)| *diagonal += own);

@@ -1,5 +1,7 @@
 //! Diagonals that follow the light.
 
+use rayon::prelude::*;
+
 use super::collapse::under;
 use super::working::{NONE, Working};
 
@@ -9,16 +11,28 @@ const WEIGHT_OF_SHAPE: f64 = 0.02;
 /// A flip must better the cost by this part.
 const GAIN: f64 = 0.99;
 
+/// Fewest edges that a thread takes.
+const AT_ONCE: usize = 256;
+
+/// An edge that can be flipped: its triangles, before and after.
+struct Flip {
+    triangles: [u32; 2],
+    new: [[u32; 3]; 2],
+}
+
 impl Working {
     /// Flips those of these edges where the light fits better, or triangles get a better shape. Returns the points of the triangles that
     /// changed.
     pub fn flip_edges(&mut self, candidates: &[(u32, u32)]) -> Vec<u32> {
+        let is_worth = |(a, b): &&(u32, u32)| self.better_flip(*a, *b).is_some();
+        let worth: Vec<(u32, u32)> =
+            candidates.par_iter().with_min_len(AT_ONCE).filter(is_worth).copied().collect();
         let mut changed = vec![];
-        for (a, b) in candidates {
-            if let Some(both) = self.both_sides(*a, *b)
-                && self.flip(*a, *b, both)
-            {
-                let corners = both.map(|triangle| self.triangles[triangle as usize].corners);
+        for (a, b) in worth {
+            // Another one may have changed the triangles.
+            if let Some(flip) = self.better_flip(a, b) {
+                let corners = flip.new;
+                self.flip(flip);
                 changed
                     .extend(corners.as_flattened().iter().map(|corner| self.corners[*corner as usize].point));
             }
@@ -39,7 +53,9 @@ impl Working {
         edges
     }
 
-    fn flip(&mut self, a: u32, b: u32, [one, other]: [u32; 2]) -> bool {
+    /// The flip of an edge, if it is for the better.
+    fn better_flip(&self, a: u32, b: u32) -> Option<Flip> {
+        let [one, other] = self.both_sides(a, b)?;
         let region = self.triangles[one as usize].region;
         let turned = |triangle: u32| {
             let corners = self.triangles[triangle as usize].corners;
@@ -49,20 +65,18 @@ impl Working {
         // The corners opposite of the edge, and the edge as each triangle walks it.
         let ([p, from, to], [q, back, _]) = (turned(one), turned(other));
         if p == q || back != to {
-            return false;
+            return None;
         }
         let new = [[p, from, q], [q, to, p]];
         let old = [one, other].map(|triangle| self.triangles[triangle as usize].corners);
-        let [Some(before), Some(after)] =
-            [old, new].map(|pair| self.cost_of_pair(region, pair, [one, other]))
-        else {
-            return false;
-        };
-        if after >= GAIN * before || self.along(p, q).next().is_some() {
-            return false;
-        }
+        let cost = |pair| self.cost_of_pair(region, pair, [one, other]);
+        let is_better = cost(new)? < GAIN * cost(old)? && self.along(p, q).next().is_none();
+        is_better.then_some(Flip { triangles: [one, other], new })
+    }
+
+    fn flip(&mut self, Flip { triangles, new }: Flip) {
         let mut samples = vec![];
-        for (index, corners) in [one, other].into_iter().zip(new) {
+        for (index, corners) in triangles.into_iter().zip(new) {
             let triangle = &mut self.triangles[index as usize];
             samples.append(&mut triangle.samples);
             let gone = std::mem::replace(&mut triangle.corners, corners);
@@ -74,8 +88,7 @@ impl Working {
             }
         }
         debug_assert!(new.iter().flatten().all(|corner| *corner != NONE));
-        self.deal_out(samples, &[one, other]);
-        true
+        self.deal_out(samples, &triangles);
     }
 
     /// Mean square deviation in two triangles, in limits, and their shape; `None` where a limit is exceeded or a triangle is turned.

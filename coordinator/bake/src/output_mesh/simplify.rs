@@ -11,6 +11,10 @@ use super::working::Working;
 /// Limits of the rounds, relative to the last.
 const LEVELS: [f64; 2] = [0.3, 1.0];
 
+/// A level ends with a round that removes less than one vertex of so many: around a vertex of many long triangles only one goes at a
+/// time, and each takes as long as thousands elsewhere.
+const FEW: usize = 4096;
+
 /// Most passes of flips after a level.
 const MOST_FLIPS: usize = 4;
 
@@ -33,18 +37,22 @@ pub fn simplify(working: &mut Working) {
             for (point, best) in dirty.iter().zip(best) {
                 found[*point as usize] = best;
             }
-            dirty = round(working, &mut found, level);
-            if dirty.is_empty() {
+            let removed;
+            (removed, dirty) = round(working, &mut found, level);
+            changed.extend(&dirty);
+            if removed <= count / FEW {
                 break;
             }
-            changed.extend(&dirty);
         }
-        dirty = flip_around(working, changed);
+        dirty.extend(flip_around(working, changed));
+        dirty.sort_unstable();
+        dirty.dedup();
     }
 }
 
-/// Carries out collapses that cost less than this and do not touch each other. Returns the points whose surroundings changed.
-fn round(working: &mut Working, found: &mut [Option<Collapse>], level: f64) -> Vec<u32> {
+/// Carries out collapses that cost less than this and do not touch each other. Returns their number, and the points whose surroundings
+/// changed.
+fn round(working: &mut Working, found: &mut [Option<Collapse>], level: f64) -> (usize, Vec<u32>) {
     let mut order: Vec<(f64, u32, u32)> = (0..)
         .zip(found.iter())
         .filter_map(|(point, found)| found.map(|collapse| (collapse.cost, point, collapse.into)))
@@ -52,6 +60,7 @@ fn round(working: &mut Working, found: &mut [Option<Collapse>], level: f64) -> V
         .collect();
     order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     let mut is_touched = vec![false; found.len()];
+    let mut removed = 0;
     let mut dirty = vec![];
     for (_, point, into) in order {
         let around = working.neighbours(point);
@@ -60,6 +69,7 @@ fn round(working: &mut Working, found: &mut [Option<Collapse>], level: f64) -> V
         }
         working.collapse(point, into);
         found[point as usize] = None;
+        removed += 1;
         is_touched[point as usize] = true;
         for other in around {
             is_touched[other as usize] = true;
@@ -67,7 +77,7 @@ fn round(working: &mut Working, found: &mut [Option<Collapse>], level: f64) -> V
         }
     }
     dirty.sort_unstable();
-    dirty
+    (removed, dirty)
 }
 
 /// Flips edges around these points. Returns the points whose surroundings changed.

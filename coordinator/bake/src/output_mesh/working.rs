@@ -1,7 +1,6 @@
 //! The triangles of a lit mesh while they are changed.
 
-use std::collections::{HashMap, HashSet};
-
+use foldhash::{HashMap, HashMapExt, HashSet};
 use glam::{DVec2, DVec3};
 use smallvec::SmallVec;
 

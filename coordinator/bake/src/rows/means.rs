@@ -11,6 +11,9 @@ use super::weights::mean_weights;
 use crate::mesh::{Mesh, Share};
 use crate::solver::ShareEnergy;
 
+/// Shares that a thread takes at a time.
+const AT_ONCE: usize = 1024;
+
 /// What means can be taken of.
 pub trait Value: Copy + Default + AddAssign + Mul<f64, Output = Self> {}
 
@@ -60,22 +63,28 @@ impl Means {
     /// The means of these shares. A vertex that is not exposed sees no surface, like the floor under a box, and sends light to
     /// none: it must not dim the mean of a share that lies half in the open.
     pub fn new(mesh: &Mesh, shares: &[Share], exposed: &[bool]) -> Self {
-        let of_share = |share: &Share| mean_weights(mesh, share, exposed);
-        let by_share: Vec<Vec<(usize, f64)>> = shares.par_iter().with_min_len(256).map(of_share).collect();
+        let of_some = |(chunk, some): (usize, &[Share])| -> Vec<Weight> {
+            let first = (chunk * AT_ONCE) as u32;
+            let weight = |share, (vertex, part)| Weight { vertex: vertex as u32, share, part };
+            let of_share = |(share, own)| {
+                mean_weights(mesh, own, exposed).into_iter().map(move |own| weight(share, own))
+            };
+            (first..).zip(some).flat_map(of_share).collect()
+        };
+        let by_share: Vec<Vec<Weight>> = shares.par_chunks(AT_ONCE).enumerate().map(of_some).collect();
         let mut starts = vec![0; exposed.len() + 1];
-        for (vertex, _) in by_share.iter().flatten() {
-            starts[vertex + 1] += 1;
+        for weight in by_share.iter().flatten() {
+            starts[weight.vertex as usize + 1] += 1;
         }
         for vertex in 0..exposed.len() {
             starts[vertex + 1] += starts[vertex];
         }
         let mut next = starts.clone();
         let mut weights = vec![Weight::default(); starts.last().copied().unwrap_or(0) as usize];
-        for (share, own) in (0..).zip(&by_share) {
-            for (vertex, part) in own {
-                weights[next[*vertex] as usize] = Weight { vertex: *vertex as u32, share, part: *part };
-                next[*vertex] += 1;
-            }
+        for weight in by_share.into_iter().flatten() {
+            let next = &mut next[weight.vertex as usize];
+            weights[*next as usize] = weight;
+            *next += 1;
         }
         Self { shares: shares.len(), starts, weights }
     }

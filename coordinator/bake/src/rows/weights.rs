@@ -15,12 +15,15 @@ const PARENT: f64 = -1.0 / 3.0;
 /// Weights of the exposed vertices in the mean of a share: its parts are children of patches, or quarters of those never
 /// divided, or what its polygons cover of them.
 pub fn mean_weights(mesh: &Mesh, share: &Share, exposed: &[bool]) -> Vec<(usize, f64)> {
-    let mut weights = vec![];
-    for &(patch, corner) in &share.corners {
-        if mesh.patch(patch).first_child.is_some() {
-            add_leaves(mesh, patch, corner, &mut weights);
+    let mut weights = Vec::with_capacity(8);
+    for own in share.corners.chunk_by(|a, b| a.0 == b.0) {
+        let id = own[0].0;
+        if mesh.patch(id).first_child.is_some() {
+            own.iter().for_each(|(_, corner)| add_leaves(mesh, id, *corner, &mut weights));
+        } else if own.len() == mesh.patch(id).corners.len() {
+            add_whole(mesh, id, 1.0, &mut weights);
         } else {
-            add_quarter(mesh, patch, corner, 1.0, &mut weights);
+            own.iter().for_each(|(_, corner)| add_quarter(mesh, id, *corner, 1.0, &mut weights));
         }
     }
     for &(patch, polygon) in &share.overlaps {
@@ -56,8 +59,18 @@ fn add_leaves(mesh: &Mesh, parent: PatchId, corner: usize, weights: &mut Vec<(us
         (0..patch.corners.len()).for_each(|corner| add_leaves(mesh, id, corner, weights));
         return;
     }
-    (0..patch.corners.len()).for_each(|corner| add_quarter(mesh, id, corner, 1.0 - PARENT, weights));
+    add_whole(mesh, id, 1.0 - PARENT, weights);
     add_quarter(mesh, parent, corner, PARENT, weights);
+}
+
+/// Adds `part` times the integral over a patch, of what [`add_quarter`] integrates.
+fn add_whole(mesh: &Mesh, id: PatchId, part: f64, weights: &mut Vec<(usize, f64)>) {
+    let fan = mesh.fan(id);
+    let (count, all) = (fan.len(), fan.iter().sum::<f64>());
+    for (index, corner) in mesh.patch(id).corners.iter().enumerate() {
+        let beside = fan[index] + fan[(index + count - 1) % count];
+        weights.push((corner.index(), part * (beside + all / count as f64) / 3.0));
+    }
 }
 
 /// Adds `part` times the integral over a corner's part of a patch: of what is linear over the triangles around the patch's centre,
@@ -97,7 +110,7 @@ fn add_overlap(
     let is_whole = covered[..] == corners[..];
     let part = if parent.is_some() { 1.0 - PARENT } else { 1.0 };
     if is_whole {
-        (0..corners.len()).for_each(|corner| add_quarter(mesh, id, corner, part, weights));
+        add_whole(mesh, id, part, weights);
     } else {
         add_part(mesh, id, &covered, part, weights);
     }
