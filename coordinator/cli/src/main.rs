@@ -1,5 +1,7 @@
 //! The `coordinator` binary.
 
+#![deny(clippy::print_stdout, clippy::print_stderr)]
+
 mod cli;
 
 use std::process::ExitCode;
@@ -12,7 +14,7 @@ fn main() -> ExitCode {
     match cli::run(arguments) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {error:#}");
+            cli::console::say(format_args!("error: {error:#}"));
             ExitCode::FAILURE
         }
     }

@@ -123,6 +123,14 @@ pub fn read_uri(uri: &str, folder: Option<&Path>, limit: u64) -> Result<Vec<u8>,
     read().map_err(|why| format!("{}: {why}", shorten(uri)))
 }
 
+/// Files that a document in this folder has its buffers and images in.
+pub fn files_beside(root: &Root, folder: &Path) -> Vec<PathBuf> {
+    let buffers = root.buffers.iter().map(|buffer| &buffer.uri);
+    let uris = buffers.chain(root.images.iter().map(|image| &image.uri)).flatten();
+    let beside = uris.filter(|uri| !uri.starts_with("data:"));
+    beside.filter_map(|uri| Some(folder.join(relative_path(uri).ok()?))).collect()
+}
+
 /// The path that a relative reference names, never outside the folder of the glTF.
 fn relative_path(uri: &str) -> Result<PathBuf, &'static str> {
     let decoded = percent_decode_str(uri).decode_utf8().map_err(|_| "it is not UTF-8")?;

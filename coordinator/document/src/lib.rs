@@ -33,7 +33,7 @@ use std::path::{Path, PathBuf};
 use gltf::Document;
 use serde::Serialize;
 
-pub use buffers::read_uri;
+pub use buffers::{files_beside, read_uri};
 pub use error::{ImportError, ImportProblem};
 use parse::Parsed;
 pub use parse::{EXT_LIGHTS_AREA, require_again, warn_ignored_extensions};

@@ -1,5 +1,6 @@
 //! Files that appear whole or not at all.
 
+use std::fs;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
@@ -14,6 +15,16 @@ pub enum FileError {
     /// It is a directory.
     #[error("output {} is a directory: name a file in it", .0.display())]
     IsDirectory(PathBuf),
+    /// It is a file that is read, or another output.
+    #[error("{name} {} is the {other} itself: choose another {name}", path.display())]
+    Taken {
+        /// What it is, in words.
+        name: &'static str,
+        /// The file.
+        path: PathBuf,
+        /// What it is, too.
+        other: &'static str,
+    },
     /// The operating system refuses.
     #[error("output {} cannot be written: {error}", path.display())]
     Write {
@@ -27,7 +38,7 @@ pub enum FileError {
 /// Opens an output that replaces `path` when it is committed.
 ///
 /// # Errors
-/// When its directory does not exist, it is a directory, or the operating system refuses.
+/// When its directory does not exist, there is something that is no regular file, or the operating system refuses.
 pub fn open(path: &Path) -> Result<AtomicWriteFile, FileError> {
     let directory = match path.parent() {
         Some(parent) if parent != Path::new("") => parent,
@@ -39,7 +50,49 @@ pub fn open(path: &Path) -> Result<AtomicWriteFile, FileError> {
     if path.is_dir() {
         return Err(FileError::IsDirectory(path.to_owned()));
     }
-    AtomicWriteFile::open(path).map_err(|error| FileError::Write { path: path.to_owned(), error })
+    replace(path).map_err(|error| FileError::Write { path: path.to_owned(), error })
+}
+
+/// Opens a file that replaces the one at `path` when it is committed.
+///
+/// # Errors
+/// When there is something that is no regular file, such as a device, or the operating system refuses.
+pub fn replace(path: &Path) -> io::Result<AtomicWriteFile> {
+    if fs::metadata(path).is_ok_and(|there| !there.is_file()) {
+        return Err(io::Error::new(
+            io::ErrorKind::InvalidInput,
+            "it is there and no regular file: name another place",
+        ));
+    }
+    AtomicWriteFile::open(path)
+}
+
+/// Checks that no output is a file that is read, or another output, by whatever spelling or link. Each comes with its name in words,
+/// those that are read first.
+///
+/// # Errors
+/// When two are the same, of which one is written.
+pub fn check_distinct(
+    read: &[(&'static str, &Path)],
+    written: &[(&'static str, &Path)],
+) -> Result<(), FileError> {
+    for (index, (name, path)) in written.iter().enumerate() {
+        let mut others = read.iter().chain(&written[..index]);
+        if let Some((other, _)) = others.find(|(_, other)| is_same(other, path)) {
+            return Err(FileError::Taken { name, path: path.to_path_buf(), other });
+        }
+    }
+    Ok(())
+}
+
+/// Whether two paths lead to one file, or would where none is yet.
+fn is_same(a: &Path, b: &Path) -> bool {
+    let place = |path: &Path| {
+        let whole = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+        let folder = whole.parent().and_then(|folder| fs::canonicalize(folder).ok());
+        folder.zip(whole.file_name()).map_or_else(|| whole.clone(), |(folder, name)| folder.join(name))
+    };
+    same_file::is_same_file(a, b).unwrap_or_else(|_| place(a) == place(b))
 }
 
 /// Checks that an output can be written, and leaves nothing behind: for use before long work.
@@ -66,7 +119,7 @@ pub fn write_with(
     path: &Path,
     content: impl FnOnce(&mut (dyn Write + Send)) -> io::Result<()>,
 ) -> io::Result<()> {
-    let mut out = BufWriter::new(AtomicWriteFile::open(path)?);
+    let mut out = BufWriter::new(replace(path)?);
     content(&mut out)?;
     out.into_inner()?.commit()
 }

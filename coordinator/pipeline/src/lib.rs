@@ -11,6 +11,7 @@
 //! | [`options`] | options of the API, checked and turned into settings |
 //! | [`summary`] | metrics of a run, and the extras of a lit file |
 
+mod files_beside;
 mod memory;
 pub mod options;
 pub mod relight;

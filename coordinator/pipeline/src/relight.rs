@@ -8,6 +8,7 @@ use bake::{BakeError, KeptLight, NewLight, RelightReport, relight};
 use output::export::{ExportSettings, export};
 use scene::ImportOptions;
 
+use crate::files_beside::check_files;
 use crate::run::{RunError, RunObserver, SceneSource, read_scene, write_report};
 use crate::summary::{relit_extras, relit_json};
 
@@ -52,7 +53,9 @@ pub fn run(request: RelightRequest<'_>, observer: &mut dyn RunObserver) -> Resul
     let read = fs::read(path).map_err(|error| RunError::KeptLight { path: path.to_owned(), error });
     let kept = KeptLight::from_bytes(&read?)?;
     let import = ImportOptions { sky: kept.sky(), ..request.import };
+    let folder = request.scene.folder();
     let scene = read_scene(request.scene, &import, observer)?;
+    check_files(&scene, folder.as_deref(), request.output, &[("report", request.report)])?;
     if observer.is_cancelled() {
         return Err(BakeError::Cancelled.into());
     }

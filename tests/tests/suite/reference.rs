@@ -147,7 +147,7 @@ fn points_of_another_reference_can_be_traced() {
         &["--at", &cornell],
         &["point 1 of", "use the scene of the reference"],
     );
-    bench.assert_refused(&first, &["--at", &at], &["is what is read", "choose another output"]);
+    bench.assert_refused(&first, &["--at", &at], &["is the other reference itself", "choose another output"]);
     let scene = bench.scene.display().to_string();
     bench.assert_refused(&bench.path("no.csv"), &["--at", &scene], &["scene.glb"]);
 }
@@ -167,7 +167,7 @@ fn output_that_cannot_be_written_is_refused_before_the_work() {
     let nowhere = bench.path("nowhere/reference.csv");
     bench.assert_refused(&nowhere, &[], &["nowhere", "does not exist", "create it"]);
     bench.assert_refused(bench.folder.path(), &[], &["is a directory", "name a file"]);
-    bench.assert_refused(&bench.scene, &[], &["is what is read", "choose another output"]);
+    bench.assert_refused(&bench.scene, &[], &["is the scene itself", "choose another output"]);
 }
 
 #[test]

@@ -1,11 +1,14 @@
-use std::fs;
 use std::path::PathBuf;
 
 use anyhow::Context;
 use clap::Args;
+use output::files;
 use serde_json::json;
 use verify::reference::to_csv;
 use verify::score::score_points;
+
+use super::console::print;
+use super::outputs::{check_distinct, check_place};
 
 #[derive(Args)]
 pub struct CompareArguments {
@@ -24,23 +27,25 @@ pub struct CompareArguments {
 
 /// Prints the score of a lit scene as one line of JSON.
 pub fn run(arguments: &CompareArguments) -> anyhow::Result<()> {
+    if let Some(points) = &arguments.points {
+        let read =
+            [("lit scene", &arguments.lit), ("reference", &arguments.reference), ("scene", &arguments.scene)];
+        check_distinct(&read.map(|(name, path)| (name, Some(&**path))), &[("list of points", Some(points))])?;
+        check_place(points, "list of points", "--points")?;
+    }
     let (score, points) = score_points(&arguments.lit, &arguments.reference, &arguments.scene)?;
     if let Some(path) = &arguments.points {
-        fs::write(path, to_csv(&points))
+        files::write(path, to_csv(&points).as_bytes())
             .with_context(|| format!("{} cannot be written: choose another --points", path.display()))?;
     }
-    println!(
-        "{}",
-        json!({
-            "relative_l2": score.relative_l2,
-            "energy_ratio": score.energy_ratio,
-            "p95": score.p95,
-            "max": score.max,
-            "uncovered": score.uncovered,
-            "not_finite": score.not_finite,
-            "vertices": score.vertices,
-            "triangles": score.triangles,
-        })
-    );
-    Ok(())
+    print(json!({
+        "relative_l2": score.relative_l2,
+        "energy_ratio": score.energy_ratio,
+        "p95": score.p95,
+        "max": score.max,
+        "uncovered": score.uncovered,
+        "not_finite": score.not_finite,
+        "vertices": score.vertices,
+        "triangles": score.triangles,
+    }))
 }

@@ -1,5 +1,5 @@
 use std::num::NonZeroUsize;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
@@ -12,11 +12,12 @@ use scene::{ImportOptions, import};
 use serde_json::{Value, json};
 use view_factors::{Division, ViewFactorSettings, ViewFactors, view_factors};
 
+use super::console::{print, say};
 use super::options::Unused;
+use super::outputs::{check_distinct, write_output};
 use super::report::new_table;
 use super::scene_options::SceneOptions;
 use super::workers::ThreadArguments;
-use super::write_output;
 
 /// Most points that a pair of polygons may be given for a form factor of 1.
 const MOST_POINTS: i64 = 1 << 24;
@@ -68,7 +69,7 @@ pub fn run(arguments: &FormFactorArguments, threads: NonZeroUsize) -> anyhow::Re
     let options = ImportOptions { needs_light: false, ..arguments.options.import_options()? };
     let scene = import(&arguments.scene, &options)?;
     for warning in &scene.warnings {
-        eprintln!("warning: {warning}");
+        say(format_args!("warning: {warning}"));
     }
     let division = if arguments.facets { Division::Facets } else { Division::Surfaces };
     let settings = ViewFactorSettings { division, points: arguments.points, seed: arguments.seed };
@@ -88,24 +89,19 @@ pub fn run(arguments: &FormFactorArguments, threads: NonZeroUsize) -> anyhow::Re
         let text = serde_json::to_string_pretty(&report(&factors, &settings, seconds))?;
         write_output(path, |out| writeln!(out, "{text}"))?;
     }
-    print(&factors, seconds);
-    Ok(())
+    print_table(&factors, seconds)
 }
 
 /// Nothing is computed that could not be written, and nothing is written over the scene or another output.
 fn check_outputs(arguments: &FormFactorArguments) -> anyhow::Result<()> {
-    let whole = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-    let outputs = [Some(&arguments.output), arguments.areas.as_ref(), arguments.report.as_ref()];
-    let mut taken = vec![whole(&arguments.scene)];
-    for output in outputs.into_iter().flatten() {
-        let path = whole(output);
-        anyhow::ensure!(
-            !taken.contains(&path),
-            "output {} is the scene or another output: choose another output",
-            output.display()
-        );
-        files::check(output)?;
-        taken.push(path);
+    let written = [
+        ("output", Some(&*arguments.output)),
+        ("list of areas", arguments.areas.as_deref()),
+        ("report", arguments.report.as_deref()),
+    ];
+    check_distinct(&[("scene", Some(&arguments.scene))], &written)?;
+    for (_, output) in written {
+        output.map_or(Ok(()), files::check)?;
     }
     Ok(())
 }
@@ -126,7 +122,7 @@ fn report(factors: &ViewFactors, settings: &ViewFactorSettings, seconds: f64) ->
     })
 }
 
-fn print(factors: &ViewFactors, seconds: f64) {
+fn print_table(factors: &ViewFactors, seconds: f64) -> anyhow::Result<()> {
     let counts = &factors.counts;
     let mut table = new_table();
     let mut row = |name: &str, value: String| {
@@ -147,7 +143,7 @@ fn print(factors: &ViewFactors, seconds: f64) {
     let corrected = factors.most_corrected().filter(|row| row.correction != 0.0);
     let correction = |row: &view_factors::Row| format!("{:.2e} ({})", row.correction, row.name);
     row("largest correction of a row", corrected.map_or("none".to_owned(), correction));
-    println!("{table}");
+    print(&table)
 }
 
 /// A bar; plain lines at every tenth where there is no terminal.
@@ -174,7 +170,7 @@ impl Progress {
         self.bar.inc(count);
         let tenth = |done: u64| done * 10 / all.max(1);
         if self.bar.is_hidden() && tenth(before + count) > tenth(before) {
-            eprintln!("factors: {} % of the pairs", tenth(before + count) * 10);
+            say(format_args!("factors: {} % of the pairs", tenth(before + count) * 10));
         }
     }
 }

@@ -3,10 +3,12 @@
 mod arrange;
 mod client;
 mod compare;
+pub mod console;
 mod form_factors;
 mod machine;
 mod options;
 mod output_options;
+mod outputs;
 mod progress;
 mod reference;
 mod relight;
@@ -19,13 +21,8 @@ mod study;
 mod telemetry;
 mod workers;
 
-use std::io::{self, Write};
-use std::path::Path;
-
-use anyhow::Context;
 use clap::{Parser, Subcommand};
 use cluster::metrics::Metrics;
-use output::files;
 
 pub use arrange::parse;
 
@@ -114,12 +111,4 @@ pub fn run(arguments: Arguments) -> anyhow::Result<()> {
         Command::FormFactors(factors) => form_factors::run(factors, factors.threads.count()?),
         Command::Study(study) => study::run(study, &study.workers.cluster(&metrics)?.workers),
     }
-}
-
-/// Writes an output whole or not at all.
-fn write_output(
-    path: &Path,
-    content: impl FnOnce(&mut (dyn Write + Send)) -> io::Result<()>,
-) -> anyhow::Result<()> {
-    files::write_with(path, content).with_context(|| format!("output {} cannot be written", path.display()))
 }

@@ -7,6 +7,8 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use pipeline::run::RunObserver;
 use scene::Scene;
 
+use super::console::say;
+
 /// Between plain lines of one step, where standard error is not a terminal.
 const PLAIN_INTERVAL: Duration = Duration::from_secs(5);
 
@@ -67,7 +69,7 @@ impl ProgressLine {
         self.last = Some((Instant::now(), step));
         let message = message(self.started.elapsed().as_secs_f64());
         if self.bar.is_hidden() {
-            eprintln!("{step}: {message}");
+            say(format_args!("{step}: {message}"));
             return;
         }
         self.bar.set_prefix(step);
@@ -105,7 +107,7 @@ impl Observer for Shown {
 impl RunObserver for Shown {
     fn warn(&mut self, warnings: &[String]) {
         for warning in warnings {
-            eprintln!("warning: {warning}");
+            say(format_args!("warning: {warning}"));
         }
     }
 

@@ -14,10 +14,11 @@ use verify::reference::{
     relative_standard_error, to_csv, trace,
 };
 
+use super::console::{print, say};
 use super::options::Unused;
+use super::outputs::{check_distinct, write_output};
 use super::scene_options::SceneOptions;
 use super::workers::ThreadArguments;
-use super::write_output;
 
 #[derive(Args)]
 pub struct ReferenceArguments {
@@ -65,7 +66,7 @@ pub fn run(arguments: &ReferenceArguments, threads: NonZeroUsize) -> anyhow::Res
         PlainOptions { scene: options.read.scene, light_unit: options.light_unit, sky: options.sky };
     let scene = PlainScene::open_with(&arguments.scene, &options)?;
     for warning in &scene.warnings {
-        eprintln!("warning: {warning}");
+        say(format_args!("warning: {warning}"));
     }
     let failed = || format!("{} cannot be traced", arguments.scene.display());
     let other = arguments.at.as_ref().map(|path| Ok::<_, anyhow::Error>((path, read(path)?))).transpose()?;
@@ -94,8 +95,7 @@ pub fn run(arguments: &ReferenceArguments, threads: NonZeroUsize) -> anyhow::Res
             "energy_ratio_error": agreement.energy_ratio_error,
         });
     }
-    println!("{figures}");
-    Ok(())
+    print(&figures)
 }
 
 /// The places of another reference, on the surfaces of this scene.
@@ -116,13 +116,10 @@ fn located(scene: &PlainScene, path: &Path, points: &[ReferencePoint]) -> Result
 /// Nothing is traced that could not be written, and nothing that is read is overwritten.
 fn check_output(arguments: &ReferenceArguments) -> anyhow::Result<()> {
     let output = &arguments.output;
-    let whole = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-    let inputs = [Some(&arguments.scene), arguments.at.as_ref()];
-    anyhow::ensure!(
-        inputs.into_iter().flatten().all(|input| whole(input) != whole(output)),
-        "output {} is what is read: choose another output",
-        output.display()
-    );
+    check_distinct(
+        &[("scene", Some(&arguments.scene)), ("other reference", arguments.at.as_deref())],
+        &[("output", Some(output))],
+    )?;
     Ok(files::check(output)?)
 }
 
@@ -147,7 +144,7 @@ impl Progress {
         let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
         self.bar.inc(1);
         if self.bar.is_hidden() && done * 10 / self.total > (done - 1) * 10 / self.total {
-            eprintln!("trace: {done} of {} points", self.total);
+            say(format_args!("trace: {done} of {} points", self.total));
         }
     }
 }

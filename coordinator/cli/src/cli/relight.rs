@@ -7,10 +7,11 @@ use output::export::check_writable;
 use pipeline::relight::{RelightRequest, Relighted};
 use pipeline::run::SceneSource;
 
+use super::console::print;
 use super::output_options::OutputOptions;
+use super::outputs::{check_distinct, check_report};
 use super::progress::Shown;
 use super::scene_options::{SceneOptions, radiance};
-use super::solve::{check_distinct, check_report};
 
 #[derive(Args)]
 pub struct RelightArguments {
@@ -43,12 +44,10 @@ pub fn run(arguments: &RelightArguments) -> anyhow::Result<()> {
     if let Some(report) = &arguments.report {
         check_report(report)?;
     }
-    check_distinct(&[
-        ("scene", Some(&arguments.scene)),
-        ("kept light", Some(&arguments.kept)),
-        ("output", Some(&arguments.output)),
-        ("report", arguments.report.as_ref()),
-    ])?;
+    check_distinct(
+        &[("scene", Some(&arguments.scene)), ("kept light", Some(&arguments.kept))],
+        &[("output", Some(&arguments.output)), ("report", arguments.report.as_deref())],
+    )?;
     let (settings, export) =
         arguments.written.settings(&arguments.options.options(), BakeSettings::default())?;
     let request = RelightRequest {
@@ -67,13 +66,12 @@ pub fn run(arguments: &RelightArguments) -> anyhow::Result<()> {
     };
     let Relighted { seconds, report, .. } =
         pipeline::relight::run(request, &mut Shown::new(&Metrics::default()))?;
-    println!(
+    print(format_args!(
         "relit {} vertices in {seconds:.2} s; estimated error {:.2} % (as baked {:.2} %)",
         report.vertices,
         100.0 * report.error.total,
         100.0 * report.error_as_baked.total
-    );
-    Ok(())
+    ))
 }
 
 /// `NAME=R,G,B` or `NAME=NUMBER`.

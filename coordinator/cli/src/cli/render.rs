@@ -14,12 +14,13 @@ use output::render::{
 };
 use scene::ReadOptions;
 
+use super::console::{print, say};
 use super::options::positive;
+use super::outputs::{check_distinct, write_output};
 use super::progress::short;
 use super::report::new_table;
 use super::telemetry::TelemetryArguments;
 use super::workers::WorkerArguments;
-use super::write_output;
 
 /// Width of a picture where neither side is given.
 const DEFAULT_WIDTH: u32 = 1280;
@@ -124,11 +125,12 @@ pub fn run(arguments: &RenderArguments, workers: &ClusterSettings) -> anyhow::Re
     let clock = Instant::now();
     let format = PictureFormat::of(&arguments.output)
         .with_context(|| format!("output {} must end in .png or .exr", arguments.output.display()))?;
+    check_distinct(&[("lit file", Some(&arguments.file))], &[("output", Some(&arguments.output))])?;
     files::check(&arguments.output)?;
     let options = ReadOptions { scene: arguments.scene.clone(), ..ReadOptions::default() };
     let file = read_lit(&arguments.file, &options)?;
     for warning in &file.warnings {
-        eprintln!("warning: {warning}");
+        say(format_args!("warning: {warning}"));
     }
     let (camera, size, words) = camera(&file, arguments)?;
     let background = arguments.background.or(file.sky).unwrap_or(DVec3::ZERO);
@@ -172,8 +174,7 @@ pub fn run(arguments: &RenderArguments, workers: &ClusterSettings) -> anyhow::Re
         let busy = worker.part.busy.as_secs_f64();
         row(&format!("worker {}", worker.part.name), format!("{} tiles, {busy:.2} s busy", worker.part.jobs));
     }
-    println!("{table}");
-    Ok(())
+    print(&table)
 }
 
 /// The camera, the size of the picture, and the camera in words.
@@ -252,7 +253,7 @@ impl Bar {
         self.0.set_position(done as u64);
         let fifth = |done: usize| done * 5 / total.max(1);
         if self.0.is_hidden() && fifth(done) > fifth(done - 1) {
-            eprintln!("render: {} %", fifth(done) * 20);
+            say(format_args!("render: {} %", fifth(done) * 20));
         }
     }
 }

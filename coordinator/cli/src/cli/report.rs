@@ -4,16 +4,20 @@ use cluster::WorkerSummary;
 use comfy_table::{Table, presets};
 use pipeline::summary::{Summary, WorkerMetrics, busy_share};
 
+use super::console;
 use super::progress::short;
 
 /// Metrics as tables, for people.
 pub trait Tables {
     /// Prints the tables.
-    fn print(&self);
+    ///
+    /// # Errors
+    /// When standard output cannot be written.
+    fn print(&self) -> anyhow::Result<()>;
 }
 
 impl Tables for Summary {
-    fn print(&self) {
+    fn print(&self) -> anyhow::Result<()> {
         let bake = &self.bake;
         let mut table = new_table();
         let mut row = |name: &str, value: String| {
@@ -124,12 +128,13 @@ impl Tables for Summary {
         if self.degenerate_triangles > 0 {
             row("dropped", format!("{} triangles without area", self.degenerate_triangles));
         }
-        println!("{table}");
+        console::print(&table)?;
         if let WorkerMetrics::Exclusive(workers, _) = &self.workers
             && workers.len() > 1
         {
-            println!("{}", worker_table(workers));
+            console::print(worker_table(workers))?;
         }
+        Ok(())
     }
 }
 

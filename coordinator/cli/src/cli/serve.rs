@@ -1,4 +1,3 @@
-use std::io::Write;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -16,6 +15,7 @@ use service::{Limits, Metrics, Service, ServiceSettings, server};
 use tokio::net::TcpListener;
 use worker::incoming::{ConnectionLimits, incoming};
 
+use super::console::print;
 use super::telemetry::TelemetryArguments;
 use super::workers::{WorkerArguments, path};
 
@@ -193,8 +193,7 @@ async fn serve(arguments: &ServeArguments, workers: ClusterSettings, metrics: Me
     let shutdown =
         stop_on_signal("jobs stop, and go on at the next start").context("cannot listen for signals")?;
     // For scripts: from this line on, clients may call. Where nobody reads it, nobody misses it.
-    let _ =
-        writeln!(std::io::stdout(), "coordinator serves on {address}, data in {}", arguments.data.display());
+    let _ = print(format_args!("coordinator serves on {address}, data in {}", arguments.data.display()));
     let incoming = incoming(listener, transport.tls().map(Tls::server), CONNECTIONS);
     let is_open = arguments.access.clients.is_none() && transport == Transport::default();
     let names = match &arguments.access.listen_names {

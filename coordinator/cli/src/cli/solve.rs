@@ -1,17 +1,17 @@
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::Context;
 use bake::BakeSettings;
 use clap::Args;
 use cluster::ClusterSettings;
 use output::export::check_writable;
-use output::files::AtomicWriteFile;
 use pipeline::options::{Violations, bake_settings};
 use pipeline::run::{BakeRequest, CheckpointFile, RunError, SceneSource, Workers};
 use protocol::api::BakeOptions;
 
 use super::options::Given;
 use super::output_options::OutputOptions;
+use super::outputs::{check_distinct, check_place, check_report};
 use super::progress::Shown;
 use super::report::Tables;
 use super::scene_options::SceneOptions;
@@ -89,13 +89,13 @@ pub fn run(arguments: &SolveArguments, workers: &ClusterSettings) -> anyhow::Res
         check_report(report)?;
     }
     let CheckpointArguments { checkpoint, checkpoint_size, keep_checkpoint } = &arguments.checkpoint;
-    check_distinct(&[
-        ("scene", Some(&arguments.scene)),
-        ("output", Some(&arguments.output)),
-        ("report", arguments.report.as_ref()),
-        ("checkpoint", checkpoint.as_ref()),
-        ("kept light", arguments.keep_light.as_ref()),
-    ])?;
+    let written = [
+        ("output", Some(&*arguments.output)),
+        ("report", arguments.report.as_deref()),
+        ("checkpoint", checkpoint.as_deref()),
+        ("kept light", arguments.keep_light.as_deref()),
+    ];
+    check_distinct(&[("scene", Some(&arguments.scene))], &written)?;
     if let Some(kept) = &arguments.keep_light {
         check_place(kept, "kept light", "--keep-light")?;
     }
@@ -124,33 +124,5 @@ pub fn run(arguments: &SolveArguments, workers: &ClusterSettings) -> anyhow::Res
         }),
         (finished, _) => Ok(finished?),
     };
-    finished?.summary.print();
-    Ok(())
-}
-
-/// Nothing that the bake reads or writes may overwrite another of its files.
-pub fn check_distinct(files: &[(&str, Option<&PathBuf>)]) -> anyhow::Result<()> {
-    let whole = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-    for (index, (name, path)) in files.iter().enumerate() {
-        let Some(path) = path else { continue };
-        for (other, taken) in &files[..index] {
-            anyhow::ensure!(
-                taken.is_none_or(|taken| whole(taken) != whole(path)),
-                "{name} {} is the {other} itself: choose another {name}",
-                path.display()
-            );
-        }
-    }
-    Ok(())
-}
-
-pub fn check_report(path: &Path) -> anyhow::Result<()> {
-    check_place(path, "report", "--report")
-}
-
-/// Checks that a file can be written that the user names with `option`.
-fn check_place(path: &Path, name: &str, option: &str) -> anyhow::Result<()> {
-    AtomicWriteFile::open(path)
-        .and_then(AtomicWriteFile::discard)
-        .with_context(|| format!("{name} {} cannot be written: choose another {option}", path.display()))
+    finished?.summary.print()
 }

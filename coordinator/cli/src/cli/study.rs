@@ -12,7 +12,9 @@ use tempfile::TempDir;
 use verify::score::{check_reference, score};
 use verify::study::{Circumstances, Measurement, PlanSize, RunReport, Step, markdown, plan, svg, to_csv};
 
+use super::console::{print, say};
 use super::machine;
+use super::outputs::check_distinct;
 use super::workers::WorkerArguments;
 
 #[derive(Args)]
@@ -57,7 +59,7 @@ pub fn run(arguments: &StudyArguments, workers: &Workers) -> anyhow::Result<()> 
     for (index, step) in steps.iter().enumerate() {
         let measurement = bench.measure(*step)?;
         let left = clock.elapsed().as_secs_f64() / (index + 1) as f64 * (steps.len() - index - 1) as f64;
-        eprintln!(
+        say(format_args!(
             "{}/{} {}, {}: {:.2} s, error {:.2} %, energy {:.4} · {:.0} s left",
             index + 1,
             steps.len(),
@@ -67,7 +69,7 @@ pub fn run(arguments: &StudyArguments, workers: &Workers) -> anyhow::Result<()> 
             100.0 * measurement.score.relative_l2,
             measurement.score.energy_ratio,
             left
-        );
+        ));
         measurements.push(measurement);
     }
     let circumstances = Circumstances {
@@ -80,8 +82,7 @@ pub fn run(arguments: &StudyArguments, workers: &Workers) -> anyhow::Result<()> 
     };
     let tables = markdown(&circumstances, &measurements);
     outputs.write(&to_csv(&measurements), &svg(&circumstances, &measurements)?, &tables)?;
-    println!("{tables}");
-    Ok(())
+    print(&tables)
 }
 
 /// Where the results go.
@@ -96,19 +97,15 @@ const MARKDOWN: &str = "study.md";
 impl Outputs {
     /// Makes the folder, and finds out whether files can be written there without losing the reference.
     fn prepare(folder: &Path, reference: &Path) -> anyhow::Result<Self> {
-        let whole = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
         fs::create_dir_all(folder).with_context(|| {
             format!("output folder {} cannot be made: choose another --output", folder.display())
         })?;
         for name in [CSV, SVG, MARKDOWN] {
             let path = folder.join(name);
-            anyhow::ensure!(
-                whole(&path) != whole(reference),
-                "{} is the reference itself: choose another --output",
-                path.display()
-            );
+            check_distinct(&[("reference", Some(reference))], &[("study", Some(&path))])
+                .context("choose another --output")?;
             anyhow::ensure!(!path.is_dir(), "{} is a folder: choose another --output", path.display());
-            AtomicWriteFile::open(&path)
+            files::replace(&path)
                 .and_then(AtomicWriteFile::discard)
                 .with_context(|| format!("{} cannot be written: choose another --output", path.display()))?;
         }

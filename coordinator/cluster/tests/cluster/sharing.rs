@@ -123,7 +123,10 @@ fn who_comes_later_does_not_wait_for_a_long_queue() {
     take(&mut short, &expected, count);
     // How many, time decides; but in the order of submission the short queue would have been last.
     let answered: u64 = long.workers().iter().map(|worker| worker.jobs).sum();
-    assert!(answered < waiting as u64, "all {answered} of the long queue came before {count} of the short one");
+    assert!(
+        answered < waiting as u64,
+        "all {answered} of the long queue came before {count} of the short one"
+    );
     long.withdraw();
     assert!(
         matches!(long.next_within(Duration::from_millis(100)), Ok(None)),

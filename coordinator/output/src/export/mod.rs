@@ -155,6 +155,14 @@ pub fn check_writable(path: &Path) -> Result<(), ExportError> {
     write::check(path)
 }
 
+/// The files that [`export`] writes.
+///
+/// # Errors
+/// When the extension is neither `.glb` nor `.gltf` nor `.ply`.
+pub fn files_of(path: &Path) -> Result<Vec<PathBuf>, ExportError> {
+    write::files(path)
+}
+
 /// Checks, before a long bake, that each light group has an attribute name of its own.
 ///
 /// # Errors

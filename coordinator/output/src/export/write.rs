@@ -80,7 +80,7 @@ pub(super) fn write_files(contents: Vec<Vec<u8>>, path: &Path) -> Result<(), Exp
 }
 
 /// The files of an output, the document first.
-fn files(path: &Path) -> Result<Vec<PathBuf>, ExportError> {
+pub(super) fn files(path: &Path) -> Result<Vec<PathBuf>, ExportError> {
     Ok(match format(path)? {
         Format::Glb | Format::Ply => vec![path.to_owned()],
         Format::Gltf => vec![path.to_owned(), binary_path(path)],

@@ -2,6 +2,8 @@
 //! half-written.
 
 mod files;
+#[cfg(unix)]
+mod outputs;
 mod references;
 mod workers;
 

@@ -9,6 +9,7 @@ use tokio::net::lookup_host;
 use tokio::time::sleep;
 use tonic::{Code, Status};
 
+use super::super::console::say;
 use super::super::workers::SecurityArguments;
 use super::refused;
 
@@ -118,7 +119,7 @@ impl<'a> Connection<'a> {
     pub(super) fn heard(&mut self) {
         if self.pause > FIRST_PAUSE {
             self.pause = FIRST_PAUSE;
-            eprintln!("the service at {} is there again", self.server.server);
+            say(format_args!("the service at {} is there again", self.server.server));
         }
     }
 
@@ -132,7 +133,10 @@ impl<'a> Connection<'a> {
             match trouble {
                 Trouble::Lasting(error) => return Err(error),
                 Trouble::Passing(reason) if self.pause == FIRST_PAUSE => {
-                    eprintln!("the service at {} is gone ({reason}): waiting for it", self.server.server);
+                    say(format_args!(
+                        "the service at {} is gone ({reason}): waiting for it",
+                        self.server.server
+                    ));
                 }
                 Trouble::Passing(_) => {}
             }

@@ -51,7 +51,7 @@ pub(super) async fn fetch(
     output: &Path,
 ) -> anyhow::Result<()> {
     let cannot = || format!("{} cannot be written", output.display());
-    let file = AtomicWriteFile::open(output).with_context(cannot)?;
+    let file = files::replace(output).with_context(cannot)?;
     let mut coming = Coming { file, received: 0, hasher: Sha256::new(), header: None };
     while let Err(trouble) = receive(connection, wanted, id, &mut coming).await {
         connection.renew(trouble).await?;

@@ -3,6 +3,7 @@ use std::time::{Duration, SystemTime};
 use clap::Args;
 use protocol::api::{CancelJobRequest, DeleteJobRequest, Job, ListJobsRequest, State};
 
+use super::super::console::print;
 use super::super::report::new_table;
 use super::{ServerArgument, refused, wait};
 
@@ -47,8 +48,7 @@ pub fn list(arguments: &JobsArguments) -> anyhow::Result<()> {
             }
         }
     })?;
-    println!("{table}");
-    Ok(())
+    print(&table)
 }
 
 /// Cancels a job.
@@ -57,8 +57,7 @@ pub fn cancel(arguments: &JobArguments) -> anyhow::Result<()> {
         let mut client = arguments.server.connect().await?;
         let request = CancelJobRequest { id: arguments.job.clone() };
         let job = client.cancel_job(request).await.map_err(refused)?.into_inner();
-        println!("{} is {}", job.id, said(&job).0);
-        Ok(())
+        print(format_args!("{} is {}", job.id, said(&job).0))
     })
 }
 

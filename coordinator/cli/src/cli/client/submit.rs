@@ -17,8 +17,10 @@ use tokio_util::io::ReaderStream;
 use tonic::{Code, Status};
 use tonic_types::StatusExt;
 
+use super::super::console::print;
 use super::super::options::Given;
 use super::super::output_options::OutputOptions;
+use super::super::outputs::check_distinct;
 use super::super::relight::change;
 use super::super::scene_options::SceneOptions;
 use super::fetch::{JobFile, fetch};
@@ -70,20 +72,22 @@ enum FormatName {
 /// Submits a scene, and waits for its job if that is asked for.
 pub fn run(arguments: &SubmitArguments) -> anyhow::Result<()> {
     if let Some(output) = &arguments.output {
+        check_distinct(&[("scene", arguments.scene.as_deref())], &[("output", Some(output))])?;
         files::check(output)?;
     }
     let header = header(arguments)?;
     wait(async {
         let mut connection = Connection::open(&arguments.server).await?;
         let job = submit(&mut connection.client, header, arguments.scene.as_deref()).await?;
-        println!("{}", job.id);
+        // The job goes on, and so does what was asked for.
+        let printed = print(&job.id).with_context(|| format!("job {} was submitted", job.id));
         if arguments.watch || arguments.output.is_some() {
             follow(&mut connection, &job.id).await?;
         }
-        match &arguments.output {
-            Some(output) => fetch(&mut connection, JobFile::Result, &job.id, output).await,
-            None => Ok(()),
+        if let Some(output) = &arguments.output {
+            fetch(&mut connection, JobFile::Result, &job.id, output).await?;
         }
+        printed
     })
 }
 

@@ -2,6 +2,7 @@ use anyhow::anyhow;
 use clap::Args;
 use protocol::api::{Job, Phase, State, WatchJobRequest};
 
+use super::super::console::say;
 use super::super::progress::{ProgressLine, short};
 use super::{Connection, ServerArgument, Trouble, wait};
 
@@ -40,7 +41,7 @@ async fn watch(connection: &mut Connection<'_>, id: &str) -> Result<(), Trouble>
             State::Done => {
                 line.finish();
                 for warning in job.outcome.iter().flat_map(|outcome| &outcome.warnings) {
-                    eprintln!("warning: {warning}");
+                    say(format_args!("warning: {warning}"));
                 }
                 return Ok(());
             }
