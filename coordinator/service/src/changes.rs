@@ -143,7 +143,7 @@ impl Inner {
     /// Removes the scene of a deleted job, unless other jobs use it.
     pub(super) fn drop_scene(&self, record: &Record) {
         if !lock(&self.ledger).has_any_of(record.scene) {
-            // On failure, the next start removes it.
+            // On failure, the next start sets it aside.
             let _ = remove_file(&self.store.scene(record.scene));
         }
     }

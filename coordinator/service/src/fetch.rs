@@ -17,7 +17,7 @@ use crate::metrics::Metrics;
 use crate::preview::PreviewSource;
 use crate::progress::Live;
 use crate::refusal::Refusal;
-use crate::run::digest;
+use crate::store::digest;
 use crate::store::remove_file;
 use crate::sync::lock;
 use crate::{Service, blocking};

@@ -107,7 +107,10 @@ impl Service {
     /// # Errors
     /// When the folder cannot be used.
     pub fn open(settings: &ServiceSettings, workers: Cluster, metrics: Metrics) -> Result<Self, StoreError> {
-        let Opened { store, records, damaged } = Store::open(&settings.data)?;
+        let Opened { store, records, damaged, set_aside } = Store::open(&settings.data)?;
+        for path in set_aside {
+            tracing::warn!(path = %path.display(), "set aside, since no job refers to it: delete it if nobody misses it");
+        }
         for path in damaged {
             tracing::error!(path = %path.display(), "a job's record is damaged and is passed over: take it from a back-up");
         }

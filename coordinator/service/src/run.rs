@@ -1,6 +1,6 @@
 //! One job, in a thread of its own, through the pipeline.
 
-use std::fs::File;
+use std::fs;
 use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
@@ -24,7 +24,7 @@ use crate::job::Record;
 use crate::progress::{Live, Watched};
 use crate::refusal::is_full;
 use crate::settings::Limits;
-use crate::store::Store;
+use crate::store::{Store, digest};
 
 /// How a run of a job ended.
 #[derive(Debug)]
@@ -77,8 +77,13 @@ fn attempt(context: &JobContext<'_>, record: &Record, live: &Live) -> Result<Out
     let output = context.store.result(record);
     let scene = || -> Result<SceneSource<'_>, Ending> {
         // Without a folder: references to other files are refused.
-        let bytes = std::fs::read(context.store.scene(record.scene));
-        Ok(SceneSource::Bytes(bytes.map_err(of_disk("its scene cannot be read"))?))
+        let bytes = fs::read(context.store.scene(record.scene));
+        let bytes = bytes.map_err(of_disk("its scene cannot be read"))?;
+        if *Sha256::digest(&bytes) != record.scene.0 {
+            tracing::error!(scene = %record.scene, "a scene is not as it was submitted: the disk has changed it");
+            return Err(failed("its scene was damaged on the service's disk: submit the file again"));
+        }
+        Ok(SceneSource::Bytes(bytes))
     };
     let mut watched = Watched::new(live, context.workers, &wanted.export);
     let (report_json, lights) = match relight {
@@ -184,11 +189,4 @@ fn of_disk(what: &'static str) -> impl Fn(io::Error) -> Ending {
         tracing::error!(%error, what, "the disk fails");
         Ending::Failed(format!("{what}: the service's log says more"))
     }
-}
-
-/// Length and SHA-256 of a file.
-pub(crate) fn digest(path: &Path) -> io::Result<(u64, [u8; 32])> {
-    let mut hasher = Sha256::new();
-    let size = io::copy(&mut File::open(path)?, &mut hasher)?;
-    Ok((size, hasher.finalize().into()))
 }

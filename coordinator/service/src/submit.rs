@@ -147,13 +147,15 @@ impl Inner {
     where
         S: Stream<Item = Result<Bytes, Refusal>> + Send,
     {
-        let known = {
+        let was_sent = {
             let ledger = lock(&self.ledger);
             if let Some(known) = self.known(&ledger, &draft.client, &draft.header)? {
                 return Ok(known);
             }
             ledger.has_scene(&draft.client, draft.scene)
         };
+        let (inner, scene) = (Arc::clone(self), draft.scene);
+        let known = was_sent && blocking(move || Ok(inner.store.has_scene(scene)?)).await?;
         self.check_room(size).await?;
         let upload = if known {
             None

@@ -1,6 +1,7 @@
 //! The command line.
 
 mod arrange;
+mod check_data;
 mod client;
 mod compare;
 pub mod console;
@@ -63,6 +64,9 @@ enum Command {
     #[command(after_help = "Example:
   coordinator serve --workers a:7070,b:7070 --data /var/lib/halflight --metrics 127.0.0.1:9464")]
     Serve(Box<serve::ServeArguments>),
+    /// Check that all files of a service's data folder are as they were written
+    #[command(after_help = "Example:\n  coordinator check-data --data /var/lib/halflight")]
+    CheckData(check_data::CheckDataArguments),
     #[command(flatten)]
     Client(client::ClientCommand),
     /// Compute the view factors between the named surfaces of a scene
@@ -102,6 +106,7 @@ pub fn run(arguments: Arguments) -> anyhow::Result<()> {
     let _page = shown.transpose()?;
     match command {
         Command::Serve(serve) => serve::run(serve, serve.workers.cluster(&metrics)?, service),
+        Command::CheckData(arguments) => check_data::run(arguments),
         Command::Client(command) => client::run(command),
         Command::Solve(solve) => solve::run(solve, &solve.workers.cluster(&metrics)?),
         Command::Relight(relight) => relight::run(relight),

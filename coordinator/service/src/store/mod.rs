@@ -3,7 +3,9 @@
 //! | module | what lives there |
 //! |---|---|
 //! | `record` | a job as a file |
+//! | `check` | whether the files are as they were written |
 //! | `upload` | a scene that is being uploaded |
+//! | `sweep` | files that no job refers to |
 //! | `room` | disk usage, and which jobs expire |
 //!
 //! ```text
@@ -15,26 +17,30 @@
 //! DATA/light/ID          the light of each source, for relights
 //! DATA/checkpoints/ID    finished rows of unfinished jobs
 //! DATA/passing/          temporary files: uploads in progress, previews
+//! DATA/unclaimed/        files that no job refers to
 //! ```
 //!
 //! A file appears under its name when all of it is on disk, and a record is written last and removed first: whenever the power
-//! fails, a record refers only to files that exist. Unreferenced files are removed at the start. File names are random bits and
-//! digests, never a client's text.
+//! fails, a record refers only to files that exist. Files that no record refers to are set aside at the start, never deleted: it may
+//! be the records that are missing. File names are random bits and digests, never a client's text.
 
+mod check;
 mod record;
 mod room;
+mod sweep;
 #[cfg(test)]
 mod tests;
 mod upload;
 
-use std::collections::BTreeSet;
 use std::fs::{self, File, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
 
 use output::files;
 use protocol::api::Format;
+use sha2::{Digest, Sha256};
 
+pub use check::{DataCheck, check};
 pub use room::{Room, expired};
 pub use upload::Upload;
 
@@ -43,8 +49,11 @@ use super::job::{JobId, Record, SceneDigest};
 /// Content of the file `layout`.
 const LAYOUT: &str = "halflight service data, layout 1\n";
 
-/// Folders of the data folder.
-const FOLDERS: [&str; 6] = ["jobs", "scenes", "results", "light", "checkpoints", "passing"];
+/// Folders that the service keeps its files in.
+const FOLDERS: [&str; 6] = ["jobs", "scenes", "results", "light", "checkpoints", PASSING];
+
+/// The folder of temporary files.
+const PASSING: &str = "passing";
 
 /// Why a data folder cannot be opened. Its files are left as they are.
 #[derive(Debug, thiserror::Error)]
@@ -81,6 +90,16 @@ pub enum StoreError {
         /// The folder.
         path: PathBuf,
     },
+    /// One of its folders is gone.
+    #[error(
+        "data folder has lost {}, and what is in the others belongs to it: put it back, or make an empty one to go on \
+         without; files that no job refers to are then set aside",
+        path.display()
+    )]
+    Lost {
+        /// The folder that is missing.
+        path: PathBuf,
+    },
     /// A record was written by a later release.
     #[error(
         "job record {} is of version {theirs}, this release reads up to {ours}: use the release that wrote it",
@@ -100,8 +119,8 @@ pub enum StoreError {
 #[derive(Debug)]
 pub struct Store {
     root: PathBuf,
-    /// Held until the process ends.
-    _lock: File,
+    /// Held until the process ends; a check needs none.
+    _lock: Option<File>,
 }
 
 /// An opened data folder and its contents.
@@ -113,13 +132,15 @@ pub struct Opened {
     pub records: Vec<Record>,
     /// Records that cannot be read, left in place.
     pub damaged: Vec<PathBuf>,
+    /// What no record refers to, now in the folder for it.
+    pub set_aside: Vec<PathBuf>,
 }
 
 impl Store {
-    /// Opens or creates a data folder, and removes unreferenced files.
+    /// Opens or creates a data folder, and sets files aside that no record refers to.
     ///
     /// # Errors
-    /// When it is in use, has another layout, or cannot be read and written.
+    /// When it is in use, has another layout, lacks a folder, or cannot be read and written.
     pub fn open(root: &Path) -> Result<Opened, StoreError> {
         let failed = |path: &Path| {
             let path = path.to_owned();
@@ -133,14 +154,24 @@ impl Store {
             Err(error) => return Err(failed(&layout)(error)),
         };
         match found {
-            Some(found) if found == LAYOUT => {}
+            Some(found) if found == LAYOUT => {
+                let lost = FOLDERS.iter().map(|name| root.join(name)).find(|folder| !folder.is_dir());
+                // It has nothing that would be missed.
+                if let Some(path) = lost.filter(|folder| !folder.ends_with(PASSING)) {
+                    return Err(StoreError::Lost { path });
+                }
+            }
             Some(found) => return Err(StoreError::Layout { path: root.to_owned(), found }),
             None => {
-                let is_ours = |name: &std::ffi::OsStr| {
-                    name.to_str().is_some_and(|name| name == "lock" || name.starts_with(".layout"))
+                // A first start that was interrupted leaves empty folders.
+                let is_ours = |entry: fs::DirEntry| {
+                    let name = entry.file_name();
+                    let name = name.to_str().unwrap_or_default();
+                    let is_empty = || files_of(&entry.path()).is_ok_and(|files| files.is_empty());
+                    name == "lock" || name.starts_with(".layout") || (FOLDERS.contains(&name) && is_empty())
                 };
                 let mut entries = fs::read_dir(root).map_err(failed(root))?;
-                if entries.any(|entry| entry.map_or(true, |entry| !is_ours(&entry.file_name()))) {
+                if entries.any(|entry| entry.map_or(true, |entry| !is_ours(entry))) {
                     return Err(StoreError::Foreign { path: root.to_owned() });
                 }
             }
@@ -153,13 +184,14 @@ impl Store {
             TryLockError::WouldBlock => StoreError::InUse { path: root.to_owned() },
             TryLockError::Error(error) => failed(&path)(error),
         })?;
-        files::write(&layout, LAYOUT.as_bytes()).map_err(failed(&layout))?;
         for folder in FOLDERS {
             let folder = root.join(folder);
             fs::create_dir_all(&folder).map_err(failed(&folder))?;
         }
         sync_folder(root).map_err(failed(root))?;
-        let store = Self { root: root.to_owned(), _lock: lock };
+        // Last: with it, all folders are there.
+        files::write(&layout, LAYOUT.as_bytes()).map_err(failed(&layout))?;
+        let store = Self { root: root.to_owned(), _lock: Some(lock) };
         store.read_all()
     }
 
@@ -169,9 +201,13 @@ impl Store {
         let (mut records, mut damaged) = (vec![], vec![]);
         for path in files_of(&folder).map_err(|error| failed(&folder, error))? {
             let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
-            let Ok(id) = name.parse::<JobId>() else {
+            if name.starts_with('.') {
                 // A record that was being written when the power failed.
                 fs::remove_file(&path).map_err(|error| failed(&path, error))?;
+                continue;
+            }
+            let Ok(id) = name.parse::<JobId>() else {
+                damaged.push(path);
                 continue;
             };
             let bytes = fs::read(&path).map_err(|error| failed(&path, error))?;
@@ -185,28 +221,9 @@ impl Store {
         }
         records.sort_by_key(|record| record.sequence);
         // A damaged record may refer to any file.
-        self.sweep(&records, damaged.is_empty()).map_err(|error| failed(&self.root, error))?;
-        Ok(Opened { store: self, records, damaged })
-    }
-
-    /// Removes files that no record refers to.
-    fn sweep(&self, records: &[Record], all_known: bool) -> io::Result<()> {
-        files_of(&self.root.join("passing"))?.iter().try_for_each(fs::remove_file)?;
-        if !all_known {
-            return Ok(());
-        }
-        let mut named = BTreeSet::new();
-        for record in records {
-            named.insert(self.scene(record.scene));
-            named.insert(self.checkpoint(record.id));
-            named.insert(self.result(record));
-            named.insert(self.light(record.light()));
-        }
-        for folder in ["scenes", "results", "light", "checkpoints"] {
-            let files = files_of(&self.root.join(folder))?;
-            files.iter().filter(|path| !named.contains(*path)).try_for_each(fs::remove_file)?;
-        }
-        Ok(())
+        let set_aside =
+            self.sweep(&records, damaged.is_empty()).map_err(|error| failed(&self.root, error))?;
+        Ok(Opened { store: self, records, damaged, set_aside })
     }
 
     /// Writes a job's record, synced to disk.
@@ -220,7 +237,7 @@ impl Store {
     /// Removes a job's record and files; its scene and light only if no other job uses them.
     ///
     /// # Errors
-    /// The operating system's. Files that are left without a record are removed at the next start.
+    /// The operating system's. Files that are left without a record are set aside at the next start.
     pub fn remove(&self, record: &Record, scene_is_used: bool, light_is_used: bool) -> io::Result<()> {
         remove_file(&self.record(record.id))?;
         sync_folder(&self.root.join("jobs"))?;
@@ -286,6 +303,13 @@ pub(crate) fn remove_file(path: &Path) -> io::Result<()> {
         Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
         _ => Ok(()),
     }
+}
+
+/// Length and SHA-256 of a file.
+pub(crate) fn digest(path: &Path) -> io::Result<(u64, [u8; 32])> {
+    let mut hasher = Sha256::new();
+    let size = io::copy(&mut File::open(path)?, &mut hasher)?;
+    Ok((size, hasher.finalize().into()))
 }
 
 /// Lists the files of a folder.

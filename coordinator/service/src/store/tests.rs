@@ -2,7 +2,7 @@ use std::fs;
 use std::path::Path;
 use std::time::SystemTime;
 
-use protocol::api::{OutputOptions, SceneOptions, State, SubmitSceneHeader};
+use protocol::api::{Outcome, OutputOptions, SceneOptions, State, SubmitSceneHeader};
 use tempfile::TempDir;
 
 use super::*;
@@ -77,7 +77,7 @@ fn other_folders_and_other_releases_are_left_alone() {
 
 /// The moments at which the power may fail, as the folder then looks.
 #[test]
-fn unreferenced_files_are_removed() {
+fn unreferenced_files_are_set_aside() {
     let folder = tempfile::tempdir().unwrap();
     let Opened { store, .. } = open(&folder);
     let kept = record(1, 1);
@@ -93,13 +93,78 @@ fn unreferenced_files_are_removed() {
     fs::write(store.checkpoint(other.id), "rows").unwrap();
     fs::write(at("passing/x.upload"), "part").unwrap();
     drop(store);
-    let Opened { store, records, .. } = open(&folder);
+    let Opened { store, records, set_aside, .. } = open(&folder);
     assert_eq!(records, std::slice::from_ref(&kept));
     for gone in [half, store.scene(other.scene), store.result(&other), store.checkpoint(other.id)] {
         assert!(!exists(&gone), "{}", gone.display());
     }
+    let contents: Vec<_> = set_aside.iter().map(|path| fs::read_to_string(path).unwrap()).collect();
+    assert_eq!(contents, ["scene", "lit", "rows"]);
     assert!(!exists(at("passing/x.upload")));
     assert!(exists(store.scene(kept.scene)) && exists(store.checkpoint(kept.id)));
+}
+
+#[test]
+fn a_folder_that_is_lost_costs_nothing_in_the_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let Opened { store, .. } = open(&folder);
+    let job = record(1, 1);
+    store.write(&job).unwrap();
+    fs::write(store.scene(job.scene), "scene").unwrap();
+    fs::write(store.result(&job), "lit").unwrap();
+    drop(store);
+    let (jobs, kept) = (folder.path().join("jobs"), folder.path().join("kept"));
+    fs::rename(&jobs, &kept).unwrap();
+    let refused = Store::open(folder.path()).unwrap_err();
+    assert!(matches!(&refused, StoreError::Lost { path } if *path == jobs), "{refused}");
+    // As the message says, to go on without; then what was set aside is still there, twice over.
+    for times in 1..=2 {
+        fs::create_dir_all(&jobs).unwrap();
+        let Opened { store, set_aside, .. } = open(&folder);
+        assert_eq!(set_aside.len(), 2);
+        assert!(set_aside.iter().all(exists));
+        let unclaimed = folder.path().join("unclaimed/scenes");
+        assert_eq!(fs::read_dir(unclaimed).unwrap().count(), times);
+        fs::write(store.scene(job.scene), "scene").unwrap();
+        fs::write(store.result(&job), "lit").unwrap();
+    }
+    fs::remove_dir(&jobs).unwrap();
+    fs::rename(kept, jobs).unwrap();
+    let Opened { store, records, set_aside, .. } = open(&folder);
+    assert_eq!(records, std::slice::from_ref(&job));
+    assert!(set_aside.is_empty() && exists(store.scene(job.scene)));
+}
+
+#[test]
+fn an_interrupted_first_start_goes_on() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::create_dir(folder.path().join("jobs")).unwrap();
+    fs::create_dir(folder.path().join("scenes")).unwrap();
+    drop(open(&folder));
+    let folder = tempfile::tempdir().unwrap();
+    fs::create_dir(folder.path().join("jobs")).unwrap();
+    fs::write(folder.path().join("jobs/letter.txt"), "dear").unwrap();
+    assert!(matches!(Store::open(folder.path()), Err(StoreError::Foreign { .. })));
+}
+
+#[test]
+fn the_same_scene_again_mends_one_that_the_disk_has_changed() {
+    let folder = tempfile::tempdir().unwrap();
+    let Opened { store, .. } = open(&folder);
+    let send = || {
+        let mut upload = store.begin_upload().unwrap();
+        upload.write(b"abc").unwrap();
+        store.finish_upload(&upload).unwrap();
+        upload.digest()
+    };
+    let scene = send();
+    assert!(store.has_scene(scene).unwrap());
+    fs::write(store.scene(scene), b"abd").unwrap();
+    assert!(!store.has_scene(scene).unwrap());
+    send();
+    assert_eq!(fs::read(store.scene(scene)).unwrap(), b"abc");
+    fs::remove_file(store.scene(scene)).unwrap();
+    assert!(!store.has_scene(scene).unwrap());
 }
 
 #[test]
@@ -116,7 +181,7 @@ fn a_damaged_record_costs_no_file() {
     *flipped.last_mut().unwrap() ^= 1;
     for damage in [&bytes[..0], &bytes[..10], &bytes[..bytes.len() - 1], &flipped] {
         fs::write(&path, damage).unwrap();
-        let Opened { store, records, damaged } = open(&folder);
+        let Opened { store, records, damaged, .. } = open(&folder);
         assert_eq!(records, std::slice::from_ref(&whole));
         assert_eq!(damaged, std::slice::from_ref(&path));
         assert!(exists(store.scene(torn.scene)) && exists(&path));
@@ -174,4 +239,40 @@ fn an_upload_appears_when_it_is_complete() {
     assert_eq!(fs::read(store.scene(digest)).unwrap(), b"abc");
     drop(store.begin_upload().unwrap());
     assert_eq!(fs::read_dir(folder.path().join("passing")).unwrap().count(), 0);
+}
+
+#[test]
+fn a_check_finds_what_the_disk_has_changed_and_changes_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let Opened { store, .. } = open(&folder);
+    let mut upload = store.begin_upload().unwrap();
+    upload.write(b"scene").unwrap();
+    store.finish_upload(&upload).unwrap();
+    let outcome = Outcome { sha256: Sha256::digest(b"lit").to_vec().into(), ..Outcome::default() };
+    let done =
+        Record { scene: upload.digest(), ..record(1, 1) }.ended(State::Done, String::new(), Some(outcome));
+    let queued = Record { scene: upload.digest(), ..record(2, 1) };
+    fs::write(store.result(&done), b"lit").unwrap();
+    [&done, &queued].into_iter().for_each(|record| store.write(record).unwrap());
+    let mut looked = 0;
+    // The service runs meanwhile.
+    let found = check(folder.path(), |_| looked += 1).unwrap();
+    assert_eq!((found, looked), (DataCheck { files: 4, damaged: vec![] }, 4));
+    let paths = [store.record(queued.id), store.scene(done.scene), store.result(&done)];
+    for path in &paths {
+        let whole = fs::read(path).unwrap();
+        let mut flipped = whole.clone();
+        *flipped.last_mut().unwrap() ^= 1;
+        fs::write(path, &flipped).unwrap();
+        let damaged =
+            |found: DataCheck| -> Vec<_> { found.damaged.into_iter().map(|(path, _)| path).collect() };
+        assert_eq!(damaged(check(folder.path(), |_| ()).unwrap()), std::slice::from_ref(path));
+        assert_eq!(fs::read(path).unwrap(), flipped);
+        fs::remove_file(path).unwrap();
+        // A record that is gone is a job that was deleted.
+        let missed = usize::from(*path != paths[0]);
+        assert_eq!(check(folder.path(), |_| ()).unwrap().damaged.len(), missed);
+        fs::write(path, whole).unwrap();
+    }
+    assert!(check(&folder.path().join("elsewhere"), |_| ()).is_err());
 }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use sha2::{Digest, Sha256};
 
-use super::{Store, remove_file, sync_folder};
+use super::{Store, digest, remove_file, sync_folder};
 use crate::job::SceneDigest;
 
 /// A scene that is being uploaded; its file is removed if it is dropped unfinished.
@@ -48,6 +48,18 @@ impl Drop for Upload {
 }
 
 impl Store {
+    /// Whether a scene is there as it was submitted: a disk may lose it or change it.
+    ///
+    /// # Errors
+    /// The operating system's.
+    pub fn has_scene(&self, scene: SceneDigest) -> io::Result<bool> {
+        match digest(&self.scene(scene)) {
+            Ok((_, found)) => Ok(found == scene.0),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(false),
+            Err(error) => Err(error),
+        }
+    }
+
     /// Begins an upload.
     ///
     /// # Errors
@@ -63,11 +75,10 @@ impl Store {
     /// # Errors
     /// The operating system's.
     pub fn finish_upload(&self, upload: &Upload) -> io::Result<()> {
-        let place = self.scene(upload.digest());
         // The same bytes may exist: a client has sent them before, or is doing so.
-        if !place.exists() {
+        if !self.has_scene(upload.digest())? {
             upload.file.sync_all()?;
-            fs::rename(&upload.path, &place)?;
+            fs::rename(&upload.path, self.scene(upload.digest()))?;
         }
         sync_folder(&self.root.join("scenes"))
     }

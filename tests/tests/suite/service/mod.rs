@@ -9,6 +9,7 @@
 //! | `encryption` | certificates of clients against the authority of the service |
 //! | `slow` | clients that do not take what they asked for, against those who do |
 //! | `disk` | a disk that is full |
+//! | `damage` | a disk that changes or loses files |
 //! | `relight` | jobs that are done lit otherwise, against `coordinator relight` |
 //! | `keeping` | what is kept no longer, against what must be |
 //! | `counts` | the metrics page against what was done |
@@ -20,6 +21,7 @@ mod asking;
 mod bytes;
 mod clients;
 mod counts;
+mod damage;
 mod disk;
 mod encryption;
 mod figures;

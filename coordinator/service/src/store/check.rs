@@ -1,0 +1,103 @@
+//! Whether the files of a data folder are as they were written.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use bake::KeptLight;
+use protocol::api::State;
+
+use super::{Store, StoreError, digest, files_of, record};
+use crate::job::{JobId, Record};
+
+/// What a check has found.
+#[derive(Debug, Default, PartialEq, Eq)]
+pub struct DataCheck {
+    /// Number of files that were read.
+    pub files: usize,
+    /// Files that are gone, or not as they were written, with what that costs and the cure.
+    pub damaged: Vec<(PathBuf, &'static str)>,
+}
+
+/// Reads the records, scenes, lit files and kept light of a data folder, and compares each with its digest. Changes nothing; a
+/// service may use the folder meanwhile. `look` is told of each file before it is read.
+///
+/// # Errors
+/// When the folder cannot be read.
+pub fn check(root: &Path, mut look: impl FnMut(&Path)) -> Result<DataCheck, StoreError> {
+    let store = Store { root: root.to_owned(), _lock: None };
+    let mut found = DataCheck::default();
+    let mut known = BTreeSet::new();
+    for record in store.check_records(&mut found, &mut look)? {
+        for (path, is_whole, cure) in store.files_of_job(&record) {
+            if !known.insert(path.clone()) {
+                continue;
+            }
+            look(&path);
+            found.files += 1;
+            // It may have been deleted with its job since the record was read.
+            if !is_whole(&path) && store.record(record.id).exists() {
+                found.damaged.push((path, cure));
+            }
+        }
+    }
+    Ok(found)
+}
+
+/// A file, whether it is as it was written, and what to do where it is not.
+type Check<'a> = (PathBuf, Box<dyn Fn(&Path) -> bool + 'a>, &'static str);
+
+impl Store {
+    /// The records that are whole.
+    fn check_records(
+        &self,
+        found: &mut DataCheck,
+        look: &mut impl FnMut(&Path),
+    ) -> Result<Vec<Record>, StoreError> {
+        let failed = |path: &Path, error| StoreError::Io { path: path.to_owned(), error };
+        let folder = self.root.join("jobs");
+        let mut records = vec![];
+        for path in files_of(&folder).map_err(|error| failed(&folder, error))? {
+            let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            // Others are on their way.
+            let Ok(id) = name.parse::<JobId>() else { continue };
+            look(&path);
+            let bytes = match fs::read(&path) {
+                Err(error) if error.kind() == io::ErrorKind::NotFound => continue,
+                read => read.map_err(|error| failed(&path, error))?,
+            };
+            found.files += 1;
+            match record::decode(id, &bytes) {
+                Ok(record) => records.push(record),
+                Err(_) => found.damaged.push((path, "its job is not listed: take the record from a back-up")),
+            }
+        }
+        records.sort_by_key(|record| record.sequence);
+        Ok(records)
+    }
+
+    /// The files that a job must have.
+    fn files_of_job<'a>(&self, record: &'a Record) -> Vec<Check<'a>> {
+        let mut files: Vec<Check> = vec![(
+            self.scene(record.scene),
+            Box::new(|path| digest(path).is_ok_and(|(_, found)| found == record.scene.0)),
+            "jobs of this scene fail: submit the scene again, or take it from a back-up",
+        )];
+        if let (State::Done, Some(outcome)) = (record.state, &record.outcome) {
+            files.push((
+                self.result(record),
+                Box::new(|path| digest(path).is_ok_and(|(_, found)| found[..] == outcome.sha256[..])),
+                "the lit file cannot be fetched: submit its scene again, or take it from a back-up",
+            ));
+            if outcome.can_be_relit {
+                files.push((
+                    self.light(record.light()),
+                    Box::new(|path| fs::read(path).is_ok_and(|bytes| KeptLight::from_bytes(&bytes).is_ok())),
+                    "the job cannot be relit: submit its scene again, or take the light from a back-up",
+                ));
+            }
+        }
+        files
+    }
+}
