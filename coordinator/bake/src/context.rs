@@ -40,15 +40,16 @@ pub struct Work {
 }
 
 impl<'a, 'b> Context<'a, 'b> {
-    /// Starts an attempt.
+    /// Starts an attempt, whose first step began at `clock`.
     pub fn new(
         scene: &'a Scene,
         settings: &'a BakeSettings,
         client: &'a mut RowClient<'b>,
         work: Work,
+        clock: Instant,
     ) -> Self {
         client.set_precision(settings.precision());
-        Self { scene, settings, channels: Channels::needed(scene), client, work, clock: Instant::now() }
+        Self { scene, settings, channels: Channels::needed(scene), client, work, clock }
     }
 
     /// Adds the time since the last step to a step.

@@ -1,3 +1,5 @@
+use std::time::Instant;
+
 use kernel::replica::encode_translucent_scene;
 
 use crate::context::{Context, Work};
@@ -9,7 +11,7 @@ use crate::output_mesh::output_mesh;
 use crate::preview::lit_mesh;
 use crate::relight::{KeptLight, keep_light};
 use crate::settings::BakeSettings;
-use crate::stages::{BakeReport, Measured, Setup, check_groups, occluders};
+use crate::stages::{BakeReport, Measured, Setup, check_groups, occluders, shooting_mesh};
 use scene::Scene;
 
 /// The result of a bake.
@@ -36,20 +38,25 @@ pub fn bake(
     observer: &mut dyn Observer,
 ) -> Result<Baked> {
     check_groups(scene, &settings.groups)?;
-    let blockers = occluders::occluders(scene);
+    let mut clock = Instant::now();
+    let (blockers, mesh) = rayon::join(|| occluders::occluders(scene), || shooting_mesh(scene, settings));
+    let mut mesh = Some(mesh);
     let replica = encode_translucent_scene(&blockers.polygons, &blockers.opacities);
     let mut client = RowClient::new(service, observer, replica);
     let mut settings = settings.clone();
     let mut work = Work::default();
     loop {
-        let mut cx = Context::new(scene, &settings, &mut client, work);
-        let (measured, better) = Setup::new(&mut cx)?.light(&mut cx)?.solve(&mut cx)?.meet_error(&mut cx)?;
+        let mesh = mesh.take().unwrap_or_else(|| shooting_mesh(scene, &settings));
+        let mut cx = Context::new(scene, &settings, &mut client, work, clock);
+        let setup = Setup::new(&mut cx, mesh)?;
+        let (measured, better) = setup.light(&mut cx)?.solve(&mut cx)?.meet_error(&mut cx)?;
         let Some(better) = better else {
             return finish(measured, cx, blockers.polygons.len());
         };
         work = Work { restarts: cx.work.restarts + 1, ..cx.work };
         measured.solved.rows.release(&mut client);
         settings = better;
+        clock = Instant::now();
     }
 }
 

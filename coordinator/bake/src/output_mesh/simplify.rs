@@ -63,8 +63,11 @@ fn round(working: &mut Working, found: &mut [Option<Collapse>], level: f64) -> (
     let mut removed = 0;
     let mut dirty = vec![];
     for (_, point, into) in order {
+        if is_touched[point as usize] {
+            continue;
+        }
         let around = working.neighbours(point);
-        if is_touched[point as usize] || around.iter().any(|other| is_touched[*other as usize]) {
+        if around.iter().any(|other| is_touched[*other as usize]) {
             continue;
         }
         working.collapse(point, into);

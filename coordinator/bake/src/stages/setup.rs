@@ -22,12 +22,12 @@ pub struct Setup {
 }
 
 impl Setup {
-    /// Makes the shooting mesh, and publishes its vertices as receivers.
-    pub fn new(cx: &mut Context) -> Result<Self> {
+    /// Deals a shooting mesh out among shares, and publishes its vertices as receivers. The mesh comes with the longest edge of its
+    /// patches in frame units.
+    pub fn new(cx: &mut Context, (mesh, longest_edge): (Mesh, f64)) -> Result<Self> {
         cx.client.monitor.check()?;
         cx.client.monitor.set_error(None);
         let (scene, settings) = (cx.scene, cx.settings);
-        let (mesh, longest_edge) = shooting_mesh(scene, settings);
         if mesh.patches.is_empty() {
             return Err(BakeError::EmptyMesh);
         }

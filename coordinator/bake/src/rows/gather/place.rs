@@ -61,8 +61,6 @@ impl GatherRows {
             self.place_twins(cx, mesh, polygons)?;
             return Ok(radiosity);
         }
-        let facets: Vec<ConvexPolygon> = cx.scene.front_facets().map(Facet::polygon).collect();
-        self.occluder = Some(Occluder::new(&facets));
         let middles: Vec<Receiver> =
             mesh.mesh.leaves().map(|(id, _)| middle(cx.scene, &mesh.mesh, id)).collect();
         let area: f64 = mesh.energies.iter().map(|share| share.area).sum();
@@ -74,7 +72,18 @@ impl GatherRows {
             let drawn =
                 SamplePoints::draw_everywhere(&mesh.mesh, cx.scene, seed, first_key, &expected, count);
             let fresh = drawn.receivers(count);
-            let seen = views(cx.client, polygons, &fresh, |_| self.rays)?;
+            let rays = self.rays;
+            let mut look = || views(cx.client, polygons, &fresh, |_| rays);
+            let seen = if self.occluder.is_some() {
+                look()?
+            } else {
+                let facets = || cx.scene.front_facets().map(Facet::polygon).collect::<Vec<ConvexPolygon>>();
+                // While a worker sorts the polygons of its first job.
+                rayon::in_place_scope(|scope| {
+                    scope.spawn(|_| self.occluder = Some(Occluder::new(&facets())));
+                    look()
+                })?
+            };
             let known = if round > 0 { self.neighbours(cx) } else { None };
             let at_fresh = known.map(|known| self.errors_at(&fresh.receivers, &seen, &radiosity, &known));
             self.points.add_shared(&fresh.receivers, seen);
