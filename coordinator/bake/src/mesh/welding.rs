@@ -128,10 +128,9 @@ impl Welder {
         let points = &self.points;
         let on_contact = |(index, polygon): (usize, &Vec<PointId>)| {
             let contacts = contacts(index);
+            // Next to none has any.
+            let polygon = if contacts.is_empty() { &[][..] } else { polygon };
             let found = edges(polygon).filter(|(a, b)| {
-                if contacts.is_empty() {
-                    return false;
-                }
                 let middle = (points[*a].position + points[*b].position) / 2.0;
                 contacts.iter().any(|contact| distance_to_line(middle, contact) < WELD)
             });

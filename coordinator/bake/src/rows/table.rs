@@ -159,9 +159,15 @@ impl RowTable {
         {
             solution.samples.set_gathered(&gathered);
         }
-        let mut reflected = self.vertices.join(gathered);
-        self.bounds.apply(0, &mut reflected);
+        let reflected = self.at_vertices(gathered);
         solution.set_irradiance(direct, reflected)
+    }
+
+    /// What all vertices get, from what the receivers of their sets do.
+    fn at_vertices(&self, by_set: Vec<Vec<DVec3>>) -> Vec<DVec3> {
+        let mut reflected = self.vertices.join(by_set);
+        self.bounds.apply(0, &mut reflected);
+        reflected
     }
 
     /// Irradiance that shares of each of these radiosities give all vertices, in one pass over the rows.
@@ -172,12 +178,7 @@ impl RowTable {
     ) -> Result<Vec<Vec<DVec3>>> {
         let sets: Vec<SetId> = self.vertices.sets().collect();
         let all = self.gather_each(cx, &sets, radiosities, |_, _| ())?;
-        let bounded = |gathered: Vec<Vec<DVec3>>| {
-            let mut reflected = self.vertices.join(gathered);
-            self.bounds.apply(0, &mut reflected);
-            reflected
-        };
-        Ok(all.into_iter().map(bounded).collect())
+        Ok(all.into_iter().map(|gathered| self.at_vertices(gathered)).collect())
     }
 
     /// Notes that a row was made.

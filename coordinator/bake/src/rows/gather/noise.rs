@@ -7,10 +7,10 @@ use super::hemisphere::{View, gathered, views};
 use super::points::GatherPoints;
 use crate::error::Result;
 use crate::jobs::{ReceiverSet, RowClient};
-use crate::refinement::SamplePoints;
+use crate::refinement::{FIRST, SamplePoints};
 
-/// Gather points whose noise is measured.
-pub const TWINS: usize = 256;
+/// Gather points whose noise is measured: those at the front, which are a random part of all.
+pub const TWINS: usize = FIRST;
 
 /// Keys of gather points that are looked at with other rays.
 const KEYS: u64 = 1 << 34;
