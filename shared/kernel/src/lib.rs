@@ -16,6 +16,7 @@
 //! | [`picture`] | pictures of lit scenes, in tiles |
 //! | [`messages`] | the generated messages that replicas and rows travel as |
 //! | [`simd`] | wide vectors, chosen at run time |
+//! | `triangles` | triangles in a tree whose nodes have eight children, along rays and segments |
 
 pub mod form_factor;
 pub mod geometry;
@@ -27,4 +28,5 @@ pub mod picture;
 pub mod replica;
 pub mod row;
 pub mod simd;
+pub mod triangles;
 pub mod visibility;

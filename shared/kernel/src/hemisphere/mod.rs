@@ -6,6 +6,8 @@
 
 mod polygons;
 #[cfg(test)]
+mod rays;
+#[cfg(test)]
 mod tests;
 
 use std::f64::consts::TAU;
@@ -13,7 +15,7 @@ use std::f64::consts::TAU;
 use glam::DVec3;
 use sobol_burley::sample_4d;
 
-pub use polygons::SeenPolygons;
+pub use polygons::{Hit, SeenPolygons};
 
 use crate::replica::Receiver;
 

@@ -1,43 +1,37 @@
-//! Polygons in a BVH that finds the nearest one.
+//! Polygons in a tree that finds the nearest one.
 
 use glam::DVec3;
-use obvhs::BvhBuildParams;
-use obvhs::cwbvh::CwBvh;
-use obvhs::cwbvh::builder::build_cwbvh;
-use obvhs::ray::{Ray, RayHit};
+use smallvec::SmallVec;
 
 use super::faces;
 use crate::geometry::{ConvexPolygon, PlaneId, area_vector};
-use crate::hierarchy::{PaddedBox, in_order};
-
-/// Boxes are padded by this part of the scene's largest coordinate: rays are rounded to f32 when they meet a box.
-const PADDING: f64 = 1e-6;
+use crate::triangles::{Fan, PADDING, Ray, Tree, binary_tree, with_lanes};
 
 /// The two sides of a sheet lie in one plane, but may be divided differently into polygons, and the plane's corners are as flat as
 /// the numbers of a file. Hits are one that are no farther apart, across the plane, than the clearance; a ray that grazes it is
 /// taken to cross it at this cosine at least.
-const GRAZING: f64 = 1e-2;
+pub(super) const GRAZING: f64 = 1e-2;
 
 /// Part of a triangle's edges by which it reaches beyond them: no ray passes between neighbours by rounding.
 const SEAM: f64 = 1e-9;
 
 /// Polygons of a scene, seen from their fronts.
 pub struct SeenPolygons {
-    /// Triangles of the polygons' fans.
-    triangles: Vec<Triangle>,
+    /// Triangles of the polygons' fans, in the order of the tree's leaves.
+    pub(super) triangles: Vec<Triangle>,
     /// Of each polygon; empty where all are opaque.
     opacities: Vec<f32>,
-    bvh: CwBvh,
+    tree: Tree,
     /// Distance by which a ray starts anew beyond a transparent occluder.
-    clearance: f64,
+    pub(super) clearance: f64,
 }
 
-struct Triangle {
+pub(super) struct Triangle {
     corner: DVec3,
     edges: [DVec3; 2],
-    normal: DVec3,
-    polygon: u32,
-    plane: PlaneId,
+    pub(super) normal: DVec3,
+    pub(super) polygon: u32,
+    pub(super) plane: PlaneId,
 }
 
 /// What a ray meets first.
@@ -54,32 +48,32 @@ pub struct Hit {
 }
 
 impl SeenPolygons {
-    /// Builds the BVH. `opacities` has one for each polygon, or none where all are opaque.
+    /// Builds the tree. `opacities` has one for each polygon, or none where all are opaque.
     #[must_use]
     pub fn new(polygons: &[ConvexPolygon], opacities: &[f32]) -> Self {
-        let mut triangles = vec![];
-        for (index, polygon) in (0..).zip(polygons) {
-            let normal = area_vector(&polygon.corners).normalize_or_zero();
-            let corner = polygon.corners[0];
-            triangles.extend(polygon.corners[1..].windows(2).map(|pair| Triangle {
+        let (bvh, largest) = binary_tree(polygons);
+        let leaves: Vec<&ConvexPolygon> =
+            bvh.primitive_indices.iter().map(|index| &polygons[*index as usize]).collect();
+        let tree = Tree::new(&bvh, largest as f32, &leaves);
+        let triangle = |(leaf, place): &(u32, u32)| {
+            let polygon = leaves[*leaf as usize];
+            let [corner, a, b] = Fan::triangle(&polygon, *place);
+            Triangle {
                 corner,
-                edges: [pair[0] - corner, pair[1] - corner],
-                normal,
-                polygon: index,
+                edges: [a - corner, b - corner],
+                normal: area_vector(&polygon.corners).normalize_or_zero(),
+                polygon: bvh.primitive_indices[*leaf as usize],
                 plane: polygon.plane,
-            }));
-        }
-        let corners = |triangle: &Triangle| {
-            let [a, b] = triangle.edges;
-            [triangle.corner, triangle.corner + a, triangle.corner + b]
+            }
         };
-        let largest =
-            triangles.iter().flat_map(corners).map(|corner| corner.abs().max_element()).fold(0.0, f64::max);
-        let padded = |triangle: &Triangle| PaddedBox::around(corners(triangle), largest * PADDING);
-        let boxes: Vec<PaddedBox> = triangles.iter().map(padded).collect();
-        let bvh = build_cwbvh(&boxes, BvhBuildParams::medium_build(), &mut Default::default());
-        let triangles = in_order(triangles, &bvh.primitive_indices);
-        Self { triangles, opacities: opacities.to_vec(), bvh, clearance: largest * PADDING }
+        let triangles = tree.places().iter().map(triangle).collect();
+        Self { triangles, opacities: opacities.to_vec(), tree, clearance: largest * PADDING }
+    }
+
+    /// Whether all polygons are opaque.
+    #[must_use]
+    pub fn are_opaque(&self) -> bool {
+        self.opacities.is_empty()
     }
 
     /// Opacity of a polygon.
@@ -92,37 +86,84 @@ impl SeenPolygons {
     /// polygons, it is the one whose front the ray meets.
     #[must_use]
     pub fn nearest(&self, origin: DVec3, direction: DVec3, from: f64, own: PlaneId) -> Option<Hit> {
-        if self.triangles.is_empty() {
-            return None;
-        }
+        let mut met = self.met();
+        with_lanes(self.ray([&origin, &direction], from, own, &mut met));
+        self.first_of(&met, direction)
+    }
+
+    /// A ray, by origin and direction, that notes what it meets farther than `from` and not in the plane `own`.
+    pub(super) fn ray<'a>(
+        &'a self,
+        [origin, direction]: [&'a DVec3; 2],
+        from: f64,
+        own: PlaneId,
+        met: &'a mut Met,
+    ) -> Ray<'a, impl FnMut(u32) -> f64> {
         let from = if from > 0.0 { from + self.clearance } else { 0.0 };
-        let ray = Ray::new(origin.as_vec3a(), direction.as_vec3a(), from as f32, f32::INFINITY);
-        let mut best: Option<Hit> = None;
-        let meet = |_: &Ray, index: usize| {
-            let triangle = &self.triangles[index];
-            let Some(distance) = triangle.distance(origin, direction) else { return f32::INFINITY };
-            if triangle.plane == own || distance <= from {
-                return f32::INFINITY;
+        let meet = move |number: u32| {
+            let distance = self.triangles[number as usize].distance(*origin, *direction);
+            if let Some(distance) = distance.filter(|distance| *distance > from) {
+                met.add(number, distance);
             }
-            let is_front = faces(triangle.normal, direction);
-            let one_sheet = self.clearance / triangle.normal.dot(direction).abs().max(GRAZING);
-            let is_nearer = best.is_none_or(|hit| {
-                let apart = distance - hit.distance;
-                if hit.plane == triangle.plane && apart.abs() <= one_sheet {
-                    is_front && !hit.is_front
-                } else {
-                    apart < 0.0
-                }
-            });
-            if is_nearer {
-                let (polygon, plane) = (triangle.polygon as usize, triangle.plane);
-                best = Some(Hit { polygon, distance, is_front, plane });
-            }
-            // So far that the other side of a sheet is still looked at.
-            ((distance + one_sheet) * (1.0 + 1e-6)) as f32
+            met.end()
         };
-        self.bvh.ray_traverse(ray, &mut RayHit::none(), meet);
-        best
+        Ray { tree: &self.tree, origin, direction, from, own, meet }
+    }
+
+    pub(super) fn met(&self) -> Met {
+        Met { hits: SmallVec::new(), nearest: f64::INFINITY, sheet: self.clearance / GRAZING }
+    }
+}
+
+impl SeenPolygons {
+    /// The nearest of what a ray has met, or the front of its sheet where there is one, whatever the order in which they were met.
+    pub(super) fn first_of(&self, met: &Met, direction: DVec3) -> Option<Hit> {
+        let nearer = |a: &(f64, u32), b: &(f64, u32)| {
+            a.0.total_cmp(&b.0).then_with(|| self.polygon(a.1).cmp(&self.polygon(b.1)))
+        };
+        let nearest = self.hit(*met.hits.iter().min_by(|a, b| nearer(a, b))?, direction);
+        if nearest.is_front || met.hits.len() == 1 {
+            return Some(nearest);
+        }
+        let is_front_of_it = |(distance, number): &(f64, u32)| {
+            let Triangle { normal, plane, .. } = &self.triangles[*number as usize];
+            let cosine = -normal.dot(direction);
+            let one_sheet = self.clearance / cosine.max(GRAZING);
+            cosine > 0.0 && *plane == nearest.plane && distance - nearest.distance <= one_sheet
+        };
+        let fronts = met.hits.iter().copied().filter(is_front_of_it);
+        Some(fronts.min_by(nearer).map_or(nearest, |front| self.hit(front, direction)))
+    }
+
+    fn polygon(&self, number: u32) -> u32 {
+        self.triangles[number as usize].polygon
+    }
+
+    fn hit(&self, (distance, number): (f64, u32), direction: DVec3) -> Hit {
+        let Triangle { normal, polygon, plane, .. } = &self.triangles[number as usize];
+        Hit { polygon: *polygon as usize, distance, is_front: faces(*normal, direction), plane: *plane }
+    }
+}
+
+/// What a ray has met: distances and numbers of triangles, among them the nearest one and those of its sheet.
+pub(super) struct Met {
+    hits: SmallVec<[(f64, u32); 8]>,
+    nearest: f64,
+    /// Distances between the sides of a sheet are at most this.
+    sheet: f64,
+}
+
+impl Met {
+    /// Distance beyond which nothing is looked for.
+    fn end(&self) -> f64 {
+        self.nearest + self.sheet
+    }
+
+    fn add(&mut self, number: u32, distance: f64) {
+        if distance <= self.end() {
+            self.nearest = self.nearest.min(distance);
+            self.hits.push((distance, number));
+        }
     }
 }
 
@@ -156,7 +197,7 @@ impl SeenPolygons {
 impl Triangle {
     /// Where a ray crosses it, on either side (Möller and Trumbore, "Fast, minimum storage ray/triangle intersection", 1997). The edges
     /// belong to it.
-    fn distance(&self, origin: DVec3, direction: DVec3) -> Option<f64> {
+    pub(super) fn distance(&self, origin: DVec3, direction: DVec3) -> Option<f64> {
         let [a, b] = self.edges;
         let across = direction.cross(b);
         let determinant = a.dot(across);

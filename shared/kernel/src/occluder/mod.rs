@@ -9,24 +9,17 @@ mod shaft;
 mod wide;
 
 use glam::DVec3;
-use obvhs::BvhBuildParams;
 use obvhs::bvh2::Bvh2;
-use obvhs::bvh2::builder::build_bvh2;
 use smallvec::SmallVec;
 
 use crate::form_factor::PreparedPolygon;
 use crate::geometry::{ConvexPolygon, PlaneId, area_vector};
-use crate::hierarchy::PaddedBox;
-use segment::Tree;
+use crate::triangles::{Fan, Tree, binary_tree};
 
 pub use bodies::{Body, Edge, convex_bodies};
 pub use candidates::{Blocker, CandidateList, Identity};
 pub use pyramids::{Pyramids, Reach};
 pub use shaft::Shaft;
-
-/// Boxes are padded by this part of the scene's largest coordinate: rays are rounded to f32 when they meet a box, and must
-/// not slip past one that their exact counterpart touches.
-const PADDING: f64 = 1e-6;
 
 /// Clearance at the ends of rays, relative to the scene's largest coordinate. Hits are computed in f64 and the planes of both
 /// ends do not count, so that rounding is all that it has to cover; a sheet may stand this close to a receiver.
@@ -78,15 +71,15 @@ impl OccluderPolygon {
         };
         self.corners.iter().zip(next).all(is_left)
     }
+}
 
-    /// Triangles of the fan around the first corner.
-    fn triangle_count(&self) -> u32 {
-        self.corners.len() as u32 - 2
+impl Fan for OccluderPolygon {
+    fn corners(&self) -> &[DVec3] {
+        &self.corners
     }
 
-    fn triangle(&self, place: u32) -> [DVec3; 3] {
-        let place = place as usize;
-        [self.corners[0], self.corners[place + 1], self.corners[place + 2]]
+    fn plane(&self) -> PlaneId {
+        self.plane
     }
 }
 
@@ -94,19 +87,13 @@ impl Occluder {
     /// Builds the BVH over these polygons.
     #[must_use]
     pub fn new(polygons: &[ConvexPolygon]) -> Self {
-        let corners = || polygons.iter().flat_map(|polygon| &polygon.corners);
-        let largest = corners().map(|corner| corner.abs().max_element()).fold(0.0, f64::max);
-        let boxes: Vec<PaddedBox> = polygons
-            .iter()
-            .map(|polygon| PaddedBox::around(polygon.corners.iter().copied(), largest * PADDING))
-            .collect();
-        let bvh = build_bvh2(&boxes, BvhBuildParams::medium_build(), &mut Default::default());
+        let (bvh, largest) = binary_tree(polygons);
         let mut place = vec![0; polygons.len()];
         for (to, from) in bvh.primitive_indices.iter().enumerate() {
             place[*from as usize] = to as u32;
         }
         let faces_of_bodies = convex_bodies(polygons);
-        let rounding = bodies::rounding(corners());
+        let rounding = bodies::rounding(polygons.iter().flat_map(|polygon| &polygon.corners));
         let mut polygons: Vec<OccluderPolygon> = bvh
             .primitive_indices
             .iter()

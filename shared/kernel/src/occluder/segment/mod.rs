@@ -1,16 +1,13 @@
 //! Does anything block a segment? Watertight: no ray passes between two polygons that share an edge or a corner.
 
-mod lanes;
-mod packet;
 #[cfg(test)]
 mod tests;
-mod tree;
 
 use glam::DVec3;
 
-use super::{Occluder, OccluderPolygon};
+use super::Occluder;
 use crate::geometry::PlaneId;
-pub use tree::Tree;
+use crate::triangles::{Fan, Segment, crosses, with_lanes};
 
 impl Occluder {
     /// True when a polygon crosses the open segment between two points. Polygons in the planes of either end do not count:
@@ -26,21 +23,25 @@ impl Occluder {
         if span.length_squared() <= 4.0 * clearance * clearance {
             return false;
         }
-        #[cfg(target_arch = "x86_64")]
-        if let Some(avx2) = pulp::x86::V3::try_new() {
-            return avx2.vectorize(
-                #[inline(always)]
-                || self.tree.blocks(avx2, &self.polygons, [from, span], clearance, planes),
-            );
-        }
-        #[cfg(target_arch = "aarch64")]
-        if let Some(neon) = pulp::aarch64::Neon::try_new() {
-            return neon.vectorize(
-                #[inline(always)]
-                || self.tree.blocks(neon, &self.polygons, [from, span], clearance, planes),
-            );
-        }
-        self.tree.blocks(pulp::Scalar, &self.polygons, [from, span], clearance, planes)
+        with_lanes(self.segment([&from, &span], planes))
+    }
+
+    /// A segment, given by where it starts and its span, among the polygons.
+    fn segment<'a>(
+        &'a self,
+        [from, span]: [&'a DVec3; 2],
+        planes: [PlaneId; 2],
+    ) -> Segment<'a, impl Fn(u32) -> bool> {
+        let crosses = move |triangle: u32| self.is_crossed(triangle, [from, span]);
+        Segment { tree: &self.tree, from, span, planes, crosses }
+    }
+
+    /// Whether a segment crosses a triangle of the tree.
+    #[cold]
+    #[inline(never)]
+    fn is_crossed(&self, triangle: u32, [from, span]: [&DVec3; 2]) -> bool {
+        let (polygon, place) = self.tree.places()[triangle as usize];
+        crosses(self.polygons[polygon as usize].triangle(place), *from, *span, self.clearance)
     }
 
     /// True when a polygon blocks light that reaches a point in a plane from infinitely far, travelling along this unit vector.

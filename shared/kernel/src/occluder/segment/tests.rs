@@ -2,10 +2,11 @@
 
 use glam::DVec3;
 use proptest::prelude::*;
+use pulp::WithSimd;
 
 use super::Occluder;
-use super::packet::{Rounded, Sight, crosses};
 use crate::geometry::{ConvexPolygon, PlaneId};
+use crate::triangles::{Fan, crosses};
 
 /// Not the plane of any polygon here.
 const ELSEWHERE: [PlaneId; 2] = [PlaneId(u32::MAX); 2];
@@ -13,14 +14,11 @@ const ELSEWHERE: [PlaneId; 2] = [PlaneId(u32::MAX); 2];
 /// One answer, whatever computes it.
 fn blocks(occluder: &Occluder, from: DVec3, to: DVec3, planes: [PlaneId; 2]) -> bool {
     let blocked = occluder.blocks(from, to, planes);
-    let portable =
-        occluder.tree.blocks(pulp::Scalar, &occluder.polygons, [from, to - from], occluder.clearance, planes);
-    let rounded = Rounded::new(from, to - from, occluder.tree.largest());
-    let sight = Sight::new(from, to - from, &rounded, occluder.clearance, planes, &occluder.polygons);
-    let one_by_one =
-        occluder.polygons.iter().zip(0..).filter(|(polygon, _)| !planes.contains(&polygon.plane)).any(
-            |(polygon, index)| (0..polygon.triangle_count()).any(|place| crosses((index, place), &sight)),
-        );
+    let portable = occluder.segment([&from, &(to - from)], planes).with_simd(pulp::Scalar);
+    let others = occluder.polygons.iter().filter(|polygon| !planes.contains(&polygon.plane));
+    let one_by_one = others
+        .flat_map(|polygon| (0..polygon.triangle_count()).map(|place| polygon.triangle(place)))
+        .any(|corners| crosses(corners, from, to - from, occluder.clearance));
     assert_eq!(blocked, one_by_one, "{from} to {to}");
     assert_eq!(portable, one_by_one, "{from} to {to}, lane by lane");
     blocked

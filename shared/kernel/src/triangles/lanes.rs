@@ -1,9 +1,24 @@
 //! Eight numbers that are computed with together: one register's part after the other, in plain loops, as in `occluder/wide.rs`.
 
-use pulp::Simd;
+use pulp::{Simd, WithSimd};
 
 /// Number of lanes. No register that is used has more: AVX-512 would compute with half of its lanes empty.
 pub(super) const LANES: usize = 8;
+
+/// Runs `work` with AVX2 or NEON, where the processor has them, else lane by lane. It should be `#[inline(always)]`, and so
+/// should everything that it calls with vectors.
+#[inline(always)]
+pub fn with_lanes<W: WithSimd>(work: W) -> W::Output {
+    #[cfg(target_arch = "x86_64")]
+    if let Some(avx2) = pulp::x86::V3::try_new() {
+        return Simd::vectorize(avx2, work);
+    }
+    #[cfg(target_arch = "aarch64")]
+    if let Some(neon) = pulp::aarch64::Neon::try_new() {
+        return Simd::vectorize(neon, work);
+    }
+    work.with_simd(pulp::Scalar)
+}
 
 /// Eight f32 in memory.
 #[derive(Debug, Clone, Copy)]
@@ -16,6 +31,12 @@ impl Lanes {
     pub(super) fn load<S: Simd>(&self, part: usize) -> S::f32s {
         const { assert!(S::F32_LANES <= LANES) };
         S::as_simd_f32s(&self.0).0[part]
+    }
+
+    /// Stores it.
+    #[inline(always)]
+    pub(super) fn store<S: Simd>(&mut self, part: usize, numbers: S::f32s) {
+        S::as_mut_simd_f32s(&mut self.0).0[part] = numbers;
     }
 }
 
