@@ -38,15 +38,10 @@ pub struct Seen {
 /// faster than with the square root of their number.
 #[must_use]
 pub fn seen_from(polygons: &SeenPolygons, receiver: &Receiver, rays: u32, seed: u32) -> Seen {
-    let (tangent, bitangent) = receiver.normal.any_orthonormal_pair();
     let part = 1.0 / f64::from(rays);
-    let mut met: Vec<(usize, f64)> = Vec::with_capacity(rays as usize);
+    let mut met: Vec<(u32, usize, f64)> = Vec::with_capacity(rays as usize);
     let mut cast = 0;
-    for index in 0..rays {
-        let [x, y, ..] = sample_4d(index, 0, seed);
-        let (disk_x, disk_y) = on_disk(f64::from(x), f64::from(y));
-        let height = (1.0 - disk_x * disk_x - disk_y * disk_y).max(0.0).sqrt();
-        let direction = tangent * disk_x + bitangent * disk_y + receiver.normal * height;
+    for (number, direction) in directions(receiver.normal, rays, seed) {
         let mut left = 1.0;
         let mut from = 0.0;
         while left > LEAST_LEFT {
@@ -56,18 +51,54 @@ pub fn seen_from(polygons: &SeenPolygons, receiver: &Receiver, rays: u32, seed: 
             };
             let opacity = polygons.opacity(hit.polygon);
             if hit.is_front {
-                met.push((hit.polygon, left * opacity * part));
+                met.push((number, hit.polygon, left * opacity * part));
             }
             left *= 1.0 - opacity;
             from = hit.distance;
         }
     }
+    if !polygons.are_opaque() {
+        // Parts differ, and so would their sums in the order in which rays are cast.
+        met.sort_by_key(|(number, ..)| *number);
+    }
+    let mut met: Vec<(usize, f64)> = met.into_iter().map(|(_, polygon, part)| (polygon, part)).collect();
     met.sort_unstable_by_key(|(polygon, _)| *polygon);
     let factors = met
         .chunk_by(|a, b| a.0 == b.0)
         .map(|same| (same[0].0, same.iter().map(|(_, part)| part).sum::<f64>() as f32))
         .collect();
     Seen { factors, rays: cast }
+}
+
+/// Unit vectors over the hemisphere about a normal, with the density of the cosine, and their numbers in the sequence. Vectors that
+/// follow each other are much alike: their rays go through the same parts of the tree, which then are in the caches.
+#[must_use]
+pub fn directions(normal: DVec3, rays: u32, seed: u32) -> Vec<(u32, DVec3)> {
+    let (tangent, bitangent) = normal.any_orthonormal_pair();
+    let mut points: Vec<(u32, u32, [f32; 2])> = (0..rays)
+        .map(|index| {
+            let [x, y, ..] = sample_4d(index, 0, seed);
+            (along_curve(x, y), index, [x, y])
+        })
+        .collect();
+    points.sort_unstable_by_key(|(place, index, _)| (*place, *index));
+    let direction = |(_, index, [x, y]): (u32, u32, [f32; 2])| {
+        let (disk_x, disk_y) = on_disk(f64::from(x), f64::from(y));
+        let height = (1.0 - disk_x * disk_x - disk_y * disk_y).max(0.0).sqrt();
+        (index, tangent * disk_x + bitangent * disk_y + normal * height)
+    };
+    points.into_iter().map(direction).collect()
+}
+
+/// Place of a point of the unit square along the curve through 256 x 256 cells that Morton's order is.
+fn along_curve(x: f32, y: f32) -> u32 {
+    let spread = |coordinate: f32| {
+        let cell = (coordinate * 256.0) as u32;
+        let cell = (cell | cell << 4) & 0x0f0f;
+        let cell = (cell | cell << 2) & 0x3333;
+        (cell | cell << 1) & 0x5555
+    };
+    spread(x) | spread(y) << 1
 }
 
 /// The concentric map of the unit square to the unit disk, which keeps areas and neighbours (Shirley and Chiu, "A low distortion map

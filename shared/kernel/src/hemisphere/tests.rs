@@ -121,14 +121,29 @@ fn nothing_is_lost_beside_the_edges_of_a_room() {
     let all = places.iter().flat_map(|x| places.iter().map(move |y| DVec3::new(*x, *y, -700.0)));
     for (seed, position) in (0..).zip(all) {
         let receiver = Receiver { position, normal: DVec3::Z, plane: PlaneId(6) };
-        let (tangent, bitangent) = receiver.normal.any_orthonormal_pair();
-        for index in 0..1024 {
-            let [x, y, ..] = sample_4d(index, 0, seed);
-            let (a, b) = on_disk(f64::from(x), f64::from(y));
-            let height = (1.0 - a * a - b * b).max(0.0).sqrt();
-            let direction = tangent * a + bitangent * b + receiver.normal * height;
+        for (_, direction) in directions(receiver.normal, 1024, seed) {
             let hit = polygons.nearest(position, direction, 0.0, receiver.plane);
-            assert!(hit.is_some_and(|hit| hit.is_front), "{position} {direction} {x} {y} {hit:?}");
+            assert!(hit.is_some_and(|hit| hit.is_front), "{position} {direction} {hit:?}");
         }
     }
+}
+
+/// Whatever the order in which they are cast, they are those of the sequence.
+#[test]
+fn directions_that_follow_each_other_are_alike() {
+    let rays = 1024;
+    let found = directions(DVec3::Z, rays, 3);
+    let mut numbers: Vec<u32> = found.iter().map(|(number, _)| *number).collect();
+    numbers.sort_unstable();
+    assert!(numbers.into_iter().eq(0..rays));
+    for (number, direction) in &found {
+        let [x, y, ..] = sample_4d(*number, 0, 3);
+        let (a, b) = on_disk(f64::from(x), f64::from(y));
+        let (tangent, bitangent) = DVec3::Z.any_orthonormal_pair();
+        assert!((direction.dot(tangent) - a).abs() < 1e-12 && (direction.dot(bitangent) - b).abs() < 1e-12);
+        assert!((direction.length() - 1.0).abs() < 1e-12 && direction.z >= 0.0);
+    }
+    // Two random points of the disk are 128 / (45 pi) apart in the mean.
+    let apart: f64 = found.windows(2).map(|pair| (pair[1].1 - pair[0].1).truncate().length()).sum();
+    assert!(apart / f64::from(rays) < 0.2, "{apart}");
 }
