@@ -1,8 +1,9 @@
 //! Rays for another program to cast too, and what the occluder here makes of them; driven by `tests/bench/rays`.
 //!
 //! `rays SCENE.glb FOLDER COUNT` takes all facets of a scene, `rays clutter:PIECES FOLDER COUNT` boxes and balls in a room.
-//! It writes `triangles.f32`, with nine numbers each, and for each kind of rays `KIND.f32`, with the six coordinates of both
-//! ends; `FOLDER` must be there. One line of JSON on standard output has the figures: hits, and seconds of processor time of
+//! It writes `triangles.f32`, with nine numbers each, and for each kind of rays `KIND.f32`, with six numbers each: both ends, or
+//! of `closest` the origin and the direction. `closest.distances.f32` has how far each of those went, or infinity. `FOLDER` must
+//! be there. One line of JSON on standard output has the figures: hits, and seconds of processor time of
 //! the one thread that does everything.
 
 use std::env;
@@ -14,6 +15,7 @@ use std::time::Instant;
 
 use glam::DVec3;
 use kernel::geometry::{ConvexPolygon, PlaneId, uniform_point};
+use kernel::hemisphere::{Hit, SeenPolygons, directions};
 use kernel::occluder::Occluder;
 use scene::{ImportOptions, import};
 use serde_json::{Map, Value, json};
@@ -27,6 +29,9 @@ const BUNDLE: usize = 16;
 
 /// Extent of the far end of a bundle, in scene extents.
 const SPREAD: f64 = 0.05;
+
+/// Rays of a hemisphere.
+const HEMISPHERE: u32 = 256;
 
 /// No polygon lies in it: none is left out.
 const NO_PLANE: PlaneId = PlaneId(u32::MAX);
@@ -53,6 +58,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let seconds = clock.seconds();
         kinds.insert(kind.into(), json!({ "rays": rays.len(), "hits": hits, "seconds": seconds }));
     }
+    kinds.insert("closest".into(), closest(&polygons, &places.hemispheres(count.parse()?), folder)?);
     println!(
         "{}",
         json!({
@@ -63,6 +69,23 @@ fn main() -> Result<(), Box<dyn Error>> {
         })
     );
     Ok(())
+}
+
+/// Casts rays, given by origin and direction, to what they meet first.
+fn closest(polygons: &[ConvexPolygon], rays: &[[DVec3; 2]], folder: &Path) -> Result<Value, Box<dyn Error>> {
+    let clock = Clock::start();
+    let seen = SeenPolygons::new(polygons, &[]);
+    let build_seconds = clock.seconds();
+    let clock = Clock::start();
+    let distance = |hit: Option<Hit>| hit.map_or(f32::INFINITY, |hit| hit.distance as f32);
+    let distances: Vec<f32> =
+        rays.iter().map(|[from, along]| distance(seen.nearest(*from, *along, 0.0, NO_PLANE))).collect();
+    let seconds = clock.seconds();
+    let hits = distances.iter().filter(|distance| distance.is_finite()).count();
+    write(&folder.join("closest.f32"), rays.as_flattened())?;
+    let bytes: Vec<u8> = distances.into_iter().flat_map(f32::to_le_bytes).collect();
+    fs::write(folder.join("closest.distances.f32"), bytes)?;
+    Ok(json!({ "rays": rays.len(), "hits": hits, "seconds": seconds, "build_seconds": build_seconds }))
 }
 
 /// Builds are repeated for this long: the system's clock of a thread is coarse.
@@ -200,12 +223,30 @@ impl<'a> Places<'a> {
     }
 
     fn place(&self, random: &mut Random) -> DVec3 {
+        self.side(random).0
+    }
+
+    /// A place, and the unit vector that leads away from its surface.
+    fn side(&self, random: &mut Random) -> (DVec3, DVec3) {
         let wanted = random.number() * self.areas.last().copied().unwrap_or(0.0);
         let polygon =
             &self.polygons[self.areas.partition_point(|area| *area < wanted).min(self.areas.len() - 1)];
         let point = uniform_point(&polygon.corners, random.number(), random.number());
         let side = if random.number() < 0.5 { -1.0 } else { 1.0 };
-        point + polygon.normal() * (side * LIFT * self.size)
+        let away = polygon.normal() * side;
+        (point + away * (LIFT * self.size), away)
+    }
+
+    /// From points over their hemispheres, as rows of receivers cast them: origins and directions.
+    fn hemispheres(&self, count: u64) -> Vec<[DVec3; 2]> {
+        (0..count / u64::from(HEMISPHERE))
+            .flat_map(|index| {
+                let mut random = Random(index << 32 | 3 << 24);
+                let (from, away) = self.side(&mut random);
+                let directions = directions(away, HEMISPHERE, index as u32);
+                directions.into_iter().map(move |(_, along)| [from, along].map(round))
+            })
+            .collect()
     }
 
     /// From anywhere to anywhere.
