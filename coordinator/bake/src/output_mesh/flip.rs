@@ -14,7 +14,7 @@ const GAIN: f64 = 0.99;
 /// Fewest edges that a thread takes.
 const AT_ONCE: usize = 256;
 
-/// An edge that can be flipped: its triangles, before and after.
+/// A flip of an edge: its two triangles, and their corners after it.
 struct Flip {
     triangles: [u32; 2],
     new: [[u32; 3]; 2],

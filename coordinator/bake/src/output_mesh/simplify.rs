@@ -11,9 +11,9 @@ use super::working::Working;
 /// Limits of the rounds, relative to the last.
 const LEVELS: [f64; 2] = [0.3, 1.0];
 
-/// A level ends with a round that removes less than one vertex of so many: around a vertex of many long triangles only one goes at a
+/// A level ends when a round removes no more than this part of the vertices: around a vertex of many long triangles only one goes at a
 /// time, and each takes as long as thousands elsewhere.
-const FEW: usize = 4096;
+const LEAST_PART: f64 = 1.0 / 4096.0;
 
 /// Most passes of flips after a level.
 const MOST_FLIPS: usize = 4;
@@ -40,7 +40,7 @@ pub fn simplify(working: &mut Working) {
             let removed;
             (removed, dirty) = round(working, &mut found, level);
             changed.extend(&dirty);
-            if removed <= count / FEW {
+            if removed as f64 <= LEAST_PART * count as f64 {
                 break;
             }
         }

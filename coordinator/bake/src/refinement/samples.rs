@@ -228,6 +228,22 @@ impl SamplePoints {
         if norm > 0.0 { (squares.sum::<f64>() / (count * norm)).sqrt() } else { 0.0 }
     }
 
+    /// What [`Self::relative`] tells, less the standard error of its square: where few points hold most of it, little is certain.
+    pub fn relative_at_least(&self, errors: &[DVec3]) -> f64 {
+        let squares = || {
+            let pairs = self.points.iter().zip(errors);
+            pairs.map(|(point, error)| point.weight * error.length_squared())
+        };
+        let count = errors.len() as f64;
+        let norm = self.mean_square();
+        if count < 2.0 || norm <= 0.0 {
+            return 0.0;
+        }
+        let mean = squares().sum::<f64>() / count;
+        let variance = squares().map(|square| (square - mean).powi(2)).sum::<f64>() / (count - 1.0);
+        ((mean - (variance / count).sqrt()).max(0.0) / norm).sqrt()
+    }
+
     /// Errors of the radiosity with the interreflection of their mean: light lost between the vertices is missing on all surfaces,
     /// by mean x rho / (1 - rho) relative to their radiosity.
     fn with_level(&self, errors: &[DVec3], reflectance: f64) -> Vec<DVec3> {

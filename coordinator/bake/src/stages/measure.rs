@@ -19,6 +19,8 @@ pub struct Measured {
     /// Why refinement ended before its limit was met.
     pub obstacle: Option<Obstacle>,
     pub error: ErrorBudget,
+    /// What the error of the shooters is at least, by its own standard error.
+    pub shooters_at_least: f64,
     /// The part of the receivers' error that is due to light between gather points, not to the mesh.
     pub between: f64,
     /// Where it was measured, with the light there.
@@ -26,10 +28,10 @@ pub struct Measured {
 }
 
 impl Refined {
-    /// Estimates the error of the solution. That of the shooters is measured unless it is given: it hardly changes from round to
-    /// round, and costs a row for each leaf.
+    /// Estimates the error of the solution. That of the shooters, and what it is at least, are measured unless they are given: they
+    /// hardly change from round to round, and cost a row for each leaf.
     #[tracing::instrument(skip_all)]
-    pub fn measure(self, cx: &mut Context, shooters: Option<f64>) -> Result<Measured> {
+    pub fn measure(self, cx: &mut Context, shooters: Option<[f64; 2]>) -> Result<Measured> {
         let Self { mut solved, obstacle } = self;
         cx.client.monitor.enter(Phase::Measure, solved.mesh.mesh.vertices.len());
         solved.mesh.patch_materials.update(cx.scene, &solved.mesh.mesh);
@@ -53,7 +55,7 @@ impl Refined {
             let of_mesh = without(receivers, between);
             solved.found_per_predicted = (of_mesh / prediction.relative()).clamp(0.2, 5.0);
         }
-        let shooters = match shooters {
+        let [shooters, shooters_at_least] = match shooters {
             Some(shooters) => shooters,
             None => solved.error_of_shooters(cx, &validation, &fitted)?,
         };
@@ -64,7 +66,7 @@ impl Refined {
         tracing::debug!(?error, between, "measured");
         cx.client.monitor.set_error(Some(error.total));
         cx.end_step("measure");
-        Ok(Measured { solved, obstacle, error, between, validation })
+        Ok(Measured { solved, obstacle, error, shooters_at_least, between, validation })
     }
 }
 
@@ -73,8 +75,9 @@ impl Measured {
     #[tracing::instrument(skip_all)]
     pub fn measure_shooters(mut self, cx: &mut Context) -> Result<Self> {
         let fitted = best_fit(&self.solved.mesh.mesh, &self.solved.solution.irradiance);
-        let shooters = self.solved.error_of_shooters(cx, &self.validation, &fitted)?;
+        let [shooters, at_least] = self.solved.error_of_shooters(cx, &self.validation, &fitted)?;
         self.error = self.error.with_shooters(shooters);
+        self.shooters_at_least = at_least;
         cx.client.monitor.set_error(Some(self.error.total));
         cx.end_step("measure");
         Ok(self)
@@ -102,23 +105,26 @@ impl Solved {
     }
 
     /// Relative error of the light of shares, each of constant radiosity: against that of the leaves of the refined mesh, each with
-    /// its own mean, at all samples, or at the first where leaves cost rows.
+    /// its own mean, at all samples, or at the first where leaves cost rows. Returns what it is at least, too.
     fn error_of_shooters(
         &self,
         cx: &mut Context,
         samples: &SamplePoints,
         irradiance: &[DVec3],
-    ) -> Result<f64> {
+    ) -> Result<[f64; 2]> {
         let most = if self.rows.source.leaves_cost_rows() { FIRST } else { usize::MAX };
         let count = samples.count().min(most);
         if count == 0 {
-            return Ok(0.0);
+            return Ok([0.0; 2]);
         }
         let receivers = samples.receivers(count);
         let light =
             self.rows.source.light_of_leaves(cx, &self.mesh, &receivers, (irradiance, &self.exposed))?;
-        let differences = samples.relative(samples.differences(&light.irradiance).into_iter());
+        let differences = samples.differences(&light.irradiance);
+        let at_least = samples.relative_at_least(&differences);
         let noise = light.rows.map_or(0.0, |rows| self.noise().hypot(samples.noise(rows.into_iter(), count)));
-        Ok(without_noise(differences, noise) / (1.0 - RETURNING * self.mean_reflectance()))
+        let all =
+            |differences| without_noise(differences, noise) / (1.0 - RETURNING * self.mean_reflectance());
+        Ok([samples.relative(differences.into_iter()), at_least].map(all))
     }
 }

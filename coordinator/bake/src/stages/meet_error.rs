@@ -65,7 +65,7 @@ impl Solved {
             } else {
                 (MARGIN * measured.aim_for_mesh(cx.settings)).max(LONGEST_STEP * measured.of_mesh())
             };
-            shooters = Some(measured.error.shooters);
+            shooters = Some([measured.error.shooters, measured.shooters_at_least]);
             solved = measured.solved;
             round += 1;
         }
@@ -118,15 +118,16 @@ impl Measured {
     }
 
     /// Settings that should meet the asked error where these did not; `None` when it is met, or cannot be. A new start costs as much
-    /// as all before it: it is made where the shooters or the rays alone exceed what was asked. Under that, measured as they are at
-    /// some thousand points, chance would decide.
+    /// as all before it: it is made where all but the interpolation certainly exceeds what was asked. Measured at some thousand
+    /// points, of which few may hold most of it, chance would decide else.
     fn better_settings(&self, cx: &Context) -> Option<BakeSettings> {
         let asked = cx.settings.error?;
         if self.error.total <= asked || cx.work.restarts >= MAX_RESTARTS {
             return None;
         }
         let error = &self.error;
-        let rest_is_too_small = error.without_receivers() > asked;
+        let certainly = error.with_shooters(error.shooters.min(self.shooters_at_least));
+        let rest_is_too_small = certainly.without_receivers() > asked;
         let noise_hides = self.obstacle == Some(Obstacle::Noise);
         let most = error.unshot.max(error.form_factors);
         let better = cx.settings.clone();
