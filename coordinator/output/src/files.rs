@@ -61,7 +61,7 @@ pub fn replace(path: &Path) -> io::Result<AtomicWriteFile> {
     if fs::metadata(path).is_ok_and(|there| !there.is_file()) {
         return Err(io::Error::new(
             io::ErrorKind::InvalidInput,
-            "it is there and no regular file: name another place",
+            "it exists and is no regular file: name another place",
         ));
     }
     AtomicWriteFile::open(path)
@@ -87,12 +87,29 @@ pub fn check_distinct(
 
 /// Whether two paths lead to one file, or would where none is yet.
 fn is_same(a: &Path, b: &Path) -> bool {
-    let place = |path: &Path| {
-        let whole = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    place(a) == place(b) || identity(a).is_some_and(|own| identity(b) == Some(own))
+}
+
+/// A path without links, as far as there is something.
+fn place(path: &Path) -> PathBuf {
+    let whole = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    fs::canonicalize(&whole).unwrap_or_else(|_| {
         let folder = whole.parent().and_then(|folder| fs::canonicalize(folder).ok());
         folder.zip(whole.file_name()).map_or_else(|| whole.clone(), |(folder, name)| folder.join(name))
-    };
-    same_file::is_same_file(a, b).unwrap_or_else(|_| place(a) == place(b))
+    })
+}
+
+/// The disk and the number of a file there: hard links have the same.
+#[cfg(unix)]
+fn identity(path: &Path) -> Option<(u64, u64)> {
+    use std::os::unix::fs::MetadataExt;
+    fs::metadata(path).ok().map(|file| (file.dev(), file.ino()))
+}
+
+/// Other systems do not tell.
+#[cfg(not(unix))]
+fn identity(_: &Path) -> Option<(u64, u64)> {
+    None
 }
 
 /// Checks that an output can be written, and leaves nothing behind: for use before long work.

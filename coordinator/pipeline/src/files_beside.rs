@@ -1,24 +1,25 @@
-//! Files beside a scene that it is read from, too.
+//! The files that a scene is read from, against those that are written.
 
 use std::path::Path;
 
 use document::files_beside;
-use output::export::files_of;
+use output::export::{ExportError, files_of};
 use output::files;
 use scene::Scene;
 
-use crate::run::RunError;
-
-/// Checks that nothing is written over a file that the scene is read from, beside its own.
+/// Checks that nothing is written over the file of a scene, the buffers and images beside it, or another file that is read.
 pub(crate) fn check_files(
-    scene: &Scene,
-    folder: Option<&Path>,
+    (scene, file): (&Scene, Option<&Path>),
+    kept_light: Option<&Path>,
     output: &Path,
     written: &[(&'static str, Option<&Path>)],
-) -> Result<(), RunError> {
+) -> Result<(), ExportError> {
+    let folder = file.map(|file| file.parent().unwrap_or(Path::new("")));
     let beside = folder.map(|folder| files_beside(&scene.source.root, folder)).unwrap_or_default();
-    let read: Vec<(&str, &Path)> =
+    let mut read: Vec<(&str, &Path)> =
         beside.iter().map(|path| ("buffer or image of the scene", &**path)).collect();
+    read.extend(file.map(|file| ("scene", file)));
+    read.extend(kept_light.map(|kept| ("kept light", kept)));
     let outputs = files_of(output)?;
     let outputs = outputs.iter().map(|path| ("output", &**path));
     let others = written.iter().filter_map(|(name, path)| Some((*name, (*path)?)));

@@ -53,9 +53,10 @@ pub fn run(request: RelightRequest<'_>, observer: &mut dyn RunObserver) -> Resul
     let read = fs::read(path).map_err(|error| RunError::KeptLight { path: path.to_owned(), error });
     let kept = KeptLight::from_bytes(&read?)?;
     let import = ImportOptions { sky: kept.sky(), ..request.import };
-    let folder = request.scene.folder();
+    let file = request.scene.file();
     let scene = read_scene(request.scene, &import, observer)?;
-    check_files(&scene, folder.as_deref(), request.output, &[("report", request.report)])?;
+    let written = [("report", request.report)];
+    check_files((&scene, file.as_deref()), Some(path), request.output, &written)?;
     if observer.is_cancelled() {
         return Err(BakeError::Cancelled.into());
     }

@@ -10,7 +10,7 @@ use bake::{BakeError, BakeSettings, Baked, Observer, RelightError, bake, check_g
 use cluster::checkpoint::{CheckpointError, CheckpointSummary, Checkpointed, remove};
 use cluster::{Cluster, ClusterError, ClusterSettings, Handle};
 use output::export::{ExportError, ExportSettings, export};
-use output::files::{self, FileError};
+use output::files;
 use scene::{ImportError, ImportOptions, Scene, import, import_slice};
 
 use crate::files_beside::check_files;
@@ -26,10 +26,10 @@ pub enum SceneSource<'a> {
 }
 
 impl SceneSource<'_> {
-    /// The folder of the file.
-    pub(crate) fn folder(&self) -> Option<PathBuf> {
+    /// The file, where it is one.
+    pub(crate) fn file(&self) -> Option<PathBuf> {
         match self {
-            Self::File(path) => Some(path.parent().unwrap_or(Path::new("")).to_owned()),
+            Self::File(path) => Some(path.to_path_buf()),
             Self::Bytes(_) => None,
         }
     }
@@ -103,9 +103,6 @@ pub enum RunError {
     /// The lit file cannot be written.
     #[error(transparent)]
     Export(#[from] ExportError),
-    /// A file would be written over another.
-    #[error(transparent)]
-    Files(#[from] FileError),
     /// The file of kept light cannot be read or written.
     #[error("kept light {} cannot be used: {error}", path.display())]
     KeptLight {
@@ -166,14 +163,14 @@ pub fn run(
     observer: &mut dyn RunObserver,
 ) -> Result<Finished, RunError> {
     let clock = Instant::now();
-    let folder = request.scene.folder();
+    let file = request.scene.file();
     let scene = Arc::new(read_scene(request.scene, &request.import, observer)?);
     let written = [
         ("report", request.report),
         ("kept light", request.kept_light),
         ("checkpoint", request.checkpoint.as_ref().map(|checkpoint| checkpoint.path)),
     ];
-    check_files(&scene, folder.as_deref(), request.output, &written)?;
+    check_files((&scene, file.as_deref()), None, request.output, &written)?;
     check_groups(&scene, &request.bake.groups).map_err(RunError::Groups)?;
     if observer.is_cancelled() {
         return Err(BakeError::Cancelled.into());

@@ -109,7 +109,7 @@ impl Service {
     pub fn open(settings: &ServiceSettings, workers: Cluster, metrics: Metrics) -> Result<Self, StoreError> {
         let Opened { store, records, damaged, set_aside } = Store::open(&settings.data)?;
         for path in set_aside {
-            tracing::warn!(path = %path.display(), "set aside, since no job refers to it: delete it if nobody misses it");
+            tracing::warn!(path = %path.display(), "set aside, since no job refers to it: delete it if it is not needed");
         }
         for path in damaged {
             tracing::error!(path = %path.display(), "a job's record is damaged and is passed over: take it from a back-up");

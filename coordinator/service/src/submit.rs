@@ -154,9 +154,11 @@ impl Inner {
             }
             ledger.has_scene(&draft.client, draft.scene)
         };
-        let (inner, scene) = (Arc::clone(self), draft.scene);
-        let known = was_sent && blocking(move || Ok(inner.store.has_scene(scene)?)).await?;
         self.check_room(size).await?;
+        let (inner, scene) = (Arc::clone(self), draft.scene);
+        // A relight cannot send it again: its job will say what is wrong.
+        let known =
+            draft.relit.is_some() || (was_sent && blocking(move || Ok(inner.store.has_scene(scene))).await?);
         let upload = if known {
             None
         } else {

@@ -1,4 +1,4 @@
-//! What the commands say. A reader that has gone away ends none of them, and neither does a full device: results are kept.
+//! Lines for the user. A reader that has gone away ends none of them, and neither does a full device: results are kept.
 
 use std::fmt::Display;
 use std::io::{self, ErrorKind, Write};

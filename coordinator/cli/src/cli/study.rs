@@ -102,8 +102,7 @@ impl Outputs {
         })?;
         for name in [CSV, SVG, MARKDOWN] {
             let path = folder.join(name);
-            check_distinct(&[("reference", Some(reference))], &[("study", Some(&path))])
-                .context("choose another --output")?;
+            check_distinct(&[("reference", Some(reference))], &[("output", Some(&path))])?;
             anyhow::ensure!(!path.is_dir(), "{} is a folder: choose another --output", path.display());
             files::replace(&path)
                 .and_then(AtomicWriteFile::discard)

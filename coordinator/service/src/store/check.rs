@@ -5,13 +5,13 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use bake::KeptLight;
+use bake::{KeptLight, RelightError};
 use protocol::api::State;
 
 use super::{Store, StoreError, digest, files_of, record};
-use crate::job::{JobId, Record};
+use crate::job::Record;
 
-/// What a check has found.
+/// The result of a check.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub struct DataCheck {
     /// Number of files that were read.
@@ -26,6 +26,9 @@ pub struct DataCheck {
 /// # Errors
 /// When the folder cannot be read.
 pub fn check(root: &Path, mut look: impl FnMut(&Path)) -> Result<DataCheck, StoreError> {
+    if !Store::is_laid_out(root)? {
+        return Err(StoreError::Foreign { path: root.to_owned() });
+    }
     let store = Store { root: root.to_owned(), _lock: None };
     let mut found = DataCheck::default();
     let mut known = BTreeSet::new();
@@ -48,6 +51,12 @@ pub fn check(root: &Path, mut look: impl FnMut(&Path)) -> Result<DataCheck, Stor
 /// A file, whether it is as it was written, and what to do where it is not.
 type Check<'a> = (PathBuf, Box<dyn Fn(&Path) -> bool + 'a>, &'static str);
 
+/// Whether a file is kept light as it was written, by whatever release.
+fn is_light(path: &Path) -> bool {
+    let read = fs::read(path).map(|bytes| KeptLight::from_bytes(&bytes));
+    matches!(read, Ok(Ok(_) | Err(RelightError::Version { .. })))
+}
+
 impl Store {
     /// The records that are whole.
     fn check_records(
@@ -60,17 +69,21 @@ impl Store {
         let mut records = vec![];
         for path in files_of(&folder).map_err(|error| failed(&folder, error))? {
             let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-            // Others are on their way.
-            let Ok(id) = name.parse::<JobId>() else { continue };
+            if name.starts_with('.') {
+                // It is being written.
+                continue;
+            }
             look(&path);
             let bytes = match fs::read(&path) {
+                // Its job was deleted.
                 Err(error) if error.kind() == io::ErrorKind::NotFound => continue,
-                read => read.map_err(|error| failed(&path, error))?,
+                read => read.ok(),
             };
             found.files += 1;
-            match record::decode(id, &bytes) {
-                Ok(record) => records.push(record),
-                Err(_) => found.damaged.push((path, "its job is not listed: take the record from a back-up")),
+            let decoded = name.parse().ok().zip(bytes).map(|(id, bytes)| record::decode(id, &bytes));
+            match decoded {
+                Some(Ok(record)) => records.push(record),
+                _ => found.damaged.push((path, "its job is not listed: take the record from a backup")),
             }
         }
         records.sort_by_key(|record| record.sequence);
@@ -82,19 +95,19 @@ impl Store {
         let mut files: Vec<Check> = vec![(
             self.scene(record.scene),
             Box::new(|path| digest(path).is_ok_and(|(_, found)| found == record.scene.0)),
-            "jobs of this scene fail: submit the scene again, or take it from a back-up",
+            "jobs of this scene fail: submit the scene again, or take it from a backup",
         )];
         if let (State::Done, Some(outcome)) = (record.state, &record.outcome) {
             files.push((
                 self.result(record),
                 Box::new(|path| digest(path).is_ok_and(|(_, found)| found[..] == outcome.sha256[..])),
-                "the lit file cannot be fetched: submit its scene again, or take it from a back-up",
+                "the lit file cannot be fetched: submit its scene again, or take it from a backup",
             ));
             if outcome.can_be_relit {
                 files.push((
                     self.light(record.light()),
-                    Box::new(|path| fs::read(path).is_ok_and(|bytes| KeptLight::from_bytes(&bytes).is_ok())),
-                    "the job cannot be relit: submit its scene again, or take the light from a back-up",
+                    Box::new(is_light),
+                    "the job cannot be relit: submit its scene again, or take the light from a backup",
                 ));
             }
         }

@@ -55,6 +55,9 @@ const FOLDERS: [&str; 6] = ["jobs", "scenes", "results", "light", "checkpoints",
 /// The folder of temporary files.
 const PASSING: &str = "passing";
 
+/// Folders whose loss costs nothing but time: backups have none of them.
+const REPLACED: [&str; 2] = ["checkpoints", PASSING];
+
 /// Why a data folder cannot be opened. Its files are left as they are.
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
@@ -92,7 +95,7 @@ pub enum StoreError {
     },
     /// One of its folders is gone.
     #[error(
-        "data folder has lost {}, and what is in the others belongs to it: put it back, or make an empty one to go on \
+        "data folder has lost {}, and the other folders depend on it: put it back, or make an empty one to go on \
          without; files that no job refers to are then set aside",
         path.display()
     )]
@@ -147,35 +150,20 @@ impl Store {
             move |error| StoreError::Io { path, error }
         };
         fs::create_dir_all(root).map_err(failed(root))?;
-        let layout = root.join("layout");
-        let found = match fs::read_to_string(&layout) {
-            Ok(found) => Some(found),
-            Err(error) if error.kind() == io::ErrorKind::NotFound => None,
-            Err(error) => return Err(failed(&layout)(error)),
-        };
-        match found {
-            Some(found) if found == LAYOUT => {
-                let lost = FOLDERS.iter().map(|name| root.join(name)).find(|folder| !folder.is_dir());
-                // It has nothing that would be missed.
-                if let Some(path) = lost.filter(|folder| !folder.ends_with(PASSING)) {
-                    return Err(StoreError::Lost { path });
-                }
-            }
-            Some(found) => return Err(StoreError::Layout { path: root.to_owned(), found }),
-            None => {
-                // A first start that was interrupted leaves empty folders.
-                let is_ours = |entry: fs::DirEntry| {
-                    let name = entry.file_name();
-                    let name = name.to_str().unwrap_or_default();
-                    let is_empty = || files_of(&entry.path()).is_ok_and(|files| files.is_empty());
-                    name == "lock" || name.starts_with(".layout") || (FOLDERS.contains(&name) && is_empty())
-                };
-                let mut entries = fs::read_dir(root).map_err(failed(root))?;
-                if entries.any(|entry| entry.map_or(true, |entry| !is_ours(entry))) {
-                    return Err(StoreError::Foreign { path: root.to_owned() });
-                }
+        if !Self::is_laid_out(root)? {
+            // A first start that was interrupted leaves empty folders.
+            let is_ours = |entry: fs::DirEntry| {
+                let name = entry.file_name();
+                let name = name.to_str().unwrap_or_default();
+                let is_empty = || files_of(&entry.path()).is_ok_and(|files| files.is_empty());
+                name == "lock" || name.starts_with(".layout") || (FOLDERS.contains(&name) && is_empty())
+            };
+            let mut entries = fs::read_dir(root).map_err(failed(root))?;
+            if entries.any(|entry| entry.map_or(true, |entry| !is_ours(entry))) {
+                return Err(StoreError::Foreign { path: root.to_owned() });
             }
         }
+        let layout = root.join("layout");
         let path = root.join("lock");
         let mut options = fs::OpenOptions::new();
         let options = options.read(true).write(true).create(true).truncate(false);
@@ -193,6 +181,23 @@ impl Store {
         files::write(&layout, LAYOUT.as_bytes()).map_err(failed(&layout))?;
         let store = Self { root: root.to_owned(), _lock: Some(lock) };
         store.read_all()
+    }
+
+    /// Whether a folder has the layout of this release, with all that belongs to it.
+    fn is_laid_out(root: &Path) -> Result<bool, StoreError> {
+        let layout = root.join("layout");
+        let found = match fs::read_to_string(&layout) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(false),
+            read => read.map_err(|error| StoreError::Io { path: layout, error })?,
+        };
+        if found != LAYOUT {
+            return Err(StoreError::Layout { path: root.to_owned(), found });
+        }
+        let needed = FOLDERS.iter().filter(|name| !REPLACED.contains(name));
+        match needed.map(|name| root.join(name)).find(|folder| !folder.is_dir()) {
+            Some(path) => Err(StoreError::Lost { path }),
+            None => Ok(true),
+        }
     }
 
     fn read_all(self) -> Result<Opened, StoreError> {

@@ -9,7 +9,7 @@ use crate::job::{JobId, Record};
 /// Disk usage.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Room {
-    /// Bytes of all files of the data folder.
+    /// Bytes of all files of the data folder, without those that were set aside.
     pub taken: u64,
     /// Free bytes of its disk.
     pub free: u64,

@@ -6,7 +6,7 @@
 use std::collections::BTreeSet;
 use std::fs;
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::{PASSING, Store, files_of, sync_folder};
 use crate::job::Record;
@@ -31,20 +31,28 @@ impl Store {
         }
         for name in ["scenes", "results", "light", "checkpoints"] {
             let folder = self.root.join(name);
-            let unnamed = files_of(&folder)?.into_iter().filter(|path| !named.contains(path));
-            let unnamed: Vec<PathBuf> = unnamed.collect();
-            for path in &unnamed {
-                set_aside.push(self.set_aside(name, path)?);
+            for path in files_of(&folder)?.into_iter().filter(|path| !named.contains(path)) {
+                let is_part = path.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b"."));
+                if is_part {
+                    // It was being written when the power failed.
+                    fs::remove_file(&path)?;
+                    continue;
+                }
+                match self.set_aside(name, &path) {
+                    Ok(place) => set_aside.push(place),
+                    // It may lie on another disk. It does no harm.
+                    Err(error) => {
+                        tracing::warn!(path = %path.display(), %error, "a file that no job refers to stays")
+                    }
+                }
             }
-            if !unnamed.is_empty() {
-                sync_folder(&folder)?;
-            }
+            sync_folder(&folder)?;
         }
         Ok(set_aside)
     }
 
-    /// Moves a file of one of the folders to where it is in nobody's way. Returns its new place.
-    pub(super) fn set_aside(&self, of: &str, path: &std::path::Path) -> io::Result<PathBuf> {
+    /// Moves a file of one of the folders to `unclaimed/`. Returns its new place.
+    fn set_aside(&self, of: &str, path: &Path) -> io::Result<PathBuf> {
         let folder = self.root.join(UNCLAIMED).join(of);
         fs::create_dir_all(&folder)?;
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();

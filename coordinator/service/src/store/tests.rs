@@ -92,10 +92,13 @@ fn unreferenced_files_are_set_aside() {
     fs::write(store.result(&other), "lit").unwrap();
     fs::write(store.checkpoint(other.id), "rows").unwrap();
     fs::write(at("passing/x.upload"), "part").unwrap();
+    // A lit file on its way.
+    let part = at("results/.00000000000000000000000000000003.glb.a1b2c3");
+    fs::write(&part, "part").unwrap();
     drop(store);
     let Opened { store, records, set_aside, .. } = open(&folder);
     assert_eq!(records, std::slice::from_ref(&kept));
-    for gone in [half, store.scene(other.scene), store.result(&other), store.checkpoint(other.id)] {
+    for gone in [half, part, store.scene(other.scene), store.result(&other), store.checkpoint(other.id)] {
         assert!(!exists(&gone), "{}", gone.display());
     }
     let contents: Vec<_> = set_aside.iter().map(|path| fs::read_to_string(path).unwrap()).collect();
@@ -135,6 +138,27 @@ fn a_folder_that_is_lost_costs_nothing_in_the_others() {
     assert!(set_aside.is_empty() && exists(store.scene(job.scene)));
 }
 
+/// A backup has neither rows nor temporary files.
+#[test]
+fn a_backup_is_a_whole_folder() {
+    let (folder, backup) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let Opened { store, .. } = open(&folder);
+    let job = record(1, 1);
+    store.write(&job).unwrap();
+    fs::write(store.scene(job.scene), "scene").unwrap();
+    let at = |path: &str| backup.path().join(path);
+    fs::copy(folder.path().join("layout"), at("layout")).unwrap();
+    for name in ["jobs", "scenes", "results", "light"] {
+        fs::create_dir(at(name)).unwrap();
+        for path in files_of(&folder.path().join(name)).unwrap() {
+            fs::copy(&path, at(name).join(path.file_name().unwrap())).unwrap();
+        }
+    }
+    let Opened { store, records, set_aside, .. } = open(&backup);
+    assert_eq!(records, std::slice::from_ref(&job));
+    assert!(set_aside.is_empty() && exists(store.scene(job.scene)));
+}
+
 #[test]
 fn an_interrupted_first_start_goes_on() {
     let folder = tempfile::tempdir().unwrap();
@@ -158,13 +182,13 @@ fn the_same_scene_again_mends_one_that_the_disk_has_changed() {
         upload.digest()
     };
     let scene = send();
-    assert!(store.has_scene(scene).unwrap());
+    assert!(store.has_scene(scene));
     fs::write(store.scene(scene), b"abd").unwrap();
-    assert!(!store.has_scene(scene).unwrap());
+    assert!(!store.has_scene(scene));
     send();
     assert_eq!(fs::read(store.scene(scene)).unwrap(), b"abc");
     fs::remove_file(store.scene(scene)).unwrap();
-    assert!(!store.has_scene(scene).unwrap());
+    assert!(!store.has_scene(scene));
 }
 
 #[test]
@@ -274,5 +298,11 @@ fn a_check_finds_what_the_disk_has_changed_and_changes_nothing() {
         assert_eq!(check(folder.path(), |_| ()).unwrap().damaged.len(), missed);
         fs::write(path, whole).unwrap();
     }
-    assert!(check(&folder.path().join("elsewhere"), |_| ()).is_err());
+    fs::write(folder.path().join("jobs/1.old"), "record").unwrap();
+    assert_eq!(check(folder.path(), |_| ()).unwrap().damaged.len(), 1);
+    let elsewhere = folder.path().join("elsewhere");
+    fs::create_dir_all(elsewhere.join("jobs")).unwrap();
+    assert!(matches!(check(&elsewhere, |_| ()), Err(StoreError::Foreign { .. })));
+    fs::remove_dir_all(folder.path().join("light")).unwrap();
+    assert!(matches!(check(folder.path(), |_| ()), Err(StoreError::Lost { .. })));
 }

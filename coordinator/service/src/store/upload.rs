@@ -48,16 +48,10 @@ impl Drop for Upload {
 }
 
 impl Store {
-    /// Whether a scene is there as it was submitted: a disk may lose it or change it.
-    ///
-    /// # Errors
-    /// The operating system's.
-    pub fn has_scene(&self, scene: SceneDigest) -> io::Result<bool> {
-        match digest(&self.scene(scene)) {
-            Ok((_, found)) => Ok(found == scene.0),
-            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(false),
-            Err(error) => Err(error),
-        }
+    /// Whether a scene is there as it was submitted: a disk may lose it, change it, or be unable to read it.
+    #[must_use]
+    pub fn has_scene(&self, scene: SceneDigest) -> bool {
+        digest(&self.scene(scene)).is_ok_and(|(_, found)| found == scene.0)
     }
 
     /// Begins an upload.
@@ -76,7 +70,7 @@ impl Store {
     /// The operating system's.
     pub fn finish_upload(&self, upload: &Upload) -> io::Result<()> {
         // The same bytes may exist: a client has sent them before, or is doing so.
-        if !self.has_scene(upload.digest())? {
+        if !self.has_scene(upload.digest()) {
             upload.file.sync_all()?;
             fs::rename(&upload.path, self.scene(upload.digest()))?;
         }

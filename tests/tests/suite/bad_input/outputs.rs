@@ -1,4 +1,4 @@
-//! What a run writes: never over what it reads, and kept where nobody hears of it.
+//! Output files: never written over what is read, and kept where nobody hears of it.
 
 use std::fs::{self, OpenOptions};
 use std::os::unix::fs::symlink;

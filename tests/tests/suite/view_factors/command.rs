@@ -177,7 +177,7 @@ fn wrong_files_are_refused_before_anything_is_computed() {
     bench.assert_refused(bench.folder.path(), &[], &["is a directory"]);
     let output = bench.path("f.csv");
     let same = ["--areas", output.to_str().unwrap()];
-    bench.assert_refused(&output, &same, &["another output"]);
+    bench.assert_refused(&output, &same, &["is the output itself", "choose another list of areas"]);
     bench.assert_refused(&output, &["--report", "/nowhere/r.json"], &["/nowhere", "does not exist"]);
     bench.assert_refused(&output, &["--points", "0"], &["--points"]);
     fs::write(&scene, b"no scene").unwrap();

@@ -80,12 +80,13 @@ pub fn run(arguments: &SubmitArguments) -> anyhow::Result<()> {
         let mut connection = Connection::open(&arguments.server).await?;
         let job = submit(&mut connection.client, header, arguments.scene.as_deref()).await?;
         // The job goes on, and so does what was asked for.
-        let printed = print(&job.id).with_context(|| format!("job {} was submitted", job.id));
+        let named = || format!("job {}", job.id);
+        let printed = print(&job.id).with_context(named);
         if arguments.watch || arguments.output.is_some() {
-            follow(&mut connection, &job.id).await?;
+            follow(&mut connection, &job.id).await.with_context(named)?;
         }
         if let Some(output) = &arguments.output {
-            fetch(&mut connection, JobFile::Result, &job.id, output).await?;
+            fetch(&mut connection, JobFile::Result, &job.id, output).await.with_context(named)?;
         }
         printed
     })
