@@ -222,18 +222,18 @@ impl SamplePoints {
     /// Root mean square of radiosity errors at the first points, relative to that of the radiosity.
     pub fn relative(&self, errors: impl ExactSizeIterator<Item = DVec3>) -> f64 {
         let count = errors.len().max(1) as f64;
-        let squares =
-            self.points.iter().zip(errors).map(|(point, error)| point.weight * error.length_squared());
         let norm = self.mean_square();
-        if norm > 0.0 { (squares.sum::<f64>() / (count * norm)).sqrt() } else { 0.0 }
+        if norm > 0.0 { (self.squares(errors).sum::<f64>() / (count * norm)).sqrt() } else { 0.0 }
+    }
+
+    /// Squares of radiosity errors at the first points, weighted.
+    fn squares(&self, errors: impl Iterator<Item = DVec3>) -> impl Iterator<Item = f64> {
+        self.points.iter().zip(errors).map(|(point, error)| point.weight * error.length_squared())
     }
 
     /// What [`Self::relative`] tells, less the standard error of its square: where few points hold most of it, little is certain.
     pub fn relative_at_least(&self, errors: &[DVec3]) -> f64 {
-        let squares = || {
-            let pairs = self.points.iter().zip(errors);
-            pairs.map(|(point, error)| point.weight * error.length_squared())
-        };
+        let squares = || self.squares(errors.iter().copied());
         let count = errors.len() as f64;
         let norm = self.mean_square();
         if count < 2.0 || norm <= 0.0 {
