@@ -117,7 +117,7 @@ fn who_comes_later_does_not_wait_for_a_long_queue() {
     let expected = bakery.rows();
     let cluster = embedded();
     let [mut long, mut short] = [cluster.handle(0), cluster.handle(0)];
-    // So many that they take seconds: no thread is held up for so long.
+    // So many that they take seconds, longer than a thread waits for its turn on a busy machine.
     let waiting = submit(&mut long, &bakery, 500);
     take(&mut long, &expected, 20);
     let count = submit(&mut short, &bakery, 1);
