@@ -122,8 +122,14 @@ pub fn compute_row(
     let seed = |index: usize| pair_seed(precision.seed, shooter.key, first_key + index as u64);
     let row: Vec<f64> = match &shooter.shape {
         Shape::Polygons(polygons) if polygons.len() >= MANY_POLYGONS => {
-            let prepared = polygons.iter().map(PreparedPolygon::new).collect();
-            let mut many = ManyPolygons::new(prepared, scene.occluder(), scene.transparent(), precision);
+            let parts = polygons.iter().map(|polygon| (PreparedPolygon::new(polygon), 1.0));
+            let mut many = ManyPolygons::new(parts, scene.occluder(), scene.transparent(), precision);
+            let factor = |(index, receiver)| many.factor(receiver, seed(index), &mut statistics);
+            receivers.iter().enumerate().map(factor).collect()
+        }
+        Shape::Weighted(polygons) => {
+            let parts = polygons.iter().map(|(polygon, weight)| (PreparedPolygon::new(polygon), *weight));
+            let mut many = ManyPolygons::new(parts, scene.occluder(), scene.transparent(), precision);
             let factor = |(index, receiver)| many.factor(receiver, seed(index), &mut statistics);
             receivers.iter().enumerate().map(factor).collect()
         }

@@ -26,6 +26,7 @@ const DIGESTS: &[(&str, &str)] = &[
     ("transparent occluders", "af35443a2928"),
     ("shooter of many polygons", "be282daa1904"),
     ("shooter of many polygons, transparent occluders", "18dc1ac02140"),
+    ("shooter of weighted polygons", "a5540c767248"),
     ("lights without an area", "62ff3ebc5dd4"),
     ("lights without an area, transparent occluders", "9f806b3c9838"),
     ("hemispheres", "f4ec9193559b"),
@@ -91,6 +92,12 @@ fn ceiling() -> Shape {
         square(10, DVec3::Y * SIDE + place * 0.5, 0.17)
     };
     Shape::Polygons((0..64).map(tile).collect())
+}
+
+/// The same, its tiles of different exitance.
+fn weighted_ceiling(weight: impl Fn(usize) -> f64) -> Shape {
+    let Shape::Polygons(tiles) = ceiling() else { unreachable!("a ceiling has tiles") };
+    Shape::Weighted(tiles.into_iter().enumerate().map(|(index, tile)| (tile, weight(index))).collect())
 }
 
 fn lights() -> Vec<Shape> {
@@ -159,6 +166,7 @@ fn rows_have_the_bits_of_their_version() {
         ("transparent occluders", rows(transparent(), vec![lamp()], &EXACT)),
         ("shooter of many polygons", rows(few(), vec![ceiling()], &EXACT)),
         ("shooter of many polygons, transparent occluders", rows(transparent(), vec![ceiling()], &EXACT)),
+        ("shooter of weighted polygons", rows(few(), vec![weighted_ceiling(|i| i as f64 / 63.0)], &EXACT)),
         ("lights without an area", rows(many(), lights(), &EXACT)),
         ("lights without an area, transparent occluders", rows(transparent(), lights(), &EXACT)),
         ("hemispheres", hemispheres(opaque(squares()))),
@@ -175,4 +183,23 @@ fn rows_have_the_bits_of_their_version() {
          have it and these digests:\n{digests:#?}\ninstead of\n{golden:#?}",
     );
     assert!(kinds.iter().all(|(name, bytes)| bytes.len() > 100 && !name.is_empty()), "rows hold factors");
+}
+
+/// With one weight for all, a shooter is what it is without; and rows are linear in the weights where nothing stands between.
+#[test]
+fn weights_are_factors_of_polygons() {
+    let row = |scene: ScenePolygons, shape: Shape| {
+        let groups = ReceiverGroups::new(receivers());
+        compute_row(&Scene::from(scene), &groups, 5, &Shooter { key: 1, shape }, &EXACT).0
+    };
+    let few = || opaque(blocks());
+    assert_eq!(row(few(), weighted_ceiling(|_| 1.0)), row(few(), ceiling()));
+    let none = || opaque(vec![]);
+    let all = row(none(), ceiling());
+    let rising = row(none(), weighted_ceiling(|i| i as f64 / 63.0));
+    let falling = row(none(), weighted_ceiling(|i| 1.0 - i as f64 / 63.0));
+    assert!(rising != falling && all.iter().any(|factor| *factor > 0.1));
+    for ((all, rising), falling) in all.iter().zip(rising).zip(falling) {
+        assert!((all - rising - falling).abs() <= 1e-6, "{all}, not {rising} + {falling}");
+    }
 }

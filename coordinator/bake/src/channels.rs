@@ -31,7 +31,8 @@ impl Channels {
         let varies = || scene.surfaces.iter().filter_map(|surface| surface.appearance.as_ref());
         let is_grey_scene = scene.surfaces.iter().all(|surface| is_grey(surface.reflectance))
             && varies().all(|appearance| appearance.reflects_grey() && appearance.emits_one_colour());
-        if is_grey_scene && lights.all(is_same) { Self::One(colour) } else { Self::Three }
+        let is_grey_sky = scene.sky_pattern.as_ref().is_none_or(|pattern| pattern.has_one_colour());
+        if is_grey_scene && is_grey_sky && lights.all(is_same) { Self::One(colour) } else { Self::Three }
     }
 
     /// Number of channels.

@@ -44,6 +44,7 @@ pub fn scene(surfaces: Vec<Vec<Facet>>, lights: Vec<LightKind>) -> Scene {
         surfaces,
         lights: lights.into_iter().map(light).collect(),
         sky: DVec3::ZERO,
+        sky_pattern: None,
         frame: Frame { centre: DVec3::ZERO, scale: 1.0 },
         plane_count: 1000,
         warnings: vec![],

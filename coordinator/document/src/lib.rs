@@ -13,6 +13,7 @@
 //! | [`placement`], [`nodes`] | world transforms of its nodes |
 //! | [`accessors`] | vertex data checked before it is read |
 //! | [`images`], [`texture`] | its images decoded and sampled |
+//! | [`sky`] | skies as images, of their own files or within it |
 //! | `error` | why a file cannot be read |
 //!
 //! Files are not trusted: whatever the bytes, the answer is a document or an [`ImportProblem`].
@@ -26,6 +27,7 @@ mod parse;
 pub mod placement;
 mod prepare;
 mod scene_choice;
+pub mod sky;
 pub mod texture;
 
 use std::path::{Path, PathBuf};
@@ -120,8 +122,12 @@ pub fn read(
     let limits =
         Limits { bytes: max_bytes.saturating_sub(held), max_bytes, max_triangles: options.max_triangles };
     prepare::undo(&mut root, &mut buffers, &extensions, limits)?;
-    let required =
-        root.extensions_required.iter().filter(|name| *name == parse::EXT_LIGHTS_AREA).cloned().collect();
+    let required = root
+        .extensions_required
+        .iter()
+        .filter(|name| parse::LIGHTS.contains(&name.as_str()))
+        .cloned()
+        .collect();
     let document = parse::validate(root, options.scene.as_deref())?;
     let mut warnings = Vec::new();
     let document = prepare::pose(document, &mut buffers, limits, &mut warnings)?;

@@ -9,12 +9,14 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::error::ImportProblem;
+use super::sky::EXT_LIGHTS_IMAGE_BASED;
 use super::{prepare, scene_choice};
 
 /// Extensions that are supported, or do not affect the light.
-const UNDERSTOOD: [&str; 8] = [
+const UNDERSTOOD: [&str; 9] = [
     WEBP,
     EXT_LIGHTS_AREA,
+    EXT_LIGHTS_IMAGE_BASED,
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
     "KHR_materials_pbrSpecularGlossiness",
@@ -28,6 +30,9 @@ const WEBP: &str = "EXT_texture_webp";
 
 /// Area lights: a draft, not known to the crate either.
 pub const EXT_LIGHTS_AREA: &str = "EXT_lights_area";
+
+/// Lights that the crate does not know.
+pub(crate) const LIGHTS: [&str; 2] = [EXT_LIGHTS_AREA, EXT_LIGHTS_IMAGE_BASED];
 
 /// Smallest GLB: its header.
 const GLB_HEADER: usize = 12;
@@ -85,7 +90,7 @@ fn read_otherwise(json: &[u8], error: serde_json::Error) -> Result<json::Root, I
 pub(crate) fn validate(mut root: json::Root, scene: Option<&str>) -> Result<Document, ImportProblem> {
     check_position_accessors(&root)?;
     scene_choice::choose(&mut root, scene)?;
-    root.extensions_required.retain(|name| name != WEBP && name != EXT_LIGHTS_AREA);
+    root.extensions_required.retain(|name| name != WEBP && !LIGHTS.contains(&name.as_str()));
     Document::from_json(root).map_err(ImportProblem::from)
 }
 
@@ -143,7 +148,8 @@ fn check_required_extensions(root: &json::Root) -> Result<(), ImportProblem> {
     let is_read = |name: &&String| {
         json::extensions::ENABLED_EXTENSIONS.contains(&name.as_str())
             || prepare::UNDONE.contains(&name.as_str())
-            || [WEBP, EXT_LIGHTS_AREA].contains(&name.as_str())
+            || name.as_str() == WEBP
+            || LIGHTS.contains(&name.as_str())
     };
     match root.extensions_required.iter().find(|name| !is_read(name)) {
         Some(extension) => Err(ImportProblem::ExtensionRequired { extension: extension.clone() }),

@@ -10,6 +10,7 @@
 //! | `appearance` | materials that vary over a surface, and their means over polygons |
 //! | `means` | means of images over polygons |
 //! | `report` | the import report |
+//! | `sky` | a sky's radiance by direction |
 
 mod appearance;
 mod facet;
@@ -19,8 +20,10 @@ mod light;
 mod means;
 mod model;
 mod report;
+mod sky;
 
 pub use appearance::Appearance;
+pub use document::sky::{SkyError, SkyImage};
 pub use document::{ImportError, ImportProblem, LightUnit, ReadOptions};
 pub use facet::{Corner, Facet, SourceTriangle};
 pub use frame::Frame;
@@ -28,3 +31,4 @@ pub use import::{ImportOptions, LitDocument, LitPrimitive, import, import_lit, i
 pub use light::{AreaLight, AreaShape, Light, LightEntry, LightKind, colour_and_rest};
 pub use model::{Scene, Side, SourceDocument, Surface};
 pub use report::ImportReport;
+pub use sky::{SkyCell, SkyPattern};

@@ -15,6 +15,7 @@ use crate::facet::Facet;
 use crate::frame::Frame;
 use crate::light::Light;
 use crate::report::ImportReport;
+use crate::sky::SkyPattern;
 
 /// An imported scene.
 #[derive(Debug, Clone)]
@@ -25,8 +26,11 @@ pub struct Scene {
     pub surfaces: Vec<Surface>,
     /// Lights that are no surface, one for each node that holds one.
     pub lights: Vec<Light>,
-    /// Radiance of the sky, the same from all directions, below the horizon too; zero for none.
+    /// Radiance of the sky, the same from all directions, below the horizon too; zero for none. Under a pattern, its
+    /// mean.
     pub sky: DVec3,
+    /// How the radiance of the sky differs by direction, relative to its mean.
+    pub sky_pattern: Option<Arc<SkyPattern>>,
     /// Transform between the file's coordinates and the frame.
     pub frame: Frame,
     /// Number of planes; plane ids are below it.

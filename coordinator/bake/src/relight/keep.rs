@@ -135,10 +135,16 @@ impl Solved {
     ) -> Result<SolvedPart> {
         let is_sky = sources.iter().any(|source| source.origin == Origin::Sky);
         let sky = cx.scene.sky;
-        // With three channels the sky is solved for as a white one: then any colour can be made of it.
+        // With three channels the sky is solved for as one of white mean: then any colour can be made of it.
         let is_white = is_sky && cx.channels == Channels::Three;
         if is_white {
-            sources.iter_mut().for_each(|source| source.strength = DVec3::splat(std::f64::consts::PI));
+            for source in &mut sources {
+                source.strength = if cx.scene.sky_pattern.is_some() {
+                    DVec3::select(sky.cmpgt(DVec3::ZERO), source.strength / sky, DVec3::ZERO)
+                } else {
+                    DVec3::splat(std::f64::consts::PI)
+                };
+            }
         }
         let unit = if is_sky && !is_white { Unit::White(sky.element_sum()) } else { Unit::AsItIs };
         let kept = |light: &[DVec3]| light.iter().map(|light| unit.of(*light).as_vec3()).collect();

@@ -58,16 +58,12 @@ pub fn sources(
         let (shape, strength) = shooter(&light.kind, light.intensity, scene.frame.scale, settings);
         (shape, strength, Origin::Light(index))
     });
-    let sky = sky::polygons(scene)
+    let sky = sky::shapes(scene, settings.asked_error(), joined)
         .into_iter()
-        .map(|polygon| (vec![polygon], std::f64::consts::PI * scene.sky, Origin::Sky));
+        .map(|(shape, exitance)| (shape, exitance, Origin::Sky));
     let shapes = |(polygons, exitance, origin)| (Shape::Polygons(polygons), exitance, origin);
-    let all = if joined {
-        let facets = join(facets.collect()).into_iter().map(shapes);
-        facets.chain(lights).chain(join(sky.collect()).into_iter().map(shapes)).collect::<Vec<_>>()
-    } else {
-        facets.map(shapes).chain(lights).chain(sky.map(shapes)).collect()
-    };
+    let facets = if joined { join(facets.collect()) } else { facets.collect() };
+    let all: Vec<_> = facets.into_iter().map(shapes).chain(lights).chain(sky).collect();
     all.into_iter()
         .enumerate()
         .map(|(index, (shape, strength, origin))| LightSource {

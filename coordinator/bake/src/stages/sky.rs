@@ -2,15 +2,32 @@
 //!
 //! Inside a closed surface of the same radiance everywhere, that radiance comes from every direction that is not blocked, whatever
 //! the surface's form and size. So a box does for a sphere infinitely far, its form factors are those of polygons, and what stands
-//! before it is cut out of it as of any other.
+//! before it is cut out of it as of any other. A sky that differs by direction is cut into squares of one radiance each.
+
+use std::f64::consts::PI;
 
 use glam::DVec3;
 use kernel::geometry::{ConvexPolygon, PlaneId};
+use kernel::row::Shape;
 
-use scene::Scene;
+use scene::{Scene, SkyCell, SkyPattern};
 
 /// Half the edge of the box, in frame units: the scene ends at 1024 from its middle.
 const HALF: f64 = 4096.0;
+
+/// The same of a sky that differs by direction: seen from the ends of the scene a horizon is a twentieth of a degree off.
+const FAR_HALF: f64 = 1_048_576.0;
+
+/// Most polygons of a sky that differs by direction: so many over the error asked, within bounds. What an open floor gets of an overcast
+/// sky is .8 % too little with 256, and less by their number.
+const CELLS_TIMES_ERROR: f64 = 12.8;
+const MOST_CELLS: f64 = 1024.0;
+const LEAST_CELLS: f64 = 128.0;
+
+/// A polygon that gives this part of a sky's light or more, from a square no larger than a [`SUN_CELLS`]th of an edge of the box, is
+/// traced by itself: its shadows have edges that must be found exactly.
+const SUN_PART: f64 = 1.0 / 64.0;
+const SUN_CELLS: usize = 32;
 
 /// Each face is divided into so many rows of so many squares: a smaller polygon is more often wholly hidden by one wall, and fewer
 /// occluders stand before it.
@@ -19,32 +36,78 @@ const DIVISION: u32 = 4;
 /// Corners of the box; none where the scene has no sky.
 pub fn corners(scene: &Scene) -> impl Iterator<Item = DVec3> {
     let count = if scene.sky == DVec3::ZERO { 0 } else { 8 };
-    let coordinate = |corner: u32, axis: u32| if corner >> axis & 1 == 0 { -HALF } else { HALF };
+    let half = if scene.sky_pattern.is_some() { FAR_HALF } else { HALF };
+    let coordinate = move |corner: u32, axis: u32| if corner >> axis & 1 == 0 { -half } else { half };
     (0..count).map(move |corner| DVec3::from_array([0, 1, 2].map(|axis| coordinate(corner, axis))))
 }
 
-/// The polygons of the sky, lit inside, in planes of their own.
-pub fn polygons(scene: &Scene) -> Vec<ConvexPolygon> {
+/// What the sky shoots from, and the exitance of each. Where `joined`, rays tell what stands between a receiver and all of it.
+pub fn shapes(scene: &Scene, error: f64, joined: bool) -> Vec<(Shape, DVec3)> {
     if scene.sky == DVec3::ZERO {
         return vec![];
     }
-    let edge = 2.0 * HALF / f64::from(DIVISION);
+    let exitance = PI * scene.sky;
+    if let Some(pattern) = &scene.sky_pattern {
+        return of_pattern(pattern, scene.plane_count, error, joined)
+            .into_iter()
+            .map(|(shape, radiance)| (shape, exitance * radiance))
+            .collect();
+    }
     let squares = || (0..DIVISION).flat_map(|row| (0..DIVISION).map(move |column| (row, column)));
-    let faces = (0..3).flat_map(|axis| [false, true].map(|far| (axis, far)));
-    faces
-        .enumerate()
-        .flat_map(|(face, (axis, far))| {
-            squares().map(move |(row, column)| {
-                // Counter-clockwise seen along the axis, from the far side; seen from within that is the near face.
-                let around = [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(across, along)| {
-                    let mut corner = [if far { HALF } else { -HALF }; 3];
-                    corner[(axis + 1) % 3] = edge * f64::from(row + across) - HALF;
-                    corner[(axis + 2) % 3] = edge * f64::from(column + along) - HALF;
-                    DVec3::from_array(corner)
-                });
-                let corners = if far { around.into_iter().rev().collect() } else { around.to_vec() };
-                ConvexPolygon { plane: PlaneId(scene.plane_count + face as u32), corners }
-            })
-        })
-        .collect()
+    let polygons = (0..6).flat_map(|face| {
+        squares().map(move |(row, column)| square(scene.plane_count, HALF, face, [DIVISION, row, column]))
+    });
+    if joined {
+        vec![(Shape::Polygons(polygons.collect()), exitance)]
+    } else {
+        polygons.map(|polygon| (Shape::Polygons(vec![polygon]), exitance)).collect()
+    }
+}
+
+/// The cells of a sky that differs by direction, each with its radiance relative to the mean. Joined, they have a row for each channel, but suns.
+fn of_pattern(pattern: &SkyPattern, planes: u32, error: f64, joined: bool) -> Vec<(Shape, DVec3)> {
+    let most = (CELLS_TIMES_ERROR / error).clamp(LEAST_CELLS, MOST_CELLS);
+    // Half: the rest of what was asked is for the mesh.
+    let mut cells = pattern.cells(most as usize, error / 2.0);
+    cells.retain(|cell| cell.radiance != DVec3::ZERO);
+    let polygon = |cell: &SkyCell| {
+        let place = [cell.along_edge, cell.row, cell.column].map(|count| count as u32);
+        square(planes, FAR_HALF, cell.face, place)
+    };
+    let alone = |cell: &SkyCell| (Shape::Polygons(vec![polygon(cell)]), cell.radiance);
+    if !joined {
+        return cells.iter().map(alone).collect();
+    }
+    let (suns, others): (Vec<_>, Vec<_>) =
+        cells.into_iter().partition(|cell| cell.part >= SUN_PART && cell.along_edge >= SUN_CELLS);
+    let mut shapes: Vec<_> = suns.iter().map(alone).collect();
+    let channels =
+        if pattern.has_one_colour() { vec![DVec3::ONE] } else { vec![DVec3::X, DVec3::Y, DVec3::Z] };
+    for channel in channels {
+        // Where all have one colour, relative radiance is that of any channel.
+        let value = |cell: &SkyCell| (cell.radiance * channel).max_element();
+        let most = others.iter().map(value).fold(0.0, f64::max);
+        if most > 0.0 {
+            let lit = others.iter().filter(|cell| value(cell) > 0.0);
+            let weighted = lit.map(|cell| (polygon(cell), value(cell) / most)).collect();
+            shapes.push((Shape::Weighted(weighted), channel * most));
+        }
+    }
+    shapes
+}
+
+/// A square of a face of a box of this size, lit inside: of so many along an edge, that in this row and column. Faces are -X, +X, -Y,
+/// +Y, -Z, +Z, each in a plane of its own, beyond the `planes` of the scene.
+fn square(planes: u32, half: f64, face: usize, [along_edge, row, column]: [u32; 3]) -> ConvexPolygon {
+    let (axis, far) = (face / 2, face % 2 == 1);
+    let edge = 2.0 * half / f64::from(along_edge);
+    // Counter-clockwise seen along the axis, from the far side; seen from within that is the near face.
+    let around = [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(across, along)| {
+        let mut corner = [if far { half } else { -half }; 3];
+        corner[(axis + 1) % 3] = edge * f64::from(row + across) - half;
+        corner[(axis + 2) % 3] = edge * f64::from(column + along) - half;
+        DVec3::from_array(corner)
+    });
+    let corners = if far { around.into_iter().rev().collect() } else { around.to_vec() };
+    ConvexPolygon { plane: PlaneId(planes + face as u32), corners }
 }

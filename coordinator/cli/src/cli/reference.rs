@@ -1,5 +1,6 @@
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
@@ -62,8 +63,12 @@ pub fn run(arguments: &ReferenceArguments, threads: NonZeroUsize) -> anyhow::Res
     let clock = Instant::now();
     check_output(arguments)?;
     let options = arguments.options.import_options()?;
-    let options =
-        PlainOptions { scene: options.read.scene, light_unit: options.light_unit, sky: options.sky };
+    let options = PlainOptions {
+        scene: options.read.scene,
+        light_unit: options.light_unit,
+        sky: options.sky,
+        sky_image: arguments.options.sky_image()?.map(Arc::new),
+    };
     let scene = PlainScene::open_with(&arguments.scene, &options)?;
     for warning in &scene.warnings {
         say(format_args!("warning: {warning}"));
@@ -117,7 +122,11 @@ fn located(scene: &PlainScene, path: &Path, points: &[ReferencePoint]) -> Result
 fn check_output(arguments: &ReferenceArguments) -> anyhow::Result<()> {
     let output = &arguments.output;
     check_distinct(
-        &[("scene", Some(&arguments.scene)), ("other reference", arguments.at.as_deref())],
+        &[
+            ("scene", Some(&arguments.scene)),
+            ("other reference", arguments.at.as_deref()),
+            ("sky", arguments.options.sky_path()),
+        ],
         &[("output", Some(output))],
     )?;
     Ok(files::check(output)?)

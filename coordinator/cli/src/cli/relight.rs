@@ -31,7 +31,7 @@ pub struct RelightArguments {
     /// Write all results to this JSON file
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
-    /// As in the bake, except --sky: the radiance of the new sky
+    /// As in the bake, except --sky: the radiance of the new sky; under an image, its mean
     #[command(flatten)]
     options: SceneOptions,
     #[command(flatten)]
@@ -56,7 +56,7 @@ pub fn run(arguments: &RelightArguments) -> anyhow::Result<()> {
         kept_light: &arguments.kept,
         light: NewLight {
             changes: arguments.lights.clone(),
-            sky: arguments.options.sky(),
+            sky: arguments.options.sky("give the new radiance, or bake anew")?,
             only: settings.only,
             groups: settings.groups,
         },

@@ -95,7 +95,8 @@ pub fn run(arguments: &SolveArguments, workers: &ClusterSettings) -> anyhow::Res
         ("checkpoint", checkpoint.as_deref()),
         ("kept light", arguments.keep_light.as_deref()),
     ];
-    check_distinct(&[("scene", Some(&arguments.scene))], &written)?;
+    let read = [("scene", Some(&*arguments.scene)), ("sky", arguments.options.sky_path())];
+    check_distinct(&read, &written)?;
     if let Some(kept) = &arguments.keep_light {
         check_place(kept, "kept light", "--keep-light")?;
     }
@@ -103,7 +104,7 @@ pub fn run(arguments: &SolveArguments, workers: &ClusterSettings) -> anyhow::Res
         arguments.written.settings(&arguments.options.options(), arguments.knobs.settings()?)?;
     let request = BakeRequest {
         scene: SceneSource::File(&arguments.scene),
-        import: arguments.options.import_options()?,
+        import: arguments.options.with_sky()?,
         bake: BakeSettings { keep_light: arguments.keep_light.is_some().then_some(u64::MAX), ..settings },
         export,
         output: &arguments.output,

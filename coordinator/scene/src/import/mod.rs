@@ -37,6 +37,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::Arc;
 
+use document::sky::sky_of;
 use document::{ImportError, ImportProblem, LightUnit, PlainDocument, ReadOptions};
 use glam::{DAffine3, DVec3};
 use kernel::geometry::Bounds;
@@ -55,6 +56,7 @@ use crate::frame::Frame;
 use crate::light::Light;
 use crate::model::{Scene, Side, SourceDocument, Surface};
 use crate::report::ImportReport;
+use crate::sky::SkyPattern;
 use document::accessors::Context;
 use document::images;
 use document::nodes::{self, PlacedNode, node_label};
@@ -73,8 +75,11 @@ pub struct ImportOptions {
     pub needs_light: bool,
     /// Unit of the file's light intensities.
     pub light_unit: LightUnit,
-    /// Radiance of a uniform sky around the scene, W/(m^2 sr) or cd/m^2; finite, not negative [default: 0].
+    /// Radiance of a uniform sky around the scene, W/(m^2 sr) or cd/m^2; finite, not negative [default: 0]. Under a pattern, its
+    /// mean.
     pub sky: DVec3,
+    /// How the radiance of the sky differs by direction, relative to its mean [default: as in the file, if it has a sky and `sky` is 0].
+    pub sky_pattern: Option<Arc<SkyPattern>>,
 }
 
 impl Default for ImportOptions {
@@ -85,6 +90,7 @@ impl Default for ImportOptions {
             needs_light: true,
             light_unit: LightUnit::Candela,
             sky: DVec3::ZERO,
+            sky_pattern: None,
         }
     }
 }
@@ -111,6 +117,15 @@ fn scene_of(mut file: PlainDocument, options: &ImportOptions) -> Result<Scene, I
     let mut content = Content { warnings: std::mem::take(&mut file.warnings), ..Content::default() };
     document::warn_ignored_extensions(file.document.as_json(), &mut content.warnings);
     content.collect(&file, options)?;
+    content.sky = options.sky;
+    content.sky_pattern = options.sky_pattern.clone();
+    if options.sky == DVec3::ZERO
+        && let Some(image) = sky_of(&file, &mut content.warnings)?
+    {
+        let pattern = SkyPattern::new(&image);
+        content.sky = pattern.mean();
+        content.sky_pattern = Some(Arc::new(pattern));
+    }
     let mut root = file.document.into_json();
     document::require_again(&mut root, file.required);
     let source = SourceDocument { root, buffers: file.buffers, folder: file.folder };
@@ -135,6 +150,8 @@ struct PlacedPrimitive {
 struct Content {
     primitives: Vec<PlacedPrimitive>,
     lights: Vec<WorldLight>,
+    sky: DVec3,
+    sky_pattern: Option<Arc<SkyPattern>>,
     warnings: Vec<String>,
     tally: Tally,
 }
@@ -211,7 +228,7 @@ impl Content {
     }
 
     fn into_scene(self, source: SourceDocument, options: &ImportOptions) -> Result<Scene, ImportProblem> {
-        let Self { mut primitives, lights, mut warnings, tally } = self;
+        let Self { mut primitives, lights, sky, sky_pattern, mut warnings, tally } = self;
         if primitives.iter().all(|placed| placed.geometry.triangles.is_empty()) {
             return Err(ImportProblem::NoTriangles);
         }
@@ -245,7 +262,7 @@ impl Content {
         let shines = |surface: &Surface| surface.exitance != DVec3::ZERO;
         let mut lights: Vec<Light> =
             lights.into_iter().filter_map(|light| light.place(&frame, &mut warnings)).collect();
-        let is_dark = options.sky == DVec3::ZERO
+        let is_dark = sky == DVec3::ZERO
             && !surfaces.iter().any(shines)
             && lights.iter().all(|light| light.intensity == DVec3::ZERO);
         if options.needs_light && is_dark {
@@ -260,7 +277,8 @@ impl Content {
             vertex_count,
             surfaces,
             lights,
-            sky: options.sky,
+            sky,
+            sky_pattern,
             frame,
             plane_count,
             warnings,

@@ -33,7 +33,8 @@ impl Tally {
         let sources = [("emissive surface", emissive)].into_iter().filter(|(_, count)| *count > 0);
         modelled.extend(sources.chain(lights).map(|(kind, count)| in_words(&(kind.to_owned(), count))));
         if scene.sky != glam::DVec3::ZERO {
-            modelled.push("a uniform sky".to_owned());
+            modelled
+                .push(if scene.sky_pattern.is_some() { "a sky image" } else { "a uniform sky" }.to_owned());
         }
         ImportReport { modelled, ignored: self.ignored.iter().map(in_words).collect() }
     }

@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeSet, HashSet};
 use std::path::Path;
+use std::sync::Arc;
 
 use glam::DVec3;
 use gltf::{Material, Semantic};
@@ -10,6 +11,7 @@ use super::appearance::{Appearances, MAX_REFLECTANCE, PlainAppearance, PlainMate
 use super::source::{Geometry, PlainDocument, has_triangles, label};
 use super::{PlainError, PlainLight};
 use document::EXT_LIGHTS_AREA;
+use document::sky::{EXT_LIGHTS_IMAGE_BASED, SkyImage};
 use document::{ImportError, ImportProblem, LightUnit};
 
 /// Height over longest edge below which a triangle has no area to speak of.
@@ -29,8 +31,10 @@ pub struct PlainScene {
     pub appearances: Vec<Option<PlainAppearance>>,
     /// Lights that are no surface.
     pub lights: Vec<PlainLight>,
-    /// Radiance of the sky, the same from all directions.
+    /// Radiance of the sky, the same from all directions. Under an image, its factor.
     pub sky: DVec3,
+    /// Radiance of the sky by direction.
+    pub sky_image: Option<Arc<SkyImage>>,
     /// Warnings on what is not modelled.
     pub warnings: Vec<String>,
 }
@@ -62,8 +66,10 @@ pub struct PlainOptions {
     pub scene: Option<String>,
     /// Unit of the file's light intensities.
     pub light_unit: LightUnit,
-    /// Radiance of a uniform sky.
+    /// Radiance of a uniform sky. Under an image, its factor.
     pub sky: DVec3,
+    /// Radiance of the sky by direction [default: that of the file, if `sky` is 0].
+    pub sky_image: Option<Arc<SkyImage>>,
 }
 
 impl PlainScene {
@@ -80,11 +86,17 @@ impl PlainScene {
     /// # Errors
     /// As [`PlainScene::open`]; when there is no such scene.
     pub fn open_with(path: &Path, options: &PlainOptions) -> Result<Self, PlainError> {
-        let document = PlainDocument::open(path, options.scene.as_deref())?;
-        let mut scene = Self { sky: options.sky, ..Self::default() };
+        let mut document = PlainDocument::open(path, options.scene.as_deref())?;
+        let mut scene = Self { sky: options.sky, sky_image: options.sky_image.clone(), ..Self::default() };
         let mut appearances = Appearances::default();
         // Each is said once, in alphabetical order.
-        let mut warnings = BTreeSet::new();
+        let mut warnings: BTreeSet<String> = std::mem::take(&mut document.warnings).into_iter().collect();
+        if options.sky == DVec3::ZERO
+            && let Some(image) = document.sky.take()
+        {
+            scene.sky = DVec3::ONE;
+            scene.sky_image = Some(Arc::new(image));
+        }
         for (primitive, (node, source)) in document.primitives().into_iter().enumerate() {
             let geometry = document.geometry(&node, &source)?;
             let count = geometry.positions.len();
@@ -198,7 +210,8 @@ fn check(
 
 fn warn_unmodelled(document: &PlainDocument, warnings: &mut BTreeSet<String>) {
     let understood = |name: &String| {
-        name == EXT_LIGHTS_AREA || gltf::json::extensions::ENABLED_EXTENSIONS.contains(&name.as_str())
+        [EXT_LIGHTS_AREA, EXT_LIGHTS_IMAGE_BASED].contains(&name.as_str())
+            || gltf::json::extensions::ENABLED_EXTENSIONS.contains(&name.as_str())
     };
     let ignored: Vec<&str> =
         document.document.extensions_used().filter(|name| !understood(&(*name).to_owned())).collect();

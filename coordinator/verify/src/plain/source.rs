@@ -10,7 +10,8 @@ use gltf::{Accessor, Document, Node, Primitive, Semantic};
 use super::PlainError;
 use document::accessors::{Context, is_within_bounds};
 use document::placement::world_matrices;
-use document::{ReadOptions, read_uri};
+use document::sky::{SkyImage, sky_of};
+use document::{ImportError, ReadOptions, read_uri};
 
 /// A document with its buffers.
 pub(crate) struct PlainDocument {
@@ -18,6 +19,10 @@ pub(crate) struct PlainDocument {
     pub(super) document: Document,
     buffers: Vec<Vec<u8>>,
     world: Vec<DMat4>,
+    /// The sky of the scene, if it has one.
+    pub(super) sky: Option<SkyImage>,
+    /// Warnings on what of it could not be read.
+    pub(super) warnings: Vec<String>,
 }
 
 /// The geometry of one primitive at one node.
@@ -32,9 +37,13 @@ impl PlainDocument {
     /// Reads a .glb or .gltf file, of which `scene` is meant, or else the default scene.
     pub(crate) fn open(path: &Path, scene: Option<&str>) -> Result<Self, PlainError> {
         let options = ReadOptions { scene: scene.map(str::to_owned), ..ReadOptions::default() };
-        let document::PlainDocument { document, buffers, .. } = document::open(path, &options)?;
+        let file = document::open(path, &options)?;
+        let mut warnings = vec![];
+        let wrong = |problem| ImportError::new(&path.display().to_string(), problem);
+        let sky = sky_of(&file, &mut warnings).map_err(wrong)?;
+        let document::PlainDocument { document, buffers, .. } = file;
         let world = world_matrices(&document);
-        Ok(Self { path: path.to_owned(), document, buffers, world })
+        Ok(Self { path: path.to_owned(), document, buffers, world, sky, warnings })
     }
 
     /// The file.

@@ -9,7 +9,7 @@ use super::solid::{CLEARANCE, Solid};
 use crate::plain::{PlainLight, PlainLightKind};
 
 /// Distance of the place from which light comes from far, in the frame: its extent is 1, so that nothing is beyond.
-const FAR: f64 = 4.0;
+pub(super) const FAR: f64 = 4.0;
 
 /// The light sources of a scene, in the frame of its solid.
 pub(super) struct Lights {

@@ -8,6 +8,7 @@
 //! | `places` | the points: random ones, or those of another reference |
 //! | `solid` | the triangles behind a bounding volume hierarchy: what does a ray meet first? |
 //! | `lights` | where light comes from, and how to choose a point of it |
+//! | `sky` | a sky that differs by direction |
 //! | `paths` | the estimator |
 //! | `hash` | seeds of random draws |
 //! | `agreement` | one reference against another |
@@ -18,6 +19,7 @@ mod hash;
 mod lights;
 mod paths;
 mod places;
+mod sky;
 mod solid;
 #[cfg(test)]
 mod tests;
@@ -91,7 +93,7 @@ pub enum ReferenceError {
     NoReflection,
     /// Nothing gives light.
     #[error(
-        "the scene has no light: give a material an emissiveFactor, add a light (KHR_lights_punctual, EXT_lights_area), or give --sky"
+        "the scene has no light: give a material an emissiveFactor, add a light (KHR_lights_punctual, EXT_lights_area, EXT_lights_image_based), or give --sky"
     )]
     NoLight,
     /// The other reference has points that the scene does not have.

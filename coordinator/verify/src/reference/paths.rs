@@ -6,7 +6,8 @@ use glam::DVec3;
 use sobol_burley::{NUM_DIMENSION_SETS_4D, sample_4d};
 
 use super::hash::mix;
-use super::lights::{Lights, kernel, weight};
+use super::lights::{FAR, Lights, kernel, weight};
+use super::sky::Sky;
 use super::solid::{CLEARANCE, Solid};
 use super::{GROUPS, Place, ReferencePoint};
 use crate::plain::PlainScene;
@@ -26,6 +27,8 @@ pub(super) struct Tracer<'a> {
     solid: Solid<'a>,
     /// None under a sky alone.
     lights: Option<Lights>,
+    /// None under a sky that is the same everywhere.
+    sky: Option<Sky<'a>>,
 }
 
 /// A path: which of its group, and the seed of the group.
@@ -51,8 +54,9 @@ impl<'a> Tracer<'a> {
     pub(super) fn new(scene: &'a PlainScene) -> Option<Self> {
         let solid = Solid::new(scene);
         let lights = Lights::new(&solid, &scene.lights);
-        let shines = scene.sky != DVec3::ZERO || lights.is_some();
-        shines.then_some(Self { scene, solid, lights })
+        let sky = scene.sky_image.as_ref().and_then(|image| Sky::new(image, scene.sky));
+        let has_sky = if scene.sky_image.is_some() { sky.is_some() } else { scene.sky != DVec3::ZERO };
+        (has_sky || lights.is_some()).then_some(Self { scene, solid, lights, sky })
     }
 
     /// The radiosity at a place, from [`GROUPS`] groups of `paths` paths each; `index` makes its random numbers its own.
@@ -101,9 +105,26 @@ impl<'a> Tracer<'a> {
                     gathered += share * sample.irradiance * passing;
                 }
             }
+            if let Some(sky) = &self.sky {
+                let towards = sky.direction([which_near, s, t]);
+                let cosine = normal.dot(towards);
+                if cosine > 0.0 {
+                    let density = sky.density(towards);
+                    let passing = self.solid.transmittance(at, at + towards * FAR);
+                    let weighed = weight(density, cosine / PI) * passing * cosine / density;
+                    gathered += share * sky.radiance(towards) * weighed;
+                }
+            }
             let direction = by_cosine(normal, u, v);
             let Some(hit) = self.solid.first_hit(at, direction, chance.to_bits()) else {
-                gathered += share * PI * self.scene.sky;
+                gathered += match &self.sky {
+                    Some(sky) => {
+                        let weight = weight(normal.dot(direction) / PI, sky.density(direction));
+                        share * PI * sky.radiance(direction) * weight
+                    }
+                    None if self.scene.sky_image.is_none() => share * PI * self.scene.sky,
+                    None => DVec3::ZERO,
+                };
                 break;
             };
             let triangle = &self.solid.triangles()[hit.triangle];

@@ -22,6 +22,8 @@ pub struct Shooter {
 pub enum Shape {
     /// Convex polygons that do not overlap; rows hold visible form factors.
     Polygons(Vec<ConvexPolygon>),
+    /// Convex polygons that do not overlap, each with a weight from 0 to 1; rows hold the sum of visible form factors times weights.
+    Weighted(Vec<(ConvexPolygon, f64)>),
     /// An isotropic point light; rows hold V cos / r^2.
     Point(DVec3),
     /// A point light weighted by the cosine of a horizontal plane through it; rows hold 2 V |cos(plane)| cos / r^2.
@@ -55,6 +57,7 @@ impl Shape {
     pub fn polygons(&self) -> usize {
         match self {
             Self::Polygons(polygons) => polygons.len(),
+            Self::Weighted(polygons) => polygons.len(),
             Self::Point(_)
             | Self::PlanarPoint(_)
             | Self::Spot(_)
@@ -105,13 +108,11 @@ impl Shooter {
         let direction = |d: &DVec3| messages::Direction { coordinates: d.to_array().to_vec() };
         let shape = match &self.shape {
             Shape::Polygons(polygons) => shooter::Shape::Polygons(messages::Polygons {
-                polygons: polygons
-                    .iter()
-                    .map(|polygon| messages::ConvexPolygon {
-                        plane: polygon.plane.0,
-                        coordinates: polygon.corners.iter().flat_map(|p| p.to_array()).collect(),
-                    })
-                    .collect(),
+                polygons: polygons.iter().map(polygon_message).collect(),
+            }),
+            Shape::Weighted(polygons) => shooter::Shape::Weighted(messages::WeightedPolygons {
+                polygons: polygons.iter().map(|(polygon, _)| polygon_message(polygon)).collect(),
+                weights: polygons.iter().map(|(_, weight)| *weight).collect(),
             }),
             Shape::Point(position) => shooter::Shape::Point(point(position)),
             Shape::PlanarPoint(position) => shooter::Shape::PlanarPoint(point(position)),
@@ -136,18 +137,19 @@ impl Shooter {
 
     pub(super) fn from_message(message: &messages::Shooter) -> Result<Self, RequestError> {
         let shape = match message.shape.as_ref().ok_or(RequestError::Invalid("shooter without a shape"))? {
-            shooter::Shape::Polygons(set) => Shape::Polygons(
-                set.polygons
-                    .iter()
-                    .map(|polygon| {
-                        let corners = points(&polygon.coordinates)?;
-                        if corners.len() < 3 {
-                            return Err(RequestError::Invalid("a polygon needs three corners or more"));
-                        }
-                        Ok(ConvexPolygon { plane: PlaneId(polygon.plane), corners })
-                    })
-                    .collect::<Result<_, _>>()?,
-            ),
+            shooter::Shape::Polygons(set) => {
+                Shape::Polygons(set.polygons.iter().map(polygon_of).collect::<Result<_, _>>()?)
+            }
+            shooter::Shape::Weighted(set) => {
+                let is_weight = |weight: &f64| (0.0..=1.0).contains(weight);
+                if set.polygons.len() != set.weights.len() || !set.weights.iter().all(is_weight) {
+                    return Err(RequestError::Invalid("each weighted polygon has a weight from 0 to 1"));
+                }
+                let polygons = set.polygons.iter().zip(&set.weights);
+                let weighted =
+                    polygons.map(|(polygon, weight)| polygon_of(polygon).map(|polygon| (polygon, *weight)));
+                Shape::Weighted(weighted.collect::<Result<_, _>>()?)
+            }
             shooter::Shape::Point(position) => Shape::Point(position_of(position)?),
             shooter::Shape::PlanarPoint(position) => Shape::PlanarPoint(position_of(position)?),
             shooter::Shape::Spot(spot) => Shape::Spot(spot_of(spot)?),
@@ -156,6 +158,21 @@ impl Shooter {
         };
         Ok(Self { key: message.key, shape })
     }
+}
+
+fn polygon_message(polygon: &ConvexPolygon) -> messages::ConvexPolygon {
+    messages::ConvexPolygon {
+        plane: polygon.plane.0,
+        coordinates: polygon.corners.iter().flat_map(|p| p.to_array()).collect(),
+    }
+}
+
+fn polygon_of(polygon: &messages::ConvexPolygon) -> Result<ConvexPolygon, RequestError> {
+    let corners = points(&polygon.coordinates)?;
+    if corners.len() < 3 {
+        return Err(RequestError::Invalid("a polygon needs three corners or more"));
+    }
+    Ok(ConvexPolygon { plane: PlaneId(polygon.plane), corners })
 }
 
 fn position_of(point: &messages::Point) -> Result<DVec3, RequestError> {
@@ -232,7 +249,8 @@ mod tests {
     fn every_shape_comes_back_as_it_went() {
         let corners = vec![DVec3::ZERO, DVec3::X, DVec3::Y];
         let shapes = [
-            Shape::Polygons(vec![ConvexPolygon { plane: PlaneId(7), corners }]),
+            Shape::Polygons(vec![ConvexPolygon { plane: PlaneId(7), corners: corners.clone() }]),
+            Shape::Weighted(vec![(ConvexPolygon { plane: PlaneId(7), corners }, 0.5)]),
             Shape::Point(DVec3::ONE),
             Shape::PlanarPoint(DVec3::NEG_ONE),
             Shape::Spot(SPOT),

@@ -75,6 +75,7 @@ pub fn run(arguments: &SubmitArguments) -> anyhow::Result<()> {
         check_distinct(&[("scene", arguments.scene.as_deref())], &[("output", Some(output))])?;
         files::check(output)?;
     }
+    arguments.options.sky("put it into the file, as EXT_lights_image_based")?;
     let header = header(arguments)?;
     wait(async {
         let mut connection = Connection::open(&arguments.server).await?;
