@@ -269,7 +269,7 @@ pub enum ImportProblem {
     NoTriangles,
     /// No light source.
     #[error(
-        "has no light; give a material an emissiveFactor, add a light (KHR_lights_punctual, EXT_lights_area), or give --sky"
+        "has no light; give a material an emissiveFactor, add a light (KHR_lights_punctual, EXT_lights_area, EXT_lights_image_based), or give --sky"
     )]
     NoLight,
     /// The scene cannot be scaled to a working size.

@@ -2,7 +2,7 @@
 //!
 //! The image is summed over the cells of a quadtree on each face of a cube. A bake takes the coarsest cells, then divides those first
 //! whose radiance varies most times their solid angle: a sun becomes a cell of its own size, a clear sky stays in large ones. A cell's
-//! radiance is its mean, so that what falls on an open surface is right however coarse the cells are.
+//! radiance is its mean: what comes from it in all is right however coarse it is.
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
@@ -10,8 +10,11 @@ use std::collections::BinaryHeap;
 use document::sky::{SkyImage, solid_angle_on_cube};
 use glam::DVec3;
 
-/// Most levels of the quadtree: 512 cells along an edge of the cube, .18 degrees each in the middle of a face.
+/// Most levels of the quadtree: 512 cells along an edge of the cube, .22 degrees each in the middle of a face.
 const MOST_LEVELS: usize = 9;
+
+/// Cells this many times as bright as the mean are those of suns.
+const BRIGHT: f64 = 16.0;
 
 /// Channels that differ by less than this are the same.
 const ROUNDING: f64 = 1e-6;
@@ -113,11 +116,14 @@ impl SkyPattern {
             cells[cell_of(direction, edge)].add(&part);
             whole.add(&part);
         });
-        // Parts fall into one cell or the next as a whole: cells get their own solid angles, and all together the light of the image.
+        // Parts fall into one cell or the next as a whole: cells get their own solid angles, and all together the light of the image. A
+        // sun's flux counts as it is, wherever its parts fell.
+        let bright = BRIGHT * whole.flux.element_sum() / whole.solid_angle;
         let mut found = DVec3::ZERO;
         for (index, cell) in cells.iter_mut().enumerate().filter(|(_, cell)| cell.solid_angle > 0.0) {
             let exact = solid_angle_of(index, edge);
-            let factor = exact / cell.solid_angle;
+            let is_sun = cell.flux.element_sum() > bright * cell.solid_angle;
+            let factor = if is_sun { 1.0 } else { exact / cell.solid_angle };
             *cell = Sum { flux: cell.flux * factor, square: cell.square * factor, solid_angle: exact };
             found += cell.flux;
         }
@@ -307,6 +313,30 @@ mod tests {
             assert!(direction.normalize().dot(towards) > 0.9999, "{cell:?}");
         }
         assert!(!pattern.has_one_colour());
+    }
+
+    /// Half of the light from one texel, wherever it is: near a corner of the cube, cells are small and few parts fall into each.
+    #[test]
+    fn a_sun_keeps_its_flux_beside_a_sky() {
+        let (width, bright) = (1024, 4e5);
+        for [column, row] in [[640, 156], [641, 157], [512, 3], [77, 250], [895, 158]] {
+            let sky = image(width, |x, y| if [x, y] == [column, row] { [bright; 3] } else { [1.0; 3] });
+            let mut flux = 0.0;
+            sky.each_part(1, |_, solid_angle, radiance| {
+                flux += if radiance.x > 1.0 { radiance.x * solid_angle } else { 0.0 };
+            });
+            let pattern = SkyPattern::new(&sky);
+            let (mut sun, mut all) = (0.0, 0.0);
+            for cell in pattern.cells(256, 0.01) {
+                let index = cell.row * cell.along_edge + cell.column;
+                let own = cell.radiance.x * pattern.mean().x * solid_angle_of(index, cell.along_edge);
+                all += own;
+                sun += if cell.radiance.x * pattern.mean().x > 1e3 { own } else { 0.0 };
+            }
+            assert!((sun / flux - 1.0).abs() < 0.01, "{column}, {row}: {sun}, not {flux}");
+            let expected = flux + 4.0 * std::f64::consts::PI;
+            assert!((all / expected - 1.0).abs() < 0.001, "{column}, {row}: {all}, not {expected}");
+        }
     }
 
     #[test]

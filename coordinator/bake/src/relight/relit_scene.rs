@@ -6,7 +6,7 @@ use gltf::json::extensions::material::{EmissiveStrength, EmissiveStrengthFactor}
 
 use super::NewLight;
 use crate::stages::Origin;
-use scene::colour_and_rest;
+use scene::{EXT_LIGHTS_IMAGE_BASED, colour_and_rest};
 use scene::{LightEntry, Scene};
 
 /// Factors of all users of one object of the document.
@@ -36,6 +36,10 @@ pub(super) fn changed(scene: &Scene, light: &NewLight) -> (Scene, Vec<String>) {
         of_lights.entry(own.entry).or_default().push(factor);
     }
     let mut warnings = vec![];
+    let has_sky = scene.source.root.extensions_used.iter().any(|name| name == EXT_LIGHTS_IMAGE_BASED);
+    if has_sky && changed.sky != scene.sky {
+        warnings.push(format!("the sky of the file ({EXT_LIGHTS_IMAGE_BASED}) is written as it was"));
+    }
     let root = &mut changed.source.root;
     change_all(of_materials, root, |index| format!("material {index}"), change_material, &mut warnings);
     change_all(of_lights, root, LightEntry::to_string, LightEntry::multiply, &mut warnings);

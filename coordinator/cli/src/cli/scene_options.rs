@@ -71,7 +71,9 @@ impl<U: Unused> SceneOptions<U> {
         }
         let options = self.import_options()?;
         let mean = pattern.as_ref().map_or(DVec3::ONE, |pattern| pattern.mean());
-        Ok(ImportOptions { sky: options.sky * mean, sky_pattern: pattern, ..options })
+        let sky = options.sky * mean;
+        anyhow::ensure!(sky.is_finite(), "the sky is too bright: give a smaller --sky-intensity");
+        Ok(ImportOptions { sky, sky_pattern: pattern, ..options })
     }
 
     /// File of the sky image, where one was given.

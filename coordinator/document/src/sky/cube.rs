@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use glam::{DQuat, DVec4};
 use serde::Deserialize;
 
-use super::{Projection, SkyImage};
+use super::{MOST_WIDTH, Projection, SkyImage};
 use crate::PlainDocument;
 use crate::error::ImportProblem;
 use crate::images;
@@ -61,7 +61,7 @@ pub fn sky_of(file: &PlainDocument, warnings: &mut Vec<String>) -> Result<Option
         return Err(wrong(format!("its intensity is {}, expected finite and not negative", entry.intensity)));
     }
     let rotation = DVec4::from_array(entry.rotation);
-    if !rotation.is_finite() || rotation == DVec4::ZERO {
+    if !(0.001..1000.0).contains(&rotation.length()) {
         return Err(wrong("its rotation is no quaternion".into()));
     }
     let faces = entry.specular_images.first().filter(|faces| faces.len() == 6);
@@ -76,12 +76,22 @@ pub fn sky_of(file: &PlainDocument, warnings: &mut Vec<String>) -> Result<Option
     if faces.iter().any(|face| [face.width(), face.height()] != [edge; 2]) {
         return Err(wrong("its images are not squares of one size".into()));
     }
+    if edge as usize > MOST_WIDTH / 4 {
+        return Err(wrong(format!(
+            "its images have {edge} texels along an edge; scale them down to {}",
+            MOST_WIDTH / 4
+        )));
+    }
     // Colours are divided by alpha, which is 1 in images without one.
     let linear = |[r, g, b, a]: [u8; 4]| {
         let alpha = (f64::from(a) / 255.0).max(LEAST_ALPHA);
         [r, g, b].map(|stored| (Encoding::Srgb.decode(stored) / alpha * entry.intensity) as f32)
     };
-    let texels = faces.iter().flat_map(|face| face.texels().iter().copied().map(linear)).collect();
+    let texels: Vec<[f32; 3]> =
+        faces.iter().flat_map(|face| face.texels().iter().copied().map(linear)).collect();
+    if !texels.iter().flatten().all(|value| value.is_finite()) {
+        return Err(wrong(format!("its intensity of {} is too large", entry.intensity)));
+    }
     let rotation = DQuat::from_vec4(rotation.normalize());
     Ok(Some(SkyImage { projection: Projection::Cube { edge: edge as usize }, texels, rotation }))
 }

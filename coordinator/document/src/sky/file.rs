@@ -12,8 +12,8 @@ use image::{ImageFormat, ImageReader, Limits};
 use super::{MOST_WIDTH, Projection, SkyError, SkyImage};
 use crate::buffers::read_file;
 
-/// Most bytes of a file: three floats for each texel, and what is around them.
-const MOST_BYTES: u64 = 16 * (MOST_WIDTH * MOST_WIDTH / 2) as u64;
+/// Most bytes of a file: four floats for each texel, and as much around them.
+const MOST_BYTES: u64 = 32 * (MOST_WIDTH * MOST_WIDTH / 2) as u64;
 
 impl SkyImage {
     /// Reads an equirectangular image: OpenEXR, or Radiance HDR. Which of them it is the bytes tell. Values below 0, which some colour

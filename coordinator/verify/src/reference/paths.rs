@@ -109,9 +109,9 @@ impl<'a> Tracer<'a> {
                 let towards = sky.direction([which_near, s, t]);
                 let cosine = normal.dot(towards);
                 if cosine > 0.0 {
-                    let density = sky.density(towards);
                     let passing = self.solid.transmittance(at, at + towards * FAR);
-                    let weighed = weight(density, cosine / PI) * passing * cosine / density;
+                    // The balance heuristic, over the density.
+                    let weighed = passing * cosine / (sky.density(towards) + cosine / PI);
                     gathered += share * sky.radiance(towards) * weighed;
                 }
             }

@@ -20,10 +20,21 @@ pub(super) struct Sky<'a> {
 impl<'a> Sky<'a> {
     /// Prepares an image; `None` where no light comes from it.
     pub(super) fn new(image: &'a SkyImage, factor: DVec3) -> Option<Self> {
-        let mut ends = vec![0.0; WIDTH * HEIGHT];
-        image.each_part(1, |direction, solid_angle, radiance| {
-            ends[cell_of(direction)] += (radiance * factor).element_sum() * solid_angle;
+        // Parts are smaller than cells, and a cell may be as bright as its neighbours: none that a sun reaches into is left without chance.
+        let division = (4 * WIDTH).div_ceil(image.texels_around()).min(64);
+        let mut brightness = vec![0.0; WIDTH * HEIGHT];
+        image.each_part(division, |direction, solid_angle, radiance| {
+            brightness[cell_of(direction)] += (radiance * factor).element_sum() * solid_angle;
         });
+        brightness.iter_mut().enumerate().for_each(|(cell, sum)| *sum /= solid_angle(cell));
+        let around = |cell: usize| {
+            let (row, column) = (cell / WIDTH, cell % WIDTH);
+            let rows = row.saturating_sub(1)..(row + 2).min(HEIGHT);
+            let cells =
+                rows.flat_map(|row| [WIDTH - 1, 0, 1].map(|step| row * WIDTH + (column + step) % WIDTH));
+            cells.map(|cell| brightness[cell]).fold(0.0, f64::max)
+        };
+        let mut ends: Vec<f64> = (0..WIDTH * HEIGHT).map(|cell| around(cell) * solid_angle(cell)).collect();
         let mut sum = 0.0;
         for end in &mut ends {
             sum += *end;
