@@ -50,8 +50,12 @@ pub struct Context<'a> {
     pub place: &'a str,
     /// The bytes of every buffer.
     pub buffers: &'a [Vec<u8>],
-    /// Bytes that an accessor without data (a sparse one over zeros) may expand to.
-    pub max_bytes: u64,
+}
+
+/// Most elements of an accessor without data, a sparse one over zeros: each is of a vertex that has a byte somewhere, so that a file
+/// of a few bytes cannot claim memory for millions.
+pub(crate) fn most_zeros(buffers: &[Vec<u8>]) -> u64 {
+    buffers.iter().map(|bytes| bytes.len() as u64).sum()
 }
 
 /// Checks that `accessor` has one of the formats, at least one element, and all its bytes within its buffers.
@@ -84,7 +88,7 @@ pub fn is_within_bounds(accessor: &Accessor, context: &Context) -> bool {
     let (size, count) = (accessor.size() as u64, accessor.count() as u64);
     let base = match accessor.view() {
         Some(view) => fits(&view, accessor.offset(), count, size, context.buffers),
-        None => count.checked_mul(size).is_some_and(|bytes| bytes <= context.max_bytes),
+        None => count <= most_zeros(context.buffers),
     };
     let Some(sparse) = accessor.sparse() else { return base };
     let (indices, values) = (sparse.indices(), sparse.values());

@@ -150,9 +150,10 @@ pub enum ImportProblem {
         /// The node.
         node: String,
     },
-    /// An accessor that reaches past its buffer.
+    /// An accessor that reaches past its buffer, or has none and claims more than any file of this length needs.
     #[error(
-        "{place}: accessor {accessor} ({attribute}) reaches outside its buffer; the file is damaged, export it again"
+        "{place}: accessor {accessor} ({attribute}) reaches outside its buffer, or has none and more elements than the file has \
+         bytes; the file is damaged, export it again"
     )]
     AccessorOutOfBounds {
         /// Node and primitive.

@@ -10,6 +10,10 @@ use super::extensions::{CompressedView, Extensions, Filter, Mode};
 use super::storage::Storage;
 use crate::error::ImportProblem;
 
+/// Most bytes of attributes that a byte can encode: at best, four bytes of each of 256 elements are one byte of control bits. A
+/// triangle and an index take a byte at least.
+const BYTES_PER_BYTE: usize = 1024;
+
 /// Puts the decoded bytes in place of every compressed view's.
 pub(super) fn decode(storage: &mut Storage, extensions: &Extensions) -> Result<(), ImportProblem> {
     for (&index, compressed) in &extensions.views {
@@ -51,6 +55,14 @@ fn check(view: &CompressedView) -> Result<(), &'static str> {
     };
     if !fits {
         return Err("its stride or count does not suit its mode");
+    }
+    let most = match view.mode {
+        Mode::Attributes => view.byte_length.saturating_mul(BYTES_PER_BYTE) / stride,
+        Mode::Triangles => view.byte_length.saturating_mul(3),
+        Mode::Indices => view.byte_length,
+    };
+    if view.count > most {
+        return Err("its data are too short for so many elements");
     }
     if !filtered || (view.filter != Filter::None && view.mode != Mode::Attributes) {
         return Err("its filter does not suit its mode or stride");

@@ -6,6 +6,7 @@ use gltf::json::validation::Checked::{self, Valid};
 use gltf::json::{Accessor, Buffer, Index, Root, Value};
 
 use super::Limits;
+use crate::accessors::most_zeros;
 use crate::error::ImportProblem;
 
 /// Buffer views start at multiples of this.
@@ -46,6 +47,11 @@ impl<'a> Storage<'a> {
         let left = bytes.and_then(|bytes| self.limits.bytes.checked_sub(bytes as u64));
         self.limits.bytes = left.ok_or(ImportProblem::TooLarge { limit: self.limits.max_bytes })?;
         Ok(())
+    }
+
+    /// Most elements of an accessor without data.
+    pub(super) fn most_zeros(&self) -> u64 {
+        most_zeros(self.buffers) + self.bytes.len() as u64
     }
 
     /// A part of a buffer, the new one included.

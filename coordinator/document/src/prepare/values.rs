@@ -35,7 +35,9 @@ pub(super) fn read(
 ) -> Result<Values, ImportProblem> {
     let unreadable = || ImportProblem::Undecodable {
         place: what(),
-        detail: format!("accessor {index} is not in the file, or reaches outside its buffer"),
+        detail: format!(
+            "accessor {index} is not in the file, reaches outside its buffer, or has none and more elements than the file has bytes"
+        ),
     };
     let accessor = storage.root.get(index).ok_or_else(unreadable)?.clone();
     let (Valid(component), Valid(shape)) = (accessor.component_type, accessor.type_) else {
@@ -66,7 +68,8 @@ impl Reader<'_> {
     fn accessor(&self, accessor: &Accessor, count: usize) -> Option<Vec<f32>> {
         let mut numbers = match accessor.buffer_view {
             Some(view) => self.rows(view, accessor.byte_offset.map_or(0, |offset| offset.0), count)?,
-            None => vec![0.0; count * self.width],
+            None if count as u64 <= self.storage.most_zeros() => vec![0.0; count * self.width],
+            None => return None,
         };
         let Some(sparse) = &accessor.sparse else { return Some(numbers) };
         let replaced = usize::try_from(sparse.count.0).ok().filter(|&replaced| replaced <= count)?;

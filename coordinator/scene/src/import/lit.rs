@@ -83,7 +83,7 @@ fn lit_document(mut file: PlainDocument, options: &ReadOptions) -> Result<LitDoc
             triangles_left = triangles_left
                 .checked_sub(count)
                 .ok_or_else(|| ImportProblem::TooManyTriangles { place: place.clone(), limit })?;
-            let context = Context { place: &place, buffers: &buffers, max_bytes: options.max_bytes };
+            let context = Context { place: &place, buffers: &buffers };
             placed_primitives.push(read_primitive(&primitive, &placed.world, &context)?);
         }
     }

@@ -365,7 +365,7 @@ fn read_geometries(
         .collect();
     let read = |(placed, primitive): (&PlacedNode, gltf::Primitive)| -> Result<Geometry, ImportProblem> {
         let place = place_of(placed, &primitive);
-        let context = Context { place: &place, buffers, max_bytes: options.read.max_bytes };
+        let context = Context { place: &place, buffers };
         let geometry = primitives::read(&primitive, &context)?;
         check_positions(&geometry, placed, &place)?;
         Ok(geometry)

@@ -143,8 +143,7 @@ impl PlainDocument {
 
     /// Whether an accessor has elements, all of them inside its buffers: the glTF reader trusts counts and strides.
     fn holds(&self, accessor: &Accessor<'_>) -> bool {
-        let context =
-            Context { place: "", buffers: &self.buffers, max_bytes: ReadOptions::default().max_bytes };
+        let context = Context { place: "", buffers: &self.buffers };
         accessor.count() > 0
             && accessor.sparse().is_none_or(|sparse| sparse.count() > 0)
             && is_within_bounds(accessor, &context)

@@ -4,7 +4,7 @@ use std::fs;
 
 use serde_json::json;
 
-use super::{fixture, require};
+use super::{fixture, primitive, require};
 use crate::import::test_document::{TestDocument, limited};
 use crate::{ImportProblem, import_slice};
 use document::ReadOptions;
@@ -54,6 +54,10 @@ fn numbers_are_checked_before_anything_is_decoded() {
         (json!({ "filter": "OCTAHEDRAL" }), "filter"),
         (json!({ "filter": "QUATERNION" }), "filter"),
         (json!({ "filter": "EXPONENTIAL", "mode": "INDICES", "byteStride": 4 }), "filter"),
+        (json!({ "count": 48 * 1024 / 12 + 1 }), "too short for so many elements"),
+        (json!({ "count": 1_u64 << 40, "byteStride": 256 }), "too short for so many elements"),
+        (json!({ "count": 147, "mode": "TRIANGLES", "byteStride": 4 }), "too short for so many elements"),
+        (json!({ "count": 49, "mode": "INDICES", "byteStride": 4 }), "too short for so many elements"),
         (json!({ "byteOffset": 1000 }), "outside their buffer"),
         (json!({ "buffer": 7 }), "outside their buffer"),
     ];
@@ -74,8 +78,10 @@ fn nothing_is_allocated_beyond_the_limit() {
     let mut document = TestDocument::square();
     require(&mut document, "EXT_meshopt_compression");
     document.root["bufferViews"][0]["extensions"]["EXT_meshopt_compression"] = json!(
-        { "buffer": 0, "byteLength": 48, "byteStride": 256, "count": 1_u64 << 40, "mode": "ATTRIBUTES" });
-    assert!(matches!(document.problem(), ImportProblem::TooLarge { .. }));
+        { "buffer": 0, "byteLength": 48, "byteStride": 12, "count": 48 * 1024 / 12, "mode": "ATTRIBUTES" });
+    let options = limited(ReadOptions { max_bytes: 1 << 14, ..ReadOptions::default() });
+    let problem = import_slice(&document.glb(), &options).unwrap_err().problem;
+    assert!(matches!(*problem, ImportProblem::TooLarge { .. }), "{problem}");
 
     // Zeros, without a byte in the file.
     let mut document = TestDocument::square();
@@ -87,4 +93,32 @@ fn nothing_is_allocated_beyond_the_limit() {
     document.root["nodes"][0]["extensions"]["EXT_mesh_gpu_instancing"] =
         json!({ "attributes": { "TRANSLATION": places } });
     assert!(matches!(document.problem(), ImportProblem::TooLarge { .. }));
+}
+
+/// Each vertex has a byte somewhere: what claims more would only take memory.
+#[test]
+fn zeros_are_no_more_than_the_bytes_of_the_file() {
+    let with_zeros = |count: u64, attribute: &str| {
+        let mut document = TestDocument::square();
+        let places = document.push("accessors", json!({
+            "componentType": 5126, "type": "VEC3", "count": count, "min": [0, 0, 0], "max": [1, 1, 1],
+            "sparse": { "count": 1, "indices": { "bufferView": 1, "componentType": 5125 }, "values": { "bufferView": 0 } },
+        }));
+        primitive(&mut document)["attributes"][attribute] = places.into();
+        document
+    };
+    let claimed = with_zeros(300_000_000, "POSITION").problem();
+    assert!(matches!(claimed, ImportProblem::AccessorOutOfBounds { .. }), "{claimed}");
+    assert!(claimed.to_string().contains("more elements than the file has bytes"), "{claimed}");
+    // As many normals as vertices are all zero but for one, and they are few.
+    let problem = with_zeros(4, "NORMAL").scene().warnings;
+    assert!(problem.is_empty(), "{problem:?}");
+
+    let mut displaced = with_zeros(300_000_000, "NORMAL");
+    let zeros = primitive(&mut displaced)["attributes"]["NORMAL"].clone();
+    primitive(&mut displaced)["attributes"].as_object_mut().unwrap().remove("NORMAL");
+    primitive(&mut displaced)["targets"] = json!([{ "POSITION": zeros }]);
+    displaced.root["meshes"][0]["weights"] = json!([1.0]);
+    let claimed = displaced.problem().to_string();
+    assert!(claimed.contains("more elements than the file has bytes"), "{claimed}");
 }
