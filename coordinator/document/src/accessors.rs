@@ -52,8 +52,8 @@ pub struct Context<'a> {
     pub buffers: &'a [Vec<u8>],
 }
 
-/// Most elements of an accessor without data, a sparse one over zeros: each is of a vertex that has a byte somewhere, so that a file
-/// of a few bytes cannot claim memory for millions.
+/// Most elements of an accessor without data, a sparse one over zeros. Each belongs to a vertex with at least a byte of data elsewhere;
+/// without a bound, a short file could claim memory for millions.
 pub(crate) fn most_zeros(buffers: &[Vec<u8>]) -> u64 {
     buffers.iter().map(|bytes| bytes.len() as u64).sum()
 }

@@ -180,7 +180,7 @@ impl SkyPattern {
         DVec3::select(mean.cmpgt(DVec3::ZERO), radiance / mean, DVec3::ZERO)
     }
 
-    /// Cells that cover all directions: so many, or fewer where their radiance varies by less than `tolerance` of the whole.
+    /// Cells that cover all directions: at most `most`, and fewer where their radiance varies by less than `tolerance` of the whole.
     #[must_use]
     pub fn cells(&self, most: usize, tolerance: f64) -> Vec<SkyCell> {
         let candidate = |level: usize, index: usize| Candidate {

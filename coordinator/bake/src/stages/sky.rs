@@ -18,8 +18,8 @@ const HALF: f64 = 4096.0;
 /// The same of a sky that differs by direction: seen from the ends of the scene a horizon is a twentieth of a degree off.
 const FAR_HALF: f64 = 1_048_576.0;
 
-/// Most polygons of a sky that differs by direction: so many over the error asked, within bounds. What an open floor gets of an overcast
-/// sky is .8 % too little with 256, and less by their number.
+/// Polygons of a sky that differs by direction: at most this divided by the error asked, within the bounds below. An open floor under
+/// an overcast sky gets .8 % too little with 256 polygons; the fault falls as their number grows.
 const CELLS_TIMES_ERROR: f64 = 12.8;
 const MOST_CELLS: f64 = 1024.0;
 const LEAST_CELLS: f64 = 128.0;
@@ -29,7 +29,7 @@ const LEAST_CELLS: f64 = 128.0;
 const SUN_PART: f64 = 1.0 / 64.0;
 const SUN_CELLS: usize = 32;
 
-/// Each face is divided into so many rows of so many squares: a smaller polygon is more often wholly hidden by one wall, and fewer
+/// Each edge of a face is divided into this number of parts: a smaller polygon is more often wholly hidden by one wall, and fewer
 /// occluders stand before it.
 const DIVISION: u32 = 4;
 
@@ -96,8 +96,8 @@ fn of_pattern(pattern: &SkyPattern, planes: u32, error: f64, joined: bool) -> Ve
     shapes
 }
 
-/// A square of a face of a box of this size, lit inside: of so many along an edge, that in this row and column. Faces are -X, +X, -Y,
-/// +Y, -Z, +Z, each in a plane of its own, beyond the `planes` of the scene.
+/// A square of a face of a box of this size, lit inside. The face is a grid with `along_edge` squares to an edge, and the square is
+/// the one in this row and column. Faces are -X, +X, -Y, +Y, -Z, +Z, each in a plane of its own, beyond the `planes` of the scene.
 fn square(planes: u32, half: f64, face: usize, [along_edge, row, column]: [u32; 3]) -> ConvexPolygon {
     let (axis, far) = (face / 2, face % 2 == 1);
     let edge = 2.0 * half / f64::from(along_edge);

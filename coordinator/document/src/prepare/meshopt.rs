@@ -10,8 +10,8 @@ use super::extensions::{CompressedView, Extensions, Filter, Mode};
 use super::storage::Storage;
 use crate::error::ImportProblem;
 
-/// Most bytes of attributes that a byte can encode: at best, four bytes of each of 256 elements are one byte of control bits. A
-/// triangle and an index take a byte at least.
+/// Most bytes of attributes that one encoded byte can stand for: four bytes in each of the 256 elements of a block, where all of them
+/// repeat. A triangle takes a byte at least, and so does an index.
 const BYTES_PER_BYTE: usize = 1024;
 
 /// Puts the decoded bytes in place of every compressed view's.
