@@ -9,10 +9,11 @@
 //! | [`run`] | a bake, from file to file |
 //! | [`relight`] | a relight, from file to file |
 //! | [`options`] | options of the API, checked and turned into settings |
+//! | [`memory`] | memory of processes |
 //! | [`summary`] | metrics of a run, and the extras of a lit file |
 
 mod files_beside;
-mod memory;
+pub mod memory;
 pub mod options;
 pub mod relight;
 pub mod run;

@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
-use bake::{BakeError, BakeSettings, Baked, Observer, RelightError, bake, check_groups};
-use cluster::checkpoint::{CheckpointError, CheckpointSummary, Checkpointed, remove};
-use cluster::{Cluster, ClusterError, ClusterSettings, Handle};
+use bake::{BakeError, BakeSettings, Baked, Observer, RelightError, RowService, bake, check_groups};
+use cluster::checkpoint::{CheckpointError, CheckpointSummary, Checkpointed, OpenCheckpoint, remove};
+use cluster::{Cluster, ClusterError, ClusterSettings, WorkerPart};
 use output::export::{ExportError, ExportSettings, export};
 use output::files;
 use scene::{ImportError, ImportOptions, Scene, import, import_slice};
@@ -140,17 +140,17 @@ pub trait RunObserver: Observer {
 }
 
 /// The workers of a run.
-#[derive(Clone, Copy)]
 pub enum Workers<'a> {
     /// A cluster for this run alone, started when the scene is read.
     Exclusive(&'a ClusterSettings),
-    /// A cluster that other runs use too.
-    Shared {
-        /// The cluster.
-        cluster: &'a Cluster,
-        /// Jobs of runs of higher priority go first.
-        priority: i32,
-    },
+    /// Workers that other runs use too.
+    Shared(&'a mut dyn SharedRows),
+}
+
+/// Rows of workers that other runs use too.
+pub trait SharedRows: RowService {
+    /// The part of each worker in this run so far.
+    fn workers(&self) -> Vec<WorkerPart>;
 }
 
 /// Bakes a scene file: writes the lit file and the other files of the request.
@@ -192,11 +192,7 @@ pub fn run(
         unit: settings.unit,
         account: scene.import_report.clone(),
         degenerate_triangles: scene.degenerate_triangles,
-        // Where others share the workers, they share this process too.
-        peak_memory_bytes: match &workers {
-            WorkerMetrics::Exclusive(..) => peak_memory_bytes(),
-            WorkerMetrics::Shared(_) => None,
-        },
+        peak_memory_bytes: peak_memory_bytes(),
         bake: baked.report,
         exported,
         workers,
@@ -219,32 +215,32 @@ fn bake_on(
     checkpoint: Option<&CheckpointFile<'_>>,
     observer: &mut dyn RunObserver,
 ) -> Result<(Baked, WorkerMetrics, Option<CheckpointSummary>), RunError> {
-    let own;
-    let (cluster, priority) = match workers {
-        Workers::Exclusive(settings) => {
-            own = Cluster::start(settings)?;
-            (&own, 0)
+    match workers {
+        Workers::Exclusive(workers) => {
+            let cluster = Cluster::start(workers)?;
+            let (baked, recorded) = bake_with(&mut cluster.handle(0), scene, settings, checkpoint, observer)?;
+            Ok((baked, WorkerMetrics::Exclusive(cluster.workers(), cluster.counts()), recorded))
         }
-        Workers::Shared { cluster, priority } => (cluster, priority),
-    };
-    let handle = || cluster.handle(priority);
-    let (baked, handle, recorded) = match checkpoint {
-        None => {
-            let mut handle = handle();
-            (bake(scene, settings, &mut handle, observer), handle, None)
+        Workers::Shared(rows) => {
+            let (baked, recorded) = bake_with(rows, scene, settings, checkpoint, observer)?;
+            Ok((baked, WorkerMetrics::Shared(rows.workers()), recorded))
         }
-        Some(checkpoint) => {
-            let mut rows = open_checkpoint(checkpoint, handle)?;
-            let baked = bake(scene, settings, &mut rows, observer);
-            let (handle, recorded) = rows.finish();
-            (baked, handle, Some(recorded))
-        }
-    };
-    let metrics = match workers {
-        Workers::Exclusive(_) => WorkerMetrics::Exclusive(cluster.workers(), cluster.counts()),
-        Workers::Shared { .. } => WorkerMetrics::Shared(handle.workers()),
-    };
-    Ok((baked?, metrics, recorded))
+    }
+}
+
+/// Bakes with these rows, and those of the checkpoint.
+fn bake_with(
+    rows: &mut dyn RowService,
+    scene: &Scene,
+    settings: &BakeSettings,
+    checkpoint: Option<&CheckpointFile<'_>>,
+    observer: &mut dyn RunObserver,
+) -> Result<(Baked, Option<CheckpointSummary>), RunError> {
+    let Some(checkpoint) = checkpoint else { return Ok((bake(scene, settings, rows, observer)?, None)) };
+    let mut rows = Checkpointed::new(rows, open_checkpoint(checkpoint)?);
+    let baked = bake(scene, settings, &mut rows, observer);
+    let (_, recorded) = rows.finish();
+    Ok((baked?, Some(recorded)))
 }
 
 /// Reads a scene, and passes on what there is to say of it.
@@ -267,17 +263,14 @@ pub(crate) fn write_report(path: Option<&Path>, json: &str) -> Result<(), RunErr
     files::write(path, json.as_bytes()).map_err(|error| RunError::Report { path: path.to_owned(), error })
 }
 
-fn open_checkpoint(
-    file: &CheckpointFile<'_>,
-    handle: impl Fn() -> Handle,
-) -> Result<Checkpointed<Handle>, RunError> {
-    match Checkpointed::open(handle(), file.path, file.max_bytes) {
+fn open_checkpoint(file: &CheckpointFile<'_>) -> Result<OpenCheckpoint, RunError> {
+    match OpenCheckpoint::open(file.path, file.max_bytes) {
         Err(error) if file.replace => {
             tracing::warn!(%error, "replacing a checkpoint that cannot be used");
             let removed = fs::remove_file(file.path);
             let path = file.path.to_owned();
             removed.map_err(|error| RunError::CheckpointRemoval(CheckpointError::Io { path, error }))?;
-            Ok(Checkpointed::open(handle(), file.path, file.max_bytes)?)
+            Ok(OpenCheckpoint::open(file.path, file.max_bytes)?)
         }
         opened => Ok(opened?),
     }

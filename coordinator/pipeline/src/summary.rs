@@ -21,7 +21,7 @@ pub struct Summary {
     pub account: ImportReport,
     /// Triangles without area, dropped on import.
     pub degenerate_triangles: usize,
-    /// Largest memory of this process so far; `None` where the system does not say, or other runs share the process.
+    /// Largest memory of this process so far; `None` where the system does not say.
     pub peak_memory_bytes: Option<u64>,
     /// The bake.
     pub bake: BakeReport,

@@ -10,10 +10,10 @@ use protocol::api::{Outcome, State};
 use crate::Inner;
 use crate::job::{ClientName, JobId, Record};
 use crate::ledger::Entry;
+use crate::outside::{Ending, JobProcess};
 use crate::progress::Live;
 use crate::queue::{Action, Event};
 use crate::refusal::Refusal;
-use crate::run::{Ending, JobContext, run};
 use crate::store::{expired, remove_file};
 use crate::sync::lock;
 
@@ -22,6 +22,9 @@ const AGAIN: Duration = Duration::from_secs(10);
 
 /// How often a waiting job checks whether it was stopped.
 const LOOK: Duration = Duration::from_millis(50);
+
+/// How often the process of a job may be killed or fall before the job is given up.
+const MOST_CRASHES: u32 = 3;
 
 /// Most characters of a failure or warning, and most warnings, stored of a job: it must fit into a message.
 const MOST_WORDS: usize = 2000;
@@ -54,9 +57,14 @@ impl Inner {
         };
         let inner = Arc::clone(self);
         let work = move || {
-            let context = JobContext { store: &inner.store, workers: &inner.workers, limits: &inner.limits };
+            let process = JobProcess {
+                command: &inner.job_command,
+                store: &inner.store,
+                workers: &inner.workers,
+                limits: &inner.limits,
+            };
             tracing::info!(job = %record.id, client = %record.client, "begins");
-            let ending = run(&context, &record, &live);
+            let ending = process.run(&record, &live);
             inner.leave(&record, &live, ending);
         };
         if let Err(error) = thread::Builder::new().name("job".into()).spawn(work) {
@@ -114,6 +122,17 @@ impl Inner {
             // The service is ending; the job resumes at the next start.
             Ending::Stopped => return Err(String::new()),
             Ending::Later(why) => return Err(why),
+            Ending::Crashed(why) => {
+                let crashes = now.crashes + 1;
+                let now = Record { crashes, ..now };
+                if crashes < MOST_CRASHES {
+                    // Not counted where the disk fails.
+                    let _ = self.store.write(&now);
+                    lock(&self.ledger).change(record.id, |entry| entry.record.crashes = crashes);
+                    return Err(why);
+                }
+                now.ended(State::Failed, shortened(&format!("given up after {crashes} times: {why}")), None)
+            }
         };
         // If this fails, the job runs again, quickly: its rows are in the checkpoint.
         self.store.write(&ended).map_err(|error| format!("its record cannot be written: {error}"))?;

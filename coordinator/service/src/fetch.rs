@@ -1,4 +1,4 @@
-use std::io::SeekFrom;
+use std::io::{self, SeekFrom};
 use std::pin::Pin;
 use std::sync::Arc;
 use std::task::{Context, Poll};
@@ -14,14 +14,11 @@ use tokio_util::io::ReaderStream;
 
 use crate::job::{ClientName, Record};
 use crate::metrics::Metrics;
-use crate::preview::PreviewSource;
 use crate::progress::Live;
 use crate::refusal::Refusal;
 use crate::store::{digest, remove_file};
 use crate::sync::lock;
 use crate::{Service, blocking};
-use bake::lit::LitMesh;
-use output::export::export;
 
 /// Bytes read at once, when the last ones were taken.
 const READ_BYTES: usize = 256 << 10;
@@ -93,29 +90,34 @@ impl Service {
         }
     }
 
-    /// Exports a preview in a blocking thread. The file is unlinked before it is sent: the system removes it when it is closed.
+    /// Has a preview exported by the process of the job. The file is unlinked before it is sent: the system removes it when it is closed.
     async fn fetch_preview(&self, record: &Record, offset: u64) -> Result<Fetched, Refusal> {
         if offset > 0 {
             return Err(Refusal::invalid("offset", "must be 0 for a preview: the next one is another file"));
         }
         let live = lock(&self.inner.ledger).entry(record.id).and_then(|entry| entry.live.clone());
         let live = live.ok_or(Refusal::NotRunning(record.id))?;
-        let (source, lit, number) =
-            self.wait_for_preview(&live).await.ok_or(Refusal::NotRunning(record.id))?;
         // One at a time: each may take as much memory as the scene.
         let _turn = self.inner.previewing.acquire().await;
-        let inner = Arc::clone(&self.inner);
+        if !self.wait_for_preview(&live).await {
+            return Err(Refusal::NotRunning(record.id));
+        }
+        let path = self.inner.store.temporary("glb")?;
+        let asked = (Arc::clone(&live), path.clone());
+        // In a blocking thread: the pipe may be full.
+        let exported = blocking(move || Ok(asked.0.link.export_preview(&asked.1))).await?.await;
+        let exported = exported.map_err(|_| Refusal::NotRunning(record.id))?;
         let (file, size, sha256) = blocking(move || {
-            let path = inner.store.temporary("glb")?;
-            let written = export(&source.scene, &lit, &source.export, &path);
-            let opened = written.map_err(|error| Refusal::Failed(error.to_string())).and_then(|_| {
-                let (size, sha256) = digest(&path)?;
-                Ok((std::fs::File::open(&path)?, size, sha256))
-            });
+            let opened = (|| Ok((std::fs::File::open(&path)?, digest(&path)?)))();
             remove_file(&path)?;
-            opened
+            if !exported.failure.is_empty() {
+                return Err(Refusal::Failed(exported.failure));
+            }
+            let (file, (size, sha256)) = opened.map_err(|error: io::Error| Refusal::from(error))?;
+            Ok((file, size, sha256))
         })
         .await?;
+        let number = exported.number;
         let header = FileHeader {
             size,
             sha256: sha256.to_vec().into(),
@@ -126,14 +128,14 @@ impl Service {
         Ok(Fetched { header, bytes: self.bytes_of(File::from_std(file)) })
     }
 
-    /// Returns the latest preview, or waits for the first: it is made when somebody asks.
-    async fn wait_for_preview(&self, live: &Live) -> Option<(PreviewSource, Arc<LitMesh>, u64)> {
+    /// Returns whether there is a preview, and waits for the first: it is made when somebody asks.
+    async fn wait_for_preview(&self, live: &Live) -> bool {
         let until = Instant::now() + PATIENCE;
         loop {
-            match live.preview.latest() {
-                Some(latest) => return Some(latest),
-                None if Instant::now() >= until || live.is_stopped() => return None,
-                None => sleep(LOOK).await,
+            match live.ask_preview() {
+                true => return true,
+                false if Instant::now() >= until || live.is_stopped() => return false,
+                false => sleep(LOOK).await,
             }
         }
     }

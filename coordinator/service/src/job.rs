@@ -116,6 +116,8 @@ pub struct Record {
     pub outcome: Option<Outcome>,
     /// Grows with every change.
     pub revision: u64,
+    /// How often its process was killed or fell.
+    pub crashes: u32,
 }
 
 /// What a relight needs of a baked job, which may be deleted meanwhile.

@@ -2,7 +2,7 @@
 //!
 //! In: scenes and requests of clients (gRPC, gRPC-web, HTTP). Out: jobs that survive restarts, lit files, previews, metrics. It must
 //! not know how light or rows are computed: it hands a job's files and settings to `pipeline` and its rows to `cluster`. Begin
-//! reading at [`Service`], then `submit` (a job comes in), `changes` (it changes state) and `run` (it runs).
+//! reading at [`Service`], then `submit` (a job comes in), `changes` (it changes state), `outside` and `inside` (it runs).
 //!
 //! | module | what lives there |
 //! |---|---|
@@ -12,8 +12,10 @@
 //! | [`store`] | the data folder |
 //! | `submit`, `accept` | uploads and checks of a submission, and its admission |
 //! | `changes` | state changes of a job: on disk first, then in memory |
-//! | `run` | one job, through the pipeline |
-//! | `progress`, `preview` | the state of a running job, for watchers |
+//! | `outside` | the process of a job, as the service starts, serves and ends it |
+//! | `pipes` | what the two tell each other |
+//! | `inside` | within that process: one job, through the pipeline |
+//! | `progress` | the state of a running job, for watchers |
 //! | `watch`, `fetch` | streams of job states and of files |
 //! | [`clients`], `settings`, `refusal`, `metrics` | tokens, limits, errors, metrics |
 //! | [`api`] | the service in gRPC |
@@ -21,7 +23,7 @@
 //! | [`server`] | one port for all of it |
 //!
 //! Threads: the network's runtime never touches the disk and never computes. Files are written in blocking threads, each job runs in
-//! a thread of its own, and workers compute its rows. Jobs change one at a time, on disk before in memory; only new records are
+//! a process of its own, and workers compute its rows. Jobs change one at a time, on disk before in memory; only new records are
 //! written in parallel. Reads are answered from memory.
 
 mod accept;
@@ -31,14 +33,15 @@ pub mod clients;
 mod fetch;
 pub mod guard;
 pub mod http;
+mod inside;
 pub mod job;
 mod ledger;
 mod metrics;
-mod preview;
+mod outside;
+mod pipes;
 mod progress;
 pub mod queue;
 mod refusal;
-mod run;
 pub mod server;
 mod settings;
 pub mod store;
@@ -49,6 +52,7 @@ mod tests;
 mod watch;
 
 use std::collections::HashMap;
+use std::ffi::OsString;
 use std::sync::{Arc, Condvar, Mutex};
 use std::time::Duration;
 
@@ -58,6 +62,7 @@ use tokio::task::{JoinError, spawn_blocking};
 use tokio_util::sync::CancellationToken;
 
 pub use fetch::{Fetched, FileBytes};
+pub use inside::run_job;
 pub use job::{ClientName, JobId};
 use job::{Record, next_revision};
 pub use metrics::Metrics;
@@ -87,6 +92,7 @@ struct Inner {
     store: Store,
     workers: Cluster,
     limits: Limits,
+    job_command: Vec<OsString>,
     /// Held while a job changes, on disk and in memory.
     changing: Mutex<()>,
     /// Notified when a job that was being written is on disk, or has failed to be.
@@ -127,6 +133,7 @@ impl Service {
             store,
             workers,
             limits: settings.limits.clone(),
+            job_command: settings.job_command.clone(),
             changing: Mutex::new(()),
             arrived: Condvar::new(),
             ledger: Mutex::new(ledger),

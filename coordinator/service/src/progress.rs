@@ -1,23 +1,21 @@
-//! The latest state of a running job: the bake writes it, watchers read it.
+//! The latest state of a running job: its process reports it, watchers read it.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use bake::lit::LitMesh;
-use bake::{Observer, Phase, Progress};
-use cluster::Cluster;
-use output::export::ExportSettings;
-use pipeline::run::RunObserver;
 use protocol::api;
-use scene::Scene;
 use tokio::sync::watch;
 
-use crate::preview::{Preview, PreviewSource};
+use crate::pipes::JobLink;
+use crate::pipes::messages::BakeProgress;
 use crate::sync::lock;
 
 /// Least time between two states for watchers: rows come by the ten thousand.
 const INTERVAL: Duration = Duration::from_millis(200);
+
+/// How long previews are made after somebody asked for one.
+const INTEREST: Duration = Duration::from_secs(30);
 
 /// Seconds over which the rate of rays is averaged.
 const RATE_SECONDS: f64 = 3.0;
@@ -25,8 +23,8 @@ const RATE_SECONDS: f64 = 3.0;
 /// A running job, as seen from outside.
 #[derive(Debug)]
 pub struct Live {
-    /// Its preview.
-    pub preview: Preview,
+    /// The way to its process.
+    pub link: JobLink,
     state: Mutex<Seen>,
     stopped: AtomicBool,
     begun: AtomicBool,
@@ -41,6 +39,8 @@ struct Seen {
     /// When rays were counted last, and how many there were.
     counted: (Instant, u64),
     changes: u64,
+    /// When a preview was asked for last.
+    asked: Option<Instant>,
 }
 
 impl Live {
@@ -54,9 +54,10 @@ impl Live {
             told: None,
             counted: (now, 0),
             changes: 0,
+            asked: None,
         };
         Self {
-            preview: Preview::default(),
+            link: JobLink::default(),
             state: Mutex::new(state),
             stopped: AtomicBool::new(false),
             begun: AtomicBool::new(false),
@@ -96,9 +97,9 @@ impl Live {
     }
 
     /// Enters a phase outside the bake.
-    pub fn enter(&self, phase: api::Phase) {
+    pub fn enter(&self, phase: i32) {
         let mut seen = lock(&self.state);
-        seen.progress.phase = phase.into();
+        seen.progress.phase = phase;
         seen.progress.time_left = None;
         self.tell(&mut seen);
     }
@@ -108,11 +109,30 @@ impl Live {
         self.changed.receiver_count() > 0
     }
 
+    /// Whether previews are wanted.
+    pub fn wants_previews(&self) -> bool {
+        self.is_watched() || lock(&self.state).asked.is_some_and(|asked| asked.elapsed() < INTEREST)
+    }
+
+    /// Asks for previews, and returns whether there is one.
+    pub fn ask_preview(&self) -> bool {
+        let mut seen = lock(&self.state);
+        seen.asked = Some(Instant::now());
+        seen.progress.present > 0
+    }
+
+    /// There is a preview of this number.
+    pub fn set_preview(&self, number: u64) {
+        let mut seen = lock(&self.state);
+        seen.progress.present = number;
+        self.tell(&mut seen);
+    }
+
     /// Takes the bake's progress and its number of workers; returns at once while no watcher would be notified.
-    fn set(&self, progress: &Progress, workers: usize) {
+    pub fn set(&self, progress: &BakeProgress, workers: usize) {
         let mut seen = lock(&self.state);
         let now = Instant::now();
-        let phase = i32::from(api_phase(progress.phase));
+        let phase = progress.phase;
         if seen.told.is_some_and(|(time, told)| told == phase && now - time < INTERVAL) {
             return;
         }
@@ -133,7 +153,7 @@ impl Live {
             rows: progress.rows,
             rows_needed: progress.rows_needed,
             rays_per_second: rate,
-            vertices: progress.vertices as u64,
+            vertices: progress.vertices,
             workers: workers.try_into().unwrap_or(u32::MAX),
             time_left: left.and_then(|left| left.try_into().ok()),
             ..seen.progress
@@ -148,69 +168,6 @@ impl Live {
     }
 }
 
-/// Passes a run's progress on to the watchers of its job, and their wish to cancel it back.
-pub struct Watched<'a> {
-    /// What the scene file and the output lack, so far.
-    pub warnings: Vec<String>,
-    live: &'a Live,
-    workers: &'a Cluster,
-    export: ExportSettings,
-}
-
-impl<'a> Watched<'a> {
-    /// A run that has not begun; previews are written as `export` says.
-    pub fn new(live: &'a Live, workers: &'a Cluster, export: &ExportSettings) -> Self {
-        Self { warnings: vec![], live, workers, export: export.clone() }
-    }
-}
-
-impl Observer for Watched<'_> {
-    fn progress(&mut self, progress: &Progress) {
-        self.live.set(progress, self.workers.status().workers);
-    }
-
-    fn is_cancelled(&mut self) -> bool {
-        self.live.is_stopped()
-    }
-
-    fn wants_preview(&mut self) -> bool {
-        self.live.preview.is_wanted(self.live.is_watched())
-    }
-
-    fn preview(&mut self, lit: LitMesh) {
-        let number = self.live.preview.set(Arc::new(lit));
-        let mut seen = lock(&self.live.state);
-        seen.progress.present = number;
-        self.live.tell(&mut seen);
-    }
-}
-
-impl RunObserver for Watched<'_> {
-    fn warn(&mut self, warnings: &[String]) {
-        self.warnings.extend_from_slice(warnings);
-    }
-
-    fn imported(&mut self, scene: &Arc<Scene>) {
-        let source = PreviewSource { scene: Arc::clone(scene), export: self.export.clone() };
-        self.live.preview.begin(source);
-    }
-
-    fn exporting(&mut self) {
-        self.live.enter(api::Phase::Export);
-    }
-}
-
-fn api_phase(phase: Phase) -> api::Phase {
-    match phase {
-        Phase::Light => api::Phase::Light,
-        Phase::Shoot => api::Phase::Shoot,
-        Phase::Refine => api::Phase::Refine,
-        Phase::Measure => api::Phase::Measure,
-        Phase::FinalSolve => api::Phase::FinalSolve,
-        Phase::Groups => api::Phase::Groups,
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -219,8 +176,8 @@ mod tests {
     fn watchers_are_told_of_steps_and_not_of_every_row() {
         let (changed, mut watcher) = watch::channel(());
         let live = Live::new(changed);
-        let mut progress = Progress {
-            phase: Phase::Light,
+        let mut progress = BakeProgress {
+            phase: api::Phase::Light.into(),
             unshot: 0.5,
             error: None,
             rows: 1,
@@ -237,7 +194,7 @@ mod tests {
         live.set(&progress, 2);
         assert_eq!(live.progress().1, first);
         assert!(!watcher.has_changed().unwrap());
-        progress.phase = Phase::Shoot;
+        progress.phase = api::Phase::Shoot.into();
         live.set(&progress, 2);
         assert_eq!(live.progress().0.phase(), api::Phase::Shoot);
         assert!(live.progress().1 > first);

@@ -1,5 +1,6 @@
 //! Settings of a service.
 
+use std::ffi::OsString;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -20,8 +21,8 @@ pub struct Limits {
     pub upload_silence: Duration,
     /// Vertices per job.
     pub vertices: u64,
-    /// Memory for the rows of one job, in MiB.
-    pub row_cache: usize,
+    /// Memory of the process of a job, in bytes; half of it is for rows, but no more than [`Self::MOST_ROWS`].
+    pub memory: u64,
     /// Bytes per checkpoint.
     pub checkpoint_bytes: u64,
     /// Bytes of kept light per job, for relights.
@@ -43,7 +44,7 @@ impl Default for Limits {
             upload_time: Duration::from_secs(3600),
             upload_silence: Duration::from_secs(60),
             vertices: 2_000_000,
-            row_cache: 2048,
+            memory: 4 << 30,
             checkpoint_bytes: 16 << 30,
             light_bytes: 256 << 20,
             keep_age: Duration::from_secs(30 * 24 * 3600),
@@ -53,9 +54,22 @@ impl Default for Limits {
     }
 }
 
+impl Limits {
+    /// Most memory for the rows of a job, in MiB.
+    pub const MOST_ROWS: u64 = 2048;
+
+    /// Memory for the rows of a job, in MiB; others are computed again.
+    #[must_use]
+    pub fn row_cache(&self) -> u64 {
+        (self.memory >> 21).min(Self::MOST_ROWS)
+    }
+}
+
 /// Settings of a service.
 #[derive(Debug, Clone)]
 pub struct ServiceSettings {
+    /// The command that runs a job, as [`crate::run_job`] does: a program and its first arguments.
+    pub job_command: Vec<OsString>,
     /// The data folder.
     pub data: PathBuf,
     /// How many jobs run at the same time.

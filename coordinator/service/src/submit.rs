@@ -110,6 +110,7 @@ impl Inner {
             ended: None,
             outcome: None,
             revision: next_revision(0),
+            crashes: 0,
         };
         Ok((record, size))
     }

@@ -21,7 +21,9 @@ fn service(folder: &TempDir, limits: Limits) -> Service {
     let workers = ClusterSettings { grace: ClusterSettings::ENDLESS_GRACE, ..nobody.into() };
     let workers = Cluster::start_in_background(&workers).unwrap();
     let places = Places { all: 1, of_a_client: 1 };
-    let settings = ServiceSettings { data: folder.path().join("data"), places, limits };
+    // A process that reads its job and does nothing.
+    let job_command = ["sh", "-c", "cat > /dev/null"].map(Into::into).to_vec();
+    let settings = ServiceSettings { job_command, data: folder.path().join("data"), places, limits };
     Service::open(&settings, workers, Metrics::default()).unwrap()
 }
 
@@ -53,6 +55,7 @@ fn record(id: u128) -> Record {
         ended: None,
         outcome: None,
         revision: 0,
+        crashes: 0,
     }
 }
 

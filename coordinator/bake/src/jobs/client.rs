@@ -56,6 +56,32 @@ pub trait RowService {
     fn next(&mut self, patience: Duration) -> Result<Option<FinishedJob>, BakeError>;
 }
 
+impl<S: RowService + ?Sized> RowService for &mut S {
+    fn publish(&mut self, replica: EncodedReplica) {
+        (**self).publish(replica);
+    }
+
+    fn release(&mut self, digest: Digest) {
+        (**self).release(digest);
+    }
+
+    fn submit(&mut self, requests: Vec<(JobId, RowRequest)>) {
+        (**self).submit(requests);
+    }
+
+    fn withdraw(&mut self) {
+        (**self).withdraw();
+    }
+
+    fn threads(&self) -> usize {
+        (**self).threads()
+    }
+
+    fn next(&mut self, patience: Duration) -> Result<Option<FinishedJob>, BakeError> {
+        (**self).next(patience)
+    }
+}
+
 /// A published set that rows are over: of receivers, or of polygons that receivers see.
 #[derive(Debug, Clone, Copy)]
 pub struct ReceiverSet {

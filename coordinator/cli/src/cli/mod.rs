@@ -6,6 +6,7 @@ mod client;
 mod compare;
 pub mod console;
 mod form_factors;
+mod job;
 mod machine;
 mod options;
 mod output_options;
@@ -64,6 +65,9 @@ enum Command {
     #[command(after_help = "Example:
   coordinator serve --workers a:7070,b:7070 --data /var/lib/halflight --metrics 127.0.0.1:9464")]
     Serve(Box<serve::ServeArguments>),
+    /// Run the job that standard input names: the service starts it
+    #[command(hide = true)]
+    Job(job::JobArguments),
     /// Check that all files of a service's data folder are as they were written
     #[command(after_help = "Example:\n  coordinator check-data --data /var/lib/halflight")]
     CheckData(check_data::CheckDataArguments),
@@ -94,18 +98,27 @@ impl Command {
             _ => None,
         }
     }
+
+    /// Format of its logs, where that can be chosen.
+    fn log(&self) -> Option<protocol::telemetry::LogFormat> {
+        match self {
+            Self::Job(arguments) => Some(arguments.log),
+            _ => self.telemetry().map(|telemetry| telemetry.log),
+        }
+    }
 }
 
 /// Runs a command.
 pub fn run(arguments: Arguments) -> anyhow::Result<()> {
     let command = &arguments.command;
-    let _logging = telemetry::log(command.telemetry())?;
+    let _logging = telemetry::log(command.log())?;
     let metrics = Metrics::default();
     let service = service::Metrics::default();
     let shown = command.telemetry().map(|telemetry| telemetry.show(&metrics, &service));
     let _page = shown.transpose()?;
     match command {
         Command::Serve(serve) => serve::run(serve, serve.workers.cluster(&metrics)?, service),
+        Command::Job(_) => job::run(),
         Command::CheckData(arguments) => check_data::run(arguments),
         Command::Client(command) => client::run(command),
         Command::Solve(solve) => solve::run(solve, &solve.workers.cluster(&metrics)?),

@@ -18,6 +18,7 @@ use worker::incoming::{ConnectionLimits, incoming};
 use super::console::print;
 use super::telemetry::TelemetryArguments;
 use super::workers::{WorkerArguments, path};
+use super::{job, machine};
 
 /// Threads that answer clients. They never compute, and never wait for the disk.
 const NETWORK_THREADS: usize = 2;
@@ -105,9 +106,11 @@ struct LimitArguments {
     /// Vertices of one job
     #[arg(long, default_value_t = Limits::default().vertices, value_name = "VERTICES")]
     vertices_per_job: u64,
-    /// Memory for the rows of one job, in MiB; other rows are computed again
-    #[arg(long, default_value_t = Limits::default().row_cache, value_name = "MIB")]
-    memory_per_job: usize,
+    /// Memory of one job, in MiB; one that needs more fails [default: 3/4 of the machine's / --jobs]
+    ///
+    /// Half of it, but no more than 2048 MiB, is for rows: others are computed again.
+    #[arg(long, env = "COORDINATOR_MEMORY_PER_JOB", value_name = "MIB", value_parser = at_least_one)]
+    memory_per_job: Option<usize>,
     /// Disk space for the checkpoint of one job, in MiB; later rows are computed again after a restart
     #[arg(long, default_value_t = Limits::default().checkpoint_bytes / MIB, value_name = "MIB")]
     checkpoint_per_job: u64,
@@ -133,7 +136,7 @@ impl ServeArguments {
             uploads_of_a_client: self.limits.uploads_per_client,
             upload_time: Duration::from_secs(self.limits.upload_time),
             vertices: self.limits.vertices_per_job,
-            row_cache: self.limits.memory_per_job,
+            memory: self.memory_of_a_job(),
             checkpoint_bytes: self.limits.checkpoint_per_job.saturating_mul(MIB),
             light_bytes: self.limits.light_per_job.saturating_mul(MIB),
             keep_age: Duration::from_secs_f64(self.limits.keep_days * 86400.0),
@@ -142,7 +145,18 @@ impl ServeArguments {
             ..Limits::default()
         };
         let places = Places { all: self.jobs, of_a_client: self.jobs_per_client.unwrap_or(self.jobs) };
-        ServiceSettings { data: self.data.clone(), places, limits }
+        ServiceSettings {
+            job_command: job::command(self.telemetry.log),
+            data: self.data.clone(),
+            places,
+            limits,
+        }
+    }
+
+    /// Memory of a job, in bytes.
+    fn memory_of_a_job(&self) -> u64 {
+        let share = || machine::memory_bytes() / 4 * 3 / self.jobs as u64;
+        self.limits.memory_per_job.map_or_else(share, |mebibytes| (mebibytes as u64).saturating_mul(MIB))
     }
 
     fn transport(&self) -> anyhow::Result<Transport> {

@@ -15,14 +15,14 @@ pub struct TelemetryArguments {
     metrics: Option<MetricsAddress>,
     /// Format of logs: text or json
     #[arg(long, env = "COORDINATOR_LOG", value_name = "FORMAT", default_value = "text")]
-    log: LogFormat,
+    pub log: LogFormat,
 }
 
 /// Starts logging.
-pub fn log(telemetry: Option<&TelemetryArguments>) -> Result<Logging, LoggingError> {
+pub fn log(format: Option<LogFormat>) -> Result<Logging, LoggingError> {
     Logging::start(&LoggingSettings {
         program: "coordinator",
-        format: telemetry.map_or(LogFormat::Text, |telemetry| telemetry.log),
+        format: format.unwrap_or_default(),
         default_filter: "warn",
         times: false,
     })

@@ -22,4 +22,4 @@ mod tests;
 mod writer;
 
 pub use error::{CheckpointError, remove};
-pub use service::{CheckpointSummary, Checkpointed};
+pub use service::{CheckpointSummary, Checkpointed, OpenCheckpoint};

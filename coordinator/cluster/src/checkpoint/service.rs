@@ -56,21 +56,38 @@ struct UnderWay {
     known: Vec<Option<(Row, RowStatistics)>>,
 }
 
-impl<S> Checkpointed<S> {
+/// A checkpoint, ready to be read and added to.
+pub struct OpenCheckpoint {
+    path: PathBuf,
+    written: Arc<Written>,
+    writer: Writer,
+    file: LockedFile,
+    recorded: HashSet<Digest>,
+}
+
+impl OpenCheckpoint {
     /// Opens or creates the checkpoint at `path`, of `limit` bytes at most.
     ///
     /// # Errors
     /// When the file is not a checkpoint, is of another release or row version, is in use, or cannot be written.
-    pub fn open(inner: S, path: &Path, limit: u64) -> Result<Self, CheckpointError> {
+    pub fn open(path: &Path, limit: u64) -> Result<Self, CheckpointError> {
         let failed = |error| CheckpointError::Io { path: path.to_owned(), error };
         let CheckpointFile { file, index, length } = CheckpointFile::open(path)?;
         let recorded = index.keys().copied().collect();
         let written = Written::new(index, length);
         let storage = file.try_clone().map_err(failed)?;
         let writer = Writer::start(path, storage, limit, Arc::clone(&written)).map_err(failed)?;
-        Ok(Self {
+        Ok(Self { path: path.to_owned(), written, writer, file, recorded })
+    }
+}
+
+impl<S> Checkpointed<S> {
+    /// Answers from this checkpoint what it has, and from `inner` the rest.
+    pub fn new(inner: S, checkpoint: OpenCheckpoint) -> Self {
+        let OpenCheckpoint { path, written, writer, file, recorded } = checkpoint;
+        Self {
             inner,
-            path: path.to_owned(),
+            path,
             file,
             written,
             writer,
@@ -80,7 +97,7 @@ impl<S> Checkpointed<S> {
             answered: VecDeque::new(),
             rows_read: 0,
             rows_dropped: 0,
-        })
+        }
     }
 
     /// Waits until all is written. Returns the inner service and a summary.

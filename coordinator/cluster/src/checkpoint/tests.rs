@@ -69,7 +69,7 @@ impl RowService for Counting {
 
 /// Has the rows of these jobs, each from the first shooter to the one before the last, made with the checkpoint; the number of rows computed.
 fn bake(path: &Path, limit: u64, jobs: &[(u64, u64)]) -> (u64, CheckpointSummary) {
-    let mut service = Checkpointed::open(Counting::default(), path, limit).unwrap();
+    let mut service = Checkpointed::new(Counting::default(), OpenCheckpoint::open(path, limit).unwrap());
     service.submit((0..).map(JobId).zip(jobs.iter().copied().map(request)).collect());
     for _ in jobs {
         let finished = service.next(Duration::ZERO).unwrap().unwrap();
@@ -148,7 +148,7 @@ fn a_torn_or_damaged_end_is_cut_off() {
 fn what_is_no_checkpoint_is_refused_and_left_alone() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("rows");
-    let open = || Checkpointed::open(Counting::default(), &path, 0).err().unwrap();
+    let open = || OpenCheckpoint::open(&path, 0).err().unwrap();
     for other in ["glTF and so on, longer than the magic", "x", "halflight checkpoint\n0.0.1 protocol 1\n"] {
         fs::write(&path, other).unwrap();
         assert!(matches!(open(), CheckpointError::NotACheckpoint { .. } | CheckpointError::Version { .. }));
@@ -158,7 +158,7 @@ fn what_is_no_checkpoint_is_refused_and_left_alone() {
     let held = CheckpointFile::open(&path).unwrap();
     assert!(matches!(open(), CheckpointError::InUse { .. }));
     drop(held);
-    let nowhere = Checkpointed::open(Counting::default(), &folder.path().join("no/rows"), 0).err().unwrap();
+    let nowhere = OpenCheckpoint::open(&folder.path().join("no/rows"), 0).err().unwrap();
     assert!(nowhere.to_string().contains("--checkpoint"), "{nowhere}");
 }
 
@@ -173,7 +173,7 @@ fn a_checkpoint_of_another_row_version_is_refused() {
     let other = release().replace(&format!("rows {ROW_VERSION}"), &format!("rows {}", ROW_VERSION + 1));
     assert_ne!(other, release());
     fs::write(&path, [&header(&other), rows].concat()).unwrap();
-    let error = Checkpointed::open(Counting::default(), &path, 0).err().unwrap().to_string();
+    let error = OpenCheckpoint::open(&path, 0).err().unwrap().to_string();
     for words in [other.as_str(), &release(), "remove the file"] {
         assert!(error.contains(words), "{error}");
     }

@@ -21,21 +21,37 @@ use crate::scheduler::HandleId;
 /// Replicas are counted: the cluster forgets one that was released as often as it was published, by all handles. A replica is loaded
 /// to a worker before the first job that needs it.
 pub struct Handle {
+    jobs: Jobs,
+    answers: Answers,
+}
+
+/// The half of a handle that asks; dropping it forgets its jobs and replicas.
+pub struct Jobs {
     id: HandleId,
     hub: Arc<Hub>,
+}
+
+/// The half of a handle that is answered.
+pub struct Answers {
     results: mpsc::Receiver<Outcome>,
 }
 
 impl Handle {
     pub(super) fn new(hub: Arc<Hub>, priority: i32) -> Self {
         let (sender, results) = mpsc::channel();
-        Self { id: hub.join(priority, sender), hub, results }
+        Self { jobs: Jobs { id: hub.join(priority, sender), hub }, answers: Answers { results } }
+    }
+
+    /// Splits it, for a caller that asks and waits in different threads.
+    #[must_use]
+    pub fn split(self) -> (Jobs, Answers) {
+        (self.jobs, self.answers)
     }
 
     /// Work of each worker for this handle, in the order of their first answers.
     #[must_use]
     pub fn workers(&self) -> Vec<WorkerPart> {
-        self.hub.workers(self.id)
+        self.jobs.workers()
     }
 
     /// Waits for the next rows, in any order. Without a job under way it waits for ever.
@@ -48,7 +64,9 @@ impl Handle {
     )]
     pub fn next(&mut self) -> Result<FinishedJob, ClusterError> {
         loop {
-            if let FinishedWork::Rows(rows) = self.results.recv().unwrap_or(Err(ClusterError::Stopped))? {
+            if let FinishedWork::Rows(rows) =
+                self.answers.results.recv().unwrap_or(Err(ClusterError::Stopped))?
+            {
                 return Ok(rows);
             }
         }
@@ -58,6 +76,48 @@ impl Handle {
     ///
     /// # Errors
     /// As for [`Self::next`].
+    pub fn next_within(&mut self, patience: Duration) -> Result<Option<FinishedJob>, ClusterError> {
+        self.answers.next_within(patience)
+    }
+}
+
+impl Jobs {
+    /// As [`RowService::publish`].
+    pub fn publish(&self, replica: EncodedReplica) {
+        self.hub.publish(self.id, replica);
+    }
+
+    /// As [`RowService::release`].
+    pub fn release(&self, digest: Digest) {
+        self.hub.release(self.id, digest);
+    }
+
+    /// As [`RowService::submit`].
+    pub fn submit(&self, requests: Vec<(JobId, RowRequest)>) {
+        self.ask(requests.into_iter().map(|(job, request)| (job, Request::Rows(request))));
+    }
+
+    fn ask(&self, requests: impl Iterator<Item = (JobId, Request)>) {
+        self.hub.submit(self.id, requests);
+    }
+
+    /// Forgets all jobs. Answers that came before may still be waiting.
+    pub fn withdraw(&self) {
+        self.hub.withdraw(self.id);
+    }
+
+    /// As [`Handle::workers`].
+    #[must_use]
+    pub fn workers(&self) -> Vec<WorkerPart> {
+        self.hub.workers(self.id)
+    }
+}
+
+impl Answers {
+    /// As [`Handle::next_within`].
+    ///
+    /// # Errors
+    /// As for [`Handle::next`].
     pub fn next_within(&mut self, patience: Duration) -> Result<Option<FinishedJob>, ClusterError> {
         match self.results.recv_timeout(patience) {
             Ok(Ok(FinishedWork::Rows(rows))) => Ok(Some(rows)),
@@ -70,25 +130,25 @@ impl Handle {
 
 impl RowService for Handle {
     fn publish(&mut self, replica: EncodedReplica) {
-        self.hub.publish(self.id, replica);
+        self.jobs.publish(replica);
     }
 
     fn release(&mut self, digest: Digest) {
-        self.hub.release(self.id, digest);
+        self.jobs.release(digest);
     }
 
     fn submit(&mut self, requests: Vec<(JobId, RowRequest)>) {
-        self.hub.submit(self.id, requests.into_iter().map(|(job, request)| (job, Request::Rows(request))));
+        self.jobs.submit(requests);
     }
 
     fn withdraw(&mut self) {
-        self.hub.withdraw(self.id);
+        self.jobs.withdraw();
         // Results are sent while the state is locked: none follows.
-        while self.results.try_recv().is_ok() {}
+        while self.answers.results.try_recv().is_ok() {}
     }
 
     fn threads(&self) -> usize {
-        self.hub.connected()[1]
+        self.jobs.hub.connected()[1]
     }
 
     fn next(&mut self, patience: Duration) -> Result<Option<FinishedJob>, BakeError> {
@@ -100,27 +160,29 @@ impl TileService for Handle {
     type Error = ClusterError;
 
     fn publish(&mut self, replica: EncodedReplica) {
-        self.hub.publish(self.id, replica);
+        self.jobs.publish(replica);
     }
 
     fn release(&mut self, digest: Digest) {
-        self.hub.release(self.id, digest);
+        self.jobs.release(digest);
     }
 
     fn submit(&mut self, requests: Vec<(JobId, TileRequest)>) {
-        self.hub.submit(self.id, requests.into_iter().map(|(job, request)| (job, Request::Tile(request))));
+        self.jobs.ask(requests.into_iter().map(|(job, request)| (job, Request::Tile(request))));
     }
 
     fn next(&mut self) -> Result<FinishedTile, ClusterError> {
         loop {
-            if let FinishedWork::Tile(tile) = self.results.recv().unwrap_or(Err(ClusterError::Stopped))? {
+            if let FinishedWork::Tile(tile) =
+                self.answers.results.recv().unwrap_or(Err(ClusterError::Stopped))?
+            {
                 return Ok(tile);
             }
         }
     }
 }
 
-impl Drop for Handle {
+impl Drop for Jobs {
     fn drop(&mut self) {
         self.hub.leave(self.id);
     }

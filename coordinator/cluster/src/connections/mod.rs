@@ -46,7 +46,7 @@ pub use answer::{Answer, AnswerError};
 pub use asynchronous::AsyncCluster;
 pub use cluster::{Cluster, ClusterStatus};
 pub use error::ClusterError;
-pub use handle::Handle;
+pub use handle::{Answers, Handle, Jobs};
 #[cfg(test)]
 pub(crate) use reactor::ReactorObserver;
 pub use recent::RecentRate;

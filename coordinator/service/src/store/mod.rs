@@ -32,6 +32,7 @@ mod sweep;
 mod tests;
 mod upload;
 
+use std::ffi::OsStr;
 use std::fs::{self, File, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -122,7 +123,7 @@ pub enum StoreError {
 #[derive(Debug)]
 pub struct Store {
     root: PathBuf,
-    /// Held until the process ends; a check needs none.
+    /// Held until the process ends; a check and a job need none.
     _lock: Option<File>,
 }
 
@@ -252,6 +253,46 @@ impl Store {
             remove_file(&self.light(record.light()))?;
         }
         if scene_is_used { Ok(()) } else { remove_file(&self.scene(record.scene)) }
+    }
+
+    /// The store of a folder that a service has opened, for the process of a job.
+    #[must_use]
+    pub fn within(root: &Path) -> Self {
+        Self { root: root.to_owned(), _lock: None }
+    }
+
+    /// The folder.
+    #[must_use]
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+
+    /// A record as it is stored.
+    #[must_use]
+    pub fn encode(record: &Record) -> Vec<u8> {
+        record::encode(record)
+    }
+
+    /// The record that these bytes are, if they are one.
+    #[must_use]
+    pub fn decode(job: JobId, bytes: &[u8]) -> Option<Record> {
+        record::decode(job, bytes).ok()
+    }
+
+    /// Removes the files that the process of a job had begun to write when it was ended.
+    pub fn remove_halves(&self, record: &Record) {
+        for path in [self.result(record), self.light(record.id)] {
+            let (Some(folder), Some(name)) = (path.parent(), path.file_name()) else { continue };
+            // As `AtomicWriteFile` calls them.
+            let begin = format!(".{}.", name.display());
+            for half in files_of(folder).unwrap_or_default() {
+                let is_half = |name: &OsStr| name.as_encoded_bytes().starts_with(begin.as_bytes());
+                if half.file_name().is_some_and(is_half) {
+                    // On failure, the next start sets it aside.
+                    let _ = remove_file(&half);
+                }
+            }
+        }
     }
 
     /// Path of a job's record.

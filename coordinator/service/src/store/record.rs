@@ -50,6 +50,8 @@ struct Stored {
     /// Of a relight.
     #[prost(message, optional, tag = "14")]
     options: Option<SceneOptions>,
+    #[prost(uint32, tag = "15")]
+    crashes: u32,
 }
 
 /// Why a record cannot be read.
@@ -86,6 +88,7 @@ pub(super) fn encode_as(record: &Record, version: u32) -> Vec<u8> {
         revision: record.revision,
         baked: record.relit.as_ref().map(|relit| relit.baked.to_string()).unwrap_or_default(),
         options: record.relit.as_ref().map(|relit| relit.options.clone()),
+        crashes: record.crashes,
     }
     .encode_to_vec();
     [MAGIC, &checksum(&body), &body].concat()
@@ -124,6 +127,7 @@ pub fn decode(id: JobId, bytes: &[u8]) -> Result<Record, RecordError> {
         ended: time(stored.ended),
         outcome: stored.outcome,
         revision: stored.revision,
+        crashes: stored.crashes,
     })
 }
 

@@ -22,6 +22,7 @@ fn record(id: u128, scene: u8) -> Record {
         started: None,
         ended: None,
         outcome: None,
+        crashes: 0,
         revision: 7,
     }
 }

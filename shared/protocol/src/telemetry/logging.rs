@@ -27,6 +27,15 @@ impl FromStr for LogFormat {
     }
 }
 
+impl std::fmt::Display for LogFormat {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Text => "text",
+            Self::Json => "json",
+        })
+    }
+}
+
 /// Defaults of a program's logs.
 #[derive(Debug, Clone, Copy)]
 pub struct LoggingSettings {

@@ -12,6 +12,7 @@
 //! | `damage` | a disk that changes or loses files |
 //! | `relight` | jobs that are done lit otherwise, against `coordinator relight` |
 //! | `keeping` | what is kept no longer, against what must be |
+//! | `processes` | processes of jobs that are killed, or need too much, against all others |
 //! | `counts` | the metrics page against what was done |
 //! | `restarts` | commands that wait, against services and connections that break in between |
 //! | `figures` | dashboard and alerts against the page of metrics |
@@ -26,6 +27,7 @@ mod disk;
 mod encryption;
 mod figures;
 mod keeping;
+mod processes;
 mod reflection;
 mod refusals;
 mod relight;

@@ -1,72 +1,78 @@
-//! One job, in a thread of its own, through the pipeline.
+//! One job, in a process of its own, through the pipeline.
 
 use std::fs;
-use std::io;
+use std::io::{self, Write};
+use std::mem;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::time::Instant;
 
 use bake::{BakeError, BakeSettings, NewLight};
 use cluster::checkpoint::CheckpointError;
-use cluster::{Cluster, ClusterError};
 use output::export::ExportError;
 use output::files::FileError;
 use pipeline::options::{
     LONGEST_TEXT, MOST_NAMES, Violations, export_settings, import_options, irradiance_unit, new_light, wanted,
 };
 use pipeline::relight::RelightRequest;
-use pipeline::run::{BakeRequest, CheckpointFile, RunError, SceneSource, Workers};
+use pipeline::run::{BakeRequest, CheckpointFile, RunError, SceneSource, SharedRows, Workers};
 use protocol::api::submit_scene_header::Source;
 use protocol::api::{self, Outcome};
 use sha2::{Digest, Sha256};
 
+use super::observer::Reporter;
+use super::rows::RowsError;
 use crate::job::Record;
-use crate::progress::{Live, Watched};
 use crate::refusal::is_full;
-use crate::settings::Limits;
 use crate::store::{Store, digest};
 
-/// How a run of a job ended.
+/// How a run of a job ended, as far as its own process can say.
 #[derive(Debug)]
 pub enum Ending {
     /// The lit file is written.
     Done(Box<Outcome>),
     /// It cannot be baked or relit.
     Failed(String),
-    /// It was stopped.
-    Stopped,
     /// It can resume later: there are no workers, or the disk is full.
     Later(String),
 }
 
-/// What every job needs.
-pub struct JobContext<'a> {
+/// A job and its limits.
+pub struct Job {
     /// The data folder.
-    pub store: &'a Store,
-    /// The workers of all jobs.
-    pub workers: &'a Cluster,
-    /// Limits of a job.
-    pub limits: &'a Limits,
+    pub store: Store,
+    /// The job.
+    pub record: Record,
+    /// Memory for rows, in MiB.
+    pub row_cache: usize,
+    /// Bytes of kept light.
+    pub light_bytes: u64,
+    /// Bytes of the checkpoint.
+    pub checkpoint_bytes: u64,
 }
 
 /// Runs one job, and resumes from its checkpoint if there is one.
-pub fn run(context: &JobContext<'_>, record: &Record, live: &Live) -> Ending {
-    // A panic can leave only this job's own state inconsistent.
-    let outcome = catch_unwind(AssertUnwindSafe(|| attempt(context, record, live)));
+pub fn run<W: Write>(job: &Job, rows: &mut dyn SharedRows, reporter: &mut Reporter<W>) -> Ending {
+    // Nothing is used after a panic.
+    let outcome = catch_unwind(AssertUnwindSafe(|| attempt(job, rows, reporter)));
     match outcome {
         Ok(Ok(outcome)) => Ending::Done(Box::new(outcome)),
-        Ok(Err(_)) if live.is_stopped() => Ending::Stopped,
         Ok(Err(ending)) => ending,
         Err(_) => {
-            tracing::error!(job = %record.id, "the bake panicked");
+            tracing::error!(job = %job.record.id, "the bake panicked");
             Ending::Failed("the bake failed for a fault of this program: please report the scene".into())
         }
     }
 }
 
-fn attempt(context: &JobContext<'_>, record: &Record, live: &Live) -> Result<Outcome, Ending> {
+fn attempt<W: Write>(
+    job: &Job,
+    rows: &mut dyn SharedRows,
+    reporter: &mut Reporter<W>,
+) -> Result<Outcome, Ending> {
+    let Job { store, record, .. } = job;
     let clock = Instant::now();
-    live.enter(api::Phase::Import);
+    reporter.enter(api::Phase::Import);
     let mut wrong = Violations::default();
     let wanted = wanted(&record.header, &mut wrong);
     let relight = match (&record.relit, &record.header.source) {
@@ -74,10 +80,10 @@ fn attempt(context: &JobContext<'_>, record: &Record, live: &Live) -> Result<Out
         (Some(relit), _) => Some((relit, NewLight::default())),
         (None, _) => None,
     };
-    let output = context.store.result(record);
+    let output = store.result(record);
     let scene = || -> Result<SceneSource<'_>, Ending> {
         // Without a folder: references to other files are refused.
-        let bytes = fs::read(context.store.scene(record.scene));
+        let bytes = fs::read(store.scene(record.scene));
         let bytes = bytes.map_err(of_disk("its scene cannot be read"))?;
         if *Sha256::digest(&bytes) != record.scene.0 {
             tracing::error!(scene = %record.scene, "a scene is not as it was submitted: the disk has changed it");
@@ -85,7 +91,7 @@ fn attempt(context: &JobContext<'_>, record: &Record, live: &Live) -> Result<Out
         }
         Ok(SceneSource::Bytes(bytes))
     };
-    let mut watched = Watched::new(live, context.workers, &wanted.export);
+    reporter.export = wanted.export.clone();
     let (report_json, lights) = match relight {
         None => {
             wrong.check().map_err(failed)?;
@@ -93,24 +99,23 @@ fn attempt(context: &JobContext<'_>, record: &Record, live: &Live) -> Result<Out
                 scene: scene()?,
                 import: wanted.import,
                 bake: BakeSettings {
-                    row_cache: context.limits.row_cache,
-                    keep_light: Some(context.limits.light_bytes),
+                    row_cache: job.row_cache,
+                    keep_light: Some(job.light_bytes),
                     ..wanted.bake
                 },
                 export: wanted.export,
                 output: &output,
-                kept_light: Some(&context.store.light(record.id)),
+                kept_light: Some(&store.light(record.id)),
                 report: None,
                 checkpoint: Some(CheckpointFile {
-                    path: &context.store.checkpoint(record.id),
-                    max_bytes: context.limits.checkpoint_bytes,
+                    path: &store.checkpoint(record.id),
+                    max_bytes: job.checkpoint_bytes,
                     replace: true,
                     // Removed when the record of the job is written.
                     keep: true,
                 }),
             };
-            let workers = Workers::Shared { cluster: context.workers, priority: record.header.priority };
-            let finished = pipeline::run::run(request, workers, &mut watched);
+            let finished = pipeline::run::run(request, Workers::Shared(rows), reporter);
             let finished = finished.map_err(|error| of_run(error, &output))?;
             (finished.report_json, finished.lights)
         }
@@ -122,13 +127,13 @@ fn attempt(context: &JobContext<'_>, record: &Record, live: &Live) -> Result<Out
             let request = RelightRequest {
                 scene: scene()?,
                 import,
-                kept_light: &context.store.light(relit.baked),
+                kept_light: &store.light(relit.baked),
                 light: NewLight { only: wanted.bake.only, groups: wanted.bake.groups, ..light },
                 export,
                 output: &output,
                 report: None,
             };
-            let relighted = pipeline::relight::run(request, &mut watched);
+            let relighted = pipeline::relight::run(request, reporter);
             let relighted = relighted.map_err(|error| of_run(error, &output))?;
             (relighted.report_json, Some(relighted.lights))
         }
@@ -136,7 +141,7 @@ fn attempt(context: &JobContext<'_>, record: &Record, live: &Live) -> Result<Out
     let (size, sha256) = digest(&output).map_err(of_disk("its lit file cannot be read"))?;
     Ok(Outcome {
         report_json,
-        warnings: watched.warnings,
+        warnings: mem::take(&mut reporter.warnings),
         took: clock.elapsed().try_into().ok(),
         can_be_relit: lights.is_some(),
         lights: lights.into_iter().flatten().filter(|name| can_be_named(name)).take(MOST_NAMES).collect(),
@@ -157,10 +162,9 @@ fn failed(error: impl ToString) -> Ending {
 /// Decides how a job ends whose run failed.
 fn of_run(error: RunError, output: &Path) -> Ending {
     match error {
-        RunError::Bake(BakeError::Cancelled) => Ending::Stopped,
         // A job that kills whoever computes it would do so again.
         RunError::Bake(BakeError::Rows(rows))
-            if !matches!(rows.downcast_ref(), Some(ClusterError::Abandoned { .. })) =>
+            if !rows.downcast_ref().is_some_and(|error: &RowsError| error.is_final) =>
         {
             Ending::Later(BakeError::Rows(rows).to_string())
         }

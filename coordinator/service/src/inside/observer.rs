@@ -1,0 +1,104 @@
+//! Reports a run to the service.
+
+use std::io::Write;
+use std::sync::Arc;
+use std::sync::atomic::Ordering::Relaxed;
+use std::time::{Duration, Instant};
+
+use bake::lit::LitMesh;
+use bake::{Observer, Phase, Progress};
+use output::export::ExportSettings;
+use pipeline::run::RunObserver;
+use protocol::api;
+use scene::Scene;
+
+use super::preview::{Preview, PreviewSource};
+use super::world::World;
+use crate::pipes::Outlet;
+use crate::pipes::messages::{BakeProgress, FromJob, Word};
+
+/// Least time between two reports of a phase: rows come by the ten thousand.
+const INTERVAL: Duration = Duration::from_millis(50);
+
+/// Passes a run's progress on.
+pub struct Reporter<W: Write> {
+    /// What the scene file and the output lack, so far.
+    pub warnings: Vec<String>,
+    /// How previews are written.
+    pub export: ExportSettings,
+    outlet: Arc<Outlet<W>>,
+    world: Arc<World>,
+    preview: Arc<Preview>,
+    told: Option<(Instant, Phase)>,
+}
+
+impl<W: Write> Reporter<W> {
+    pub fn new(outlet: Arc<Outlet<W>>, world: Arc<World>, preview: Arc<Preview>) -> Self {
+        let export = ExportSettings::default();
+        Self { warnings: vec![], export, outlet, world, preview, told: None }
+    }
+
+    /// The run enters a phase outside the bake.
+    pub fn enter(&mut self, phase: api::Phase) {
+        self.told = None;
+        self.tell(Word::Enter(phase.into()));
+    }
+
+    fn tell(&self, word: Word) {
+        // Without the service this process ends, by the end of its input.
+        let _ = self.outlet.send(&FromJob { word: Some(word) });
+    }
+}
+
+impl<W: Write> Observer for Reporter<W> {
+    fn progress(&mut self, progress: &Progress) {
+        let now = Instant::now();
+        if self.told.is_some_and(|(time, phase)| phase == progress.phase && now - time < INTERVAL) {
+            return;
+        }
+        self.told = Some((now, progress.phase));
+        self.tell(Word::Progress(BakeProgress {
+            phase: api_phase(progress.phase).into(),
+            unshot: progress.unshot,
+            error: progress.error,
+            rows: progress.rows,
+            rows_needed: progress.rows_needed,
+            rays: progress.rays,
+            vertices: progress.vertices as u64,
+        }));
+    }
+
+    fn wants_preview(&mut self) -> bool {
+        self.world.is_watched.load(Relaxed) && self.preview.is_due()
+    }
+
+    fn preview(&mut self, lit: LitMesh) {
+        let number = self.preview.set(lit);
+        self.tell(Word::Preview(number));
+    }
+}
+
+impl<W: Write> RunObserver for Reporter<W> {
+    fn warn(&mut self, warnings: &[String]) {
+        self.warnings.extend_from_slice(warnings);
+    }
+
+    fn imported(&mut self, scene: &Arc<Scene>) {
+        self.preview.begin(PreviewSource { scene: Arc::clone(scene), export: self.export.clone() });
+    }
+
+    fn exporting(&mut self) {
+        self.enter(api::Phase::Export);
+    }
+}
+
+fn api_phase(phase: Phase) -> api::Phase {
+    match phase {
+        Phase::Light => api::Phase::Light,
+        Phase::Shoot => api::Phase::Shoot,
+        Phase::Refine => api::Phase::Refine,
+        Phase::Measure => api::Phase::Measure,
+        Phase::FinalSolve => api::Phase::FinalSolve,
+        Phase::Groups => api::Phase::Groups,
+    }
+}
