@@ -5,16 +5,16 @@ use std::time::Instant;
 
 use anyhow::Context;
 use clap::Args;
-use indicatif::{ProgressBar, ProgressStyle};
 use output::files;
 use rayon::ThreadPoolBuilder;
 use scene::{ImportOptions, import};
 use serde_json::{Value, json};
 use view_factors::{Division, ViewFactorSettings, ViewFactors, view_factors};
 
-use super::console::{print, say};
+use super::console::print;
 use super::options::Unused;
 use super::outputs::{check_distinct, write_output};
+use super::progress::ProgressLine;
 use super::report::new_table;
 use super::scene_options::SceneOptions;
 use super::workers::ThreadArguments;
@@ -67,19 +67,25 @@ pub fn run(arguments: &FormFactorArguments, threads: NonZeroUsize) -> anyhow::Re
     let clock = Instant::now();
     check_outputs(arguments)?;
     let options = ImportOptions { needs_light: false, ..arguments.options.import_options()? };
+    let line = ProgressLine::new("import");
     let scene = import(&arguments.scene, &options)?;
     for warning in &scene.warnings {
-        say(format_args!("warning: {warning}"));
+        line.say(format_args!("warning: {warning}"));
     }
     let division = if arguments.facets { Division::Facets } else { Division::Surfaces };
     let settings = ViewFactorSettings { division, points: arguments.points, seed: arguments.seed };
     let pool = ThreadPoolBuilder::new().num_threads(threads.get()).build();
     let pool = pool.context("threads cannot be started: give fewer --threads")?;
-    let progress = Progress::new();
+    let done = AtomicU64::new(0);
+    let decided = |more: u64, all: u64| {
+        let done = done.fetch_add(more, Ordering::Relaxed) + more;
+        line.show_part("factors", (done, all), "pairs");
+    };
+    line.restart();
     let factors = pool
-        .install(|| view_factors(&scene, &settings, &|done, all| progress.step(done, all)))
+        .install(|| view_factors(&scene, &settings, &decided))
         .with_context(|| format!("{} has no view factors", arguments.scene.display()))?;
-    progress.bar.finish_and_clear();
+    line.enter("write");
     write_output(&arguments.output, |out| pool.install(|| factors.write_factors(out)))?;
     if let Some(path) = &arguments.areas {
         write_output(path, |out| factors.write_areas(out))?;
@@ -89,6 +95,7 @@ pub fn run(arguments: &FormFactorArguments, threads: NonZeroUsize) -> anyhow::Re
         let text = serde_json::to_string_pretty(&report(&factors, &settings, seconds))?;
         write_output(path, |out| writeln!(out, "{text}"))?;
     }
+    line.finish();
     print_table(&factors, seconds)
 }
 
@@ -144,33 +151,4 @@ fn print_table(factors: &ViewFactors, seconds: f64) -> anyhow::Result<()> {
     let correction = |row: &view_factors::Row| format!("{:.2e} ({})", row.correction, row.name);
     row("largest correction of a row", corrected.map_or("none".to_owned(), correction));
     print(&table)
-}
-
-/// A bar; plain lines at every tenth where there is no terminal.
-struct Progress {
-    bar: ProgressBar,
-    done: AtomicU64,
-}
-
-impl Progress {
-    fn new() -> Self {
-        let bar = ProgressBar::new(0);
-        let style = ProgressStyle::with_template("factors  [{bar:32}] {percent} % of the pairs · {eta} left");
-        // The template is fixed and right.
-        bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
-        Self { bar, done: AtomicU64::new(0) }
-    }
-
-    /// Shows that `count` more pairs of `all` are decided.
-    fn step(&self, count: u64, all: u64) {
-        let before = self.done.fetch_add(count, Ordering::Relaxed);
-        if self.bar.length() != Some(all) {
-            self.bar.set_length(all);
-        }
-        self.bar.inc(count);
-        let tenth = |done: u64| done * 10 / all.max(1);
-        if self.bar.is_hidden() && tenth(before + count) > tenth(before) {
-            say(format_args!("factors: {} % of the pairs", tenth(before + count) * 10));
-        }
-    }
 }

@@ -1,4 +1,7 @@
-use std::sync::Arc;
+use std::fmt::Display;
+use std::sync::mpsc::{self, RecvTimeoutError, Sender};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread;
 use std::time::{Duration, Instant};
 
 use bake::{Observer, Progress};
@@ -9,37 +12,62 @@ use scene::Scene;
 
 use super::console::say;
 
-/// Between plain lines of one step, where standard error is not a terminal.
-const PLAIN_INTERVAL: Duration = Duration::from_secs(5);
+/// Least time between two lines, where standard error is not a terminal.
+const PLAIN_INTERVAL: Duration = Duration::from_secs(1);
 
 /// Between two looks of the bar.
 const BAR_INTERVAL: Duration = Duration::from_millis(100);
 
-/// The progress bar; plain lines now and then where there is no terminal.
+/// What was said so long ago is not what is done now.
+const STALE: Duration = Duration::from_millis(1500);
+
+/// The progress bar, or a line each second where there is no terminal. It goes on by itself through steps that say nothing.
 pub struct ProgressLine {
+    state: Arc<Mutex<State>>,
+    /// Ends the thread that goes on when it is dropped.
+    _ticking: Sender<()>,
+}
+
+struct State {
     bar: ProgressBar,
     started: Instant,
-    last: Option<(Instant, &'static str)>,
+    step: &'static str,
+    entered: Instant,
+    /// What there was to say last, and when.
+    message: Option<(Instant, String)>,
+    shown: Instant,
+    is_over: bool,
 }
 
 impl ProgressLine {
-    /// Shows an empty bar.
-    pub fn new() -> Self {
+    /// Begins with this step.
+    pub fn new(step: &'static str) -> Self {
         let bar = ProgressBar::with_draw_target(Some(1), ProgressDrawTarget::stderr_with_hz(10));
         let template = "{prefix:11} [{bar:32}] {msg}";
         // The template is fixed and right.
         bar.set_style(
             ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar()),
         );
-        Self { bar, started: Instant::now(), last: None }
+        let now = Instant::now();
+        // The first line comes soon.
+        let shown = now.checked_sub(PLAIN_INTERVAL / 2).unwrap_or(now);
+        let state = State { bar, started: now, step, entered: now, message: None, shown, is_over: false };
+        let state = Arc::new(Mutex::new(state));
+        let (ticking, ended) = mpsc::channel();
+        let ticked = Arc::clone(&state);
+        // Without it, silent steps are silent.
+        let _ = thread::Builder::new().name("progress".into()).spawn(move || {
+            while ended.recv_timeout(BAR_INTERVAL) == Err(RecvTimeoutError::Timeout) {
+                lock(&ticked).tick();
+            }
+        });
+        Self { state, _ticking: ticking }
     }
 
     /// Shows how far the bake has come.
-    pub fn show(&mut self, progress: &Progress) {
-        let step = progress.phase.name();
-        self.show_step(step, (progress.rows, progress.rows_needed), |elapsed| {
+    pub fn show(&self, progress: &Progress) {
+        self.show_step(progress.phase.name(), (progress.rows, progress.rows_needed), |elapsed| {
             let part = progress.rows as f64 / progress.rows_needed.max(1) as f64;
-            let left = if part > 0.0 { elapsed * (1.0 - part) / part } else { 0.0 };
             format!(
                 "unshot {:.2} % · rows {}/{} · {} rays/s · {} vertices · {:.0} s left",
                 progress.unshot * 100.0,
@@ -47,41 +75,110 @@ impl ProgressLine {
                 progress.rows_needed,
                 short(progress.rays as f64 / elapsed.max(1e-9)),
                 progress.vertices,
-                left,
+                left(elapsed, part),
             )
         });
     }
 
-    /// Shows a step with so many of its rows done; what there is to say is asked for where it is time to, with the seconds that have
-    /// passed.
+    /// Shows a step of which so much is done; what there is to say is asked for where it is time to, with the seconds since
+    /// [`Self::restart`].
     pub fn show_step(
-        &mut self,
+        &self,
         step: &'static str,
-        (rows, needed): (u64, u64),
+        (done, all): (u64, u64),
         message: impl FnOnce(f64) -> String,
     ) {
-        // Rows come by the ten thousand, and each would be a line.
-        let interval = if self.bar.is_hidden() { PLAIN_INTERVAL } else { BAR_INTERVAL };
-        let is_due = |(time, last): (Instant, &str)| last != step || time.elapsed() >= interval;
-        if !self.last.is_none_or(is_due) {
+        let mut state = lock(&self.state);
+        state.enter(step);
+        let interval = if state.bar.is_hidden() { PLAIN_INTERVAL } else { BAR_INTERVAL };
+        if state.message.as_ref().is_some_and(|(said, _)| said.elapsed() < interval) {
             return;
         }
-        self.last = Some((Instant::now(), step));
-        let message = message(self.started.elapsed().as_secs_f64());
-        if self.bar.is_hidden() {
-            say(format_args!("{step}: {message}"));
-            return;
-        }
-        self.bar.set_prefix(step);
-        self.bar.set_length(needed);
-        self.bar.set_position(rows);
-        self.bar.set_message(message);
+        state.message = Some((Instant::now(), message(state.started.elapsed().as_secs_f64())));
+        state.bar.set_length(all);
+        state.bar.set_position(done);
+        state.show();
+    }
+
+    /// Shows so many done of `all`, and the time left.
+    pub fn show_part(&self, step: &'static str, (done, all): (u64, u64), what: &str) {
+        self.show_step(step, (done, all), |elapsed| {
+            let left = left(elapsed, done as f64 / all.max(1) as f64);
+            format!("{done}/{all} {what} · {left:.0} s left")
+        });
+    }
+
+    /// Enters a step that cannot say how far it is.
+    pub fn enter(&self, step: &'static str) {
+        lock(&self.state).enter(step);
+    }
+
+    /// Counts the time left from now on.
+    pub fn restart(&self) {
+        lock(&self.state).started = Instant::now();
+    }
+
+    /// Tells the user a line.
+    pub fn say(&self, line: impl Display) {
+        lock(&self.state).bar.suspend(|| say(line));
     }
 
     /// Removes the bar: the table follows.
     pub fn finish(&self) {
-        self.bar.finish_and_clear();
+        let mut state = lock(&self.state);
+        state.is_over = true;
+        state.bar.finish_and_clear();
     }
+}
+
+impl Drop for ProgressLine {
+    fn drop(&mut self) {
+        self.finish();
+    }
+}
+
+impl State {
+    fn enter(&mut self, step: &'static str) {
+        if self.step != step {
+            (self.step, self.entered, self.message) = (step, Instant::now(), None);
+        }
+    }
+
+    /// Shows what is due, and that something is done where nothing else says so.
+    fn tick(&mut self) {
+        let is_stale = self.message.as_ref().is_none_or(|(said, _)| said.elapsed() >= STALE);
+        if is_stale || self.bar.is_hidden() {
+            self.show();
+        }
+    }
+
+    fn show(&mut self) {
+        let fresh = self.message.as_ref().filter(|(said, _)| said.elapsed() < STALE);
+        let text = match fresh {
+            Some((_, text)) => text.clone(),
+            None => format!("{:.0} s", self.entered.elapsed().as_secs_f64()),
+        };
+        if self.is_over {
+            return;
+        }
+        if !self.bar.is_hidden() {
+            self.bar.set_prefix(self.step);
+            self.bar.set_message(text);
+        } else if self.shown.elapsed() >= PLAIN_INTERVAL {
+            self.shown = Instant::now();
+            say(format_args!("{}: {text}", self.step));
+        }
+    }
+}
+
+/// Seconds left where `part` took `elapsed` seconds.
+fn left(elapsed: f64, part: f64) -> f64 {
+    if part > 0.0 { elapsed * (1.0 - part).max(0.0) / part } else { 0.0 }
+}
+
+fn lock(state: &Mutex<State>) -> MutexGuard<'_, State> {
+    // What it protects is shown, and no more.
+    state.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Shows a run on standard error and to Prometheus.
@@ -91,9 +188,9 @@ pub struct Shown {
 }
 
 impl Shown {
-    /// Shows nothing yet.
+    /// The scene is read first.
     pub fn new(metrics: &Metrics) -> Self {
-        Self { line: ProgressLine::new(), metrics: metrics.clone() }
+        Self { line: ProgressLine::new("import"), metrics: metrics.clone() }
     }
 }
 
@@ -107,17 +204,18 @@ impl Observer for Shown {
 impl RunObserver for Shown {
     fn warn(&mut self, warnings: &[String]) {
         for warning in warnings {
-            say(format_args!("warning: {warning}"));
+            self.line.say(format_args!("warning: {warning}"));
         }
     }
 
     fn imported(&mut self, _scene: &Arc<Scene>) {
+        self.line.enter("mesh");
         // Rates and the time left are those of the bake alone.
-        self.line = ProgressLine::new();
+        self.line.restart();
     }
 
     fn exporting(&mut self) {
-        self.line.finish();
+        self.line.enter("export");
     }
 }
 

@@ -1,12 +1,11 @@
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
 use anyhow::Context;
 use clap::Args;
-use indicatif::{ProgressBar, ProgressStyle};
 use output::files;
 use serde_json::json;
 use verify::plain::{PlainOptions, PlainScene};
@@ -15,9 +14,10 @@ use verify::reference::{
     relative_standard_error, to_csv, trace,
 };
 
-use super::console::{print, say};
+use super::console::print;
 use super::options::Unused;
 use super::outputs::{check_distinct, write_output};
+use super::progress::ProgressLine;
 use super::scene_options::SceneOptions;
 use super::workers::ThreadArguments;
 
@@ -69,9 +69,10 @@ pub fn run(arguments: &ReferenceArguments, threads: NonZeroUsize) -> anyhow::Res
         sky: options.sky,
         sky_image: arguments.options.sky_image()?.map(Arc::new),
     };
+    let line = ProgressLine::new("import");
     let scene = PlainScene::open_with(&arguments.scene, &options)?;
     for warning in &scene.warnings {
-        say(format_args!("warning: {warning}"));
+        line.say(format_args!("warning: {warning}"));
     }
     let failed = || format!("{} cannot be traced", arguments.scene.display());
     let other = arguments.at.as_ref().map(|path| Ok::<_, anyhow::Error>((path, read(path)?))).transpose()?;
@@ -80,9 +81,14 @@ pub fn run(arguments: &ReferenceArguments, threads: NonZeroUsize) -> anyhow::Res
         None => random(&scene, arguments.points.get(), arguments.seed).with_context(failed)?,
     };
     let settings = ReferenceSettings { paths: arguments.paths, seed: arguments.seed, threads: threads.get() };
-    let progress = Progress::new(places.len());
-    let points = trace(&scene, &places, &settings, &|| progress.step()).with_context(failed)?;
-    progress.bar.finish_and_clear();
+    let done = AtomicU64::new(0);
+    let traced = || {
+        let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+        line.show_part("trace", (done, places.len() as u64), "points");
+    };
+    line.restart();
+    let points = trace(&scene, &places, &settings, &traced).with_context(failed)?;
+    line.finish();
     write_output(&arguments.output, |out| out.write_all(to_csv(&points).as_bytes()))?;
     let mut figures = json!({
         "points": points.len(),
@@ -130,30 +136,4 @@ fn check_output(arguments: &ReferenceArguments) -> anyhow::Result<()> {
         &[("output", Some(output))],
     )?;
     Ok(files::check(output)?)
-}
-
-/// A bar; plain lines at every tenth where there is no terminal.
-struct Progress {
-    bar: ProgressBar,
-    total: usize,
-    done: AtomicUsize,
-}
-
-impl Progress {
-    fn new(total: usize) -> Self {
-        let bar = ProgressBar::new(total as u64);
-        let style = ProgressStyle::with_template("trace    [{bar:32}] {pos}/{len} points · {eta} left");
-        // The template is fixed and right.
-        bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
-        Self { bar, total, done: AtomicUsize::new(0) }
-    }
-
-    /// Shows that one more point is done.
-    fn step(&self) {
-        let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
-        self.bar.inc(1);
-        if self.bar.is_hidden() && done * 10 / self.total > (done - 1) * 10 / self.total {
-            say(format_args!("trace: {done} of {} points", self.total));
-        }
-    }
 }

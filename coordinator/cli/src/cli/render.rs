@@ -5,7 +5,6 @@ use anyhow::Context;
 use clap::{Args, ValueEnum};
 use cluster::{Cluster, ClusterSettings};
 use glam::DVec3;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use kernel::picture::{Camera, MOST_SAMPLES, Projection, encode_picture};
 use output::files;
 use output::render::{
@@ -14,10 +13,10 @@ use output::render::{
 };
 use scene::ReadOptions;
 
-use super::console::{print, say};
+use super::console::print;
 use super::options::positive;
 use super::outputs::{check_distinct, write_output};
-use super::progress::short;
+use super::progress::{ProgressLine, short};
 use super::report::new_table;
 use super::telemetry::TelemetryArguments;
 use super::workers::WorkerArguments;
@@ -128,21 +127,24 @@ pub fn run(arguments: &RenderArguments, workers: &ClusterSettings) -> anyhow::Re
     check_distinct(&[("lit file", Some(&arguments.file))], &[("output", Some(&arguments.output))])?;
     files::check(&arguments.output)?;
     let options = ReadOptions { scene: arguments.scene.clone(), ..ReadOptions::default() };
+    let line = ProgressLine::new("import");
     let file = read_lit(&arguments.file, &options)?;
     for warning in &file.warnings {
-        say(format_args!("warning: {warning}"));
+        line.say(format_args!("warning: {warning}"));
     }
     let (camera, size, words) = camera(&file, arguments)?;
     let background = arguments.background.or(file.sky).unwrap_or(DVec3::ZERO);
     let settings = TileSettings { camera, size, samples: arguments.samples, background };
     let cluster = Cluster::start(workers)?;
-    let bar = Bar::new();
+    line.enter("render");
+    line.restart();
     let tracing = Instant::now();
+    let show = |done: usize, total: usize| line.show_part("render", (done as u64, total as u64), "tiles");
     let scene = encode_picture(&file.scene);
     let picture =
-        render_tiles(&mut cluster.handle(0), scene, &settings, &mut |done, total| bar.show(done, total))?;
+        render_tiles(&mut cluster.handle(0), scene, &settings, &mut |done, total| show(done, total))?;
     let tracing = tracing.elapsed().as_secs_f64();
-    bar.0.finish_and_clear();
+    line.finish();
     let per_worker = cluster.workers();
     cluster.shutdown();
     let exposure = arguments.exposure.or(file.exposure).unwrap_or_else(|| suitable_exposure(&picture));
@@ -233,27 +235,5 @@ fn colour(text: &str) -> Result<DVec3, String> {
         Ok(colour)
     } else {
         Err("must be three numbers that are not negative, separated by commas".into())
-    }
-}
-
-/// A bar; plain lines at every fifth where there is no terminal.
-struct Bar(ProgressBar);
-
-impl Bar {
-    fn new() -> Self {
-        let bar = ProgressBar::with_draw_target(Some(1), ProgressDrawTarget::stderr_with_hz(10));
-        let style = ProgressStyle::with_template("render   [{bar:32}] {percent} % · {eta} left");
-        // The template is fixed and right.
-        bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
-        Self(bar)
-    }
-
-    fn show(&self, done: usize, total: usize) {
-        self.0.set_length(total as u64);
-        self.0.set_position(done as u64);
-        let fifth = |done: usize| done * 5 / total.max(1);
-        if self.0.is_hidden() && fifth(done) > fifth(done - 1) {
-            say(format_args!("render: {} %", fifth(done) * 20));
-        }
     }
 }

@@ -100,6 +100,7 @@ pub fn run(arguments: &SolveArguments, workers: &ClusterSettings) -> anyhow::Res
     if let Some(kept) = &arguments.keep_light {
         check_place(kept, "kept light", "--keep-light")?;
     }
+    let mut shown = Shown::new(&workers.metrics);
     let (settings, export) =
         arguments.written.settings(&arguments.options.options(), arguments.knobs.settings()?)?;
     let request = BakeRequest {
@@ -117,8 +118,8 @@ pub fn run(arguments: &SolveArguments, workers: &ClusterSettings) -> anyhow::Res
             keep: *keep_checkpoint,
         }),
     };
-    let mut shown = Shown::new(&workers.metrics);
     let finished = pipeline::run::run(request, Workers::Exclusive(workers), &mut shown);
+    drop(shown);
     let finished = match (finished, checkpoint) {
         (Err(error @ RunError::Bake(_)), Some(path)) => Err(error).with_context(|| {
             format!("the rows made so far are in {}: the same command goes on", path.display())

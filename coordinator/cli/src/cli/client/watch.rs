@@ -32,7 +32,7 @@ pub(super) async fn follow(connection: &mut Connection<'_>, id: &str) -> anyhow:
 
 /// Waits until a job is done, or the connection breaks.
 async fn watch(connection: &mut Connection<'_>, id: &str) -> Result<(), Trouble> {
-    let mut line = ProgressLine::new();
+    let line = ProgressLine::new("queued");
     let request = WatchJobRequest { id: id.to_owned() };
     let mut jobs = connection.client.watch_job(request).await?.into_inner();
     while let Some(job) = jobs.message().await? {
@@ -47,13 +47,13 @@ async fn watch(connection: &mut Connection<'_>, id: &str) -> Result<(), Trouble>
             }
             State::Failed => return Err(anyhow!("job {id} failed: {}", job.failure).into()),
             State::Cancelled => return Err(anyhow!("job {id} was cancelled").into()),
-            State::Queued | State::Running | State::Unspecified => show(&mut line, &job),
+            State::Queued | State::Running | State::Unspecified => show(&line, &job),
         }
     }
     Err(Trouble::Passing("it ended the conversation before the job".into()))
 }
 
-fn show(line: &mut ProgressLine, job: &Job) {
+fn show(line: &ProgressLine, job: &Job) {
     let Some(progress) = &job.progress else {
         return line.show_step("queued", (0, 1), |_| format!("{} before it", job.ahead));
     };
