@@ -43,6 +43,16 @@ const SHORTEST: f64 = 1e-3;
 /// Most edges per light whose shadows are looked for: those that it sees longest.
 const MOST_EDGES: usize = 1 << 13;
 
+/// Most facets per light that are looked at for all shadows: edges beyond them are passed over, those that it sees longest first. Scenes
+/// whose triangles are all seen through each other have quadratically many.
+const MOST_LOOKS: usize = 1 << 24;
+
+/// What a line costs that is looked at closely, in facets.
+const LOOKS_OF_A_LINE: usize = 16;
+
+/// Edges that are looked at together.
+const EDGES_AT_ONCE: usize = 1 << 9;
+
 /// Surfaces that are more transparent than this cast no sharp shadow.
 const LEAST_OPACITY: f64 = 0.99;
 
@@ -79,11 +89,13 @@ pub fn shadow_lines(scene: &Scene, extent: f64, error: f64) -> Vec<Vec<Vec<Conta
     for (index, source) in sources.iter().enumerate() {
         let silhouettes = silhouettes::seen_from(source, &edges, SHORTEST * extent, MOST_EDGES);
         let of_edge = |silhouette: &Silhouette| {
-            let (mut lines, mut stops) = (vec![], vec![]);
+            let (mut lines, mut stops, mut looks) = (vec![], vec![], 0);
             receivers.for_each(source, silhouette, |place, facet| {
+                looks += 1;
                 match shadow_on(source, silhouette, facet, SHORTEST * extent) {
                     Some(Shadow::Contact(ends)) => stops.push((place, ends)),
                     Some(Shadow::Line(ends)) => {
+                        looks += LOOKS_OF_A_LINE;
                         let sight = Sight { source, silhouette, facet, occluder: &occluder, extent };
                         lines.extend(sight.lines(ends).into_iter().map(|(ends, searched)| Line {
                             facet: place,
@@ -96,11 +108,20 @@ pub fn shadow_lines(scene: &Scene, extent: f64, error: f64) -> Vec<Vec<Vec<Conta
                     None => {}
                 }
             });
-            (lines, stops)
+            (lines, stops, looks)
         };
-        let parts: Vec<_> = silhouettes.par_iter().map(of_edge).collect();
-        let (of_source, stops): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
-        found.extend(ends::joined(of_source.concat(), &stops.concat(), scene));
+        let (mut of_source, mut stops, mut looks) = (vec![], vec![], 0);
+        for some in silhouettes.chunks(EDGES_AT_ONCE).map(|edges| edges.par_iter().map(of_edge)) {
+            if looks > MOST_LOOKS {
+                break;
+            }
+            for (lines, own_stops, own_looks) in some.collect::<Vec<_>>() {
+                of_source.extend(lines);
+                stops.extend(own_stops);
+                looks += own_looks;
+            }
+        }
+        found.extend(ends::joined(of_source, &stops, scene));
     }
     for line in worth::worth_it(scene, &sources, &occluder, found, error) {
         lines[line.facet.0][line.facet.1].push(line.ends);
