@@ -41,6 +41,13 @@ const MOST_OF_SMALL_SCENE: usize = 65_536;
 /// Most lines of a scene, per facet.
 const LINES_PER_FACET: f64 = 0.125;
 
+/// Most pairs of facets that are looked at, those of the largest regions first. Scenes whose triangles all pass through each other have
+/// quadratically many.
+const MOST_LOOKS: usize = 1 << 25;
+
+/// Regions that are looked at together.
+const REGIONS_AT_ONCE: usize = 1 << 8;
+
 struct FacetBox<'a> {
     facet: &'a Facet,
     aabb: Aabb,
@@ -66,13 +73,11 @@ pub fn contacts(scene: &Scene, regions: &[Region], extent: f64, longest_edge: f6
     }
     let bvh = build_bvh2(&risers, BvhBuildParams::fast_build(), &mut Default::default());
     let of_region = |region: &Region| {
-        let (mut found, mut hovering) = (vec![], vec![]);
-        if region.size < SMALLEST_REGION * longest_edge {
-            return found;
-        }
+        let (mut found, mut hovering, mut looks) = (vec![], vec![], 0);
         for (_, facet) in region.facets(scene) {
             bvh.aabb_traverse(grown(facet_box(facet), gap), |bvh, node| {
                 let node = &bvh.nodes[node as usize];
+                looks += node.prim_count as usize;
                 for index in &bvh.primitive_indices[node.first_index as usize..][..node.prim_count as usize] {
                     let riser = risers[*index as usize].facet;
                     found.extend(contact(facet, riser).filter(is_long));
@@ -88,27 +93,52 @@ pub fn contacts(scene: &Scene, regions: &[Region], extent: f64, longest_edge: f6
         hovering.dedup();
         found.extend(hovering);
         found.truncate(MOST);
-        found
+        (found, looks)
     };
-    let mut all: Vec<Vec<Contact>> = regions.par_iter().map(of_region).collect();
     let most = if risers.len() <= FEW_FACETS {
         MOST_OF_SMALL_SCENE
     } else {
         MOST_OF_SCENE.max((risers.len() as f64 * LINES_PER_FACET) as usize)
     };
-    keep_longest(&mut all, most);
+    let mut order: Vec<usize> = (0..regions.len()).collect();
+    order.retain(|region| regions[*region].size >= SMALLEST_REGION * longest_edge);
+    order.sort_by(|a, b| regions[*b].size.total_cmp(&regions[*a].size));
+    let mut all = vec![vec![]; regions.len()];
+    let (mut looks, mut kept) = (0, 0);
+    for some in order.chunks(REGIONS_AT_ONCE) {
+        if looks > MOST_LOOKS {
+            break;
+        }
+        let lines: Vec<_> = some.par_iter().map(|region| of_region(&regions[*region])).collect();
+        for (region, (lines, own_looks)) in some.iter().zip(lines) {
+            looks += own_looks;
+            kept += lines.len();
+            all[*region] = lines;
+        }
+        // They need not all be held to know the longest.
+        if kept > 4 * most {
+            kept = keep_longest(&mut all, most, |length, least| length >= least);
+        }
+    }
+    keep_longest(&mut all, most, |length, least| length > least);
     all
 }
 
-/// Keeps the longest lines of all regions, `most` in all.
-fn keep_longest(all: &mut [Vec<Contact>], most: usize) {
+/// Keeps the longest lines of all regions where there are more than `most`: those that are long enough beside the first that is too
+/// many. Returns how many there are then.
+fn keep_longest(
+    all: &mut [Vec<Contact>],
+    most: usize,
+    is_long_enough: impl Fn(f64, f64) -> bool,
+) -> usize {
     let length = |line: &Contact| line[0].distance(line[1]);
     let mut lengths: Vec<f64> = all.iter().flatten().map(length).collect();
     if lengths.len() > most {
-        lengths.sort_by(|a, b| b.total_cmp(a));
-        let least = lengths[most];
-        all.iter_mut().for_each(|lines| lines.retain(|line| length(line) > least));
+        let (_, least, _) = lengths.select_nth_unstable_by(most, |a, b| b.total_cmp(a));
+        let least = *least;
+        all.iter_mut().for_each(|lines| lines.retain(|line| is_long_enough(length(line), least)));
     }
+    all.iter().map(Vec::len).sum()
 }
 
 /// Sorts by length, then by place: independent of the order of the BVH.
