@@ -1,3 +1,5 @@
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use glam::DVec3;
 use kernel::geometry::area_vector;
 use smallvec::SmallVec;
@@ -25,6 +27,20 @@ impl Mesh {
         max_level: u32,
         lines: &[Vec<Vec<Contact>>],
     ) -> Self {
+        // Without a limit there is a mesh.
+        Self::within(usize::MAX, scene, extent, longest_edge, max_level, lines).unwrap_or_default()
+    }
+
+    /// As [`Self::new`]; `None` where facets are cut into more than `most` pieces, known before there is a mesh of them.
+    #[must_use]
+    pub fn within(
+        most: usize,
+        scene: &Scene,
+        extent: f64,
+        longest_edge: f64,
+        max_level: u32,
+        lines: &[Vec<Vec<Contact>>],
+    ) -> Option<Self> {
         let regions = regions(scene);
         let mut contacts = contacts(scene, &regions, extent, longest_edge);
         for (region, own) in regions.iter().zip(&mut contacts) {
@@ -43,11 +59,17 @@ impl Mesh {
         } else {
             Lengths { longest: longest_edge, shortest: longest_edge }
         };
-        let pieces: Vec<Vec<Piece>> = regions
+        let made = AtomicUsize::new(0);
+        let pieces: Option<Vec<Vec<Piece>>> = regions
             .par_iter()
             .zip(&contacts)
-            .map(|(region, lines)| pieces_of(scene, region, lines, most_cuts, lengths))
+            .map(|(region, lines)| {
+                let pieces = pieces_of(scene, region, lines, most_cuts, lengths);
+                let before = made.fetch_add(pieces.len(), Ordering::Relaxed);
+                (before + pieces.len() <= most).then_some(pieces)
+            })
             .collect();
+        let pieces = pieces?;
         let mut welder = Welder::default();
         let facet = |surface: usize, facet: u32| &scene.surfaces[surface].facets[facet as usize];
         scene.surfaces.iter().flat_map(|surface| &surface.facets).for_each(|facet| welder.add_corners(facet));
@@ -76,7 +98,7 @@ impl Mesh {
         }
         mesh.divide_longer_than(longest_edge, max_level);
         mesh.order_vertices();
-        mesh
+        Some(mesh)
     }
 
     fn divide_longer_than(&mut self, longest_edge: f64, max_level: u32) {

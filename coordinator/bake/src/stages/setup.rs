@@ -12,6 +12,9 @@ use scene::Scene;
 /// Edges longer than the scene divide nothing: diagonals are.
 const COARSEST: f64 = 2.0;
 
+/// A mesh of more pieces than this for each vertex that it may have has too many vertices: those of a closed mesh of triangles have two.
+const PIECES_PER_VERTEX: usize = 4;
+
 /// A bake before any light.
 pub struct Setup {
     pub mesh: ShareMesh,
@@ -56,8 +59,10 @@ pub fn shooting_mesh(scene: &Scene, settings: &BakeSettings) -> (Mesh, f64) {
     }
     let lines = shadow_lines(scene, extent, settings.asked_error());
     loop {
-        let mesh = Mesh::new(scene, extent, edge * extent, settings.max_level, &lines);
-        if mesh.vertices.len() <= most || edge >= COARSEST {
+        let is_last = edge >= COARSEST;
+        let pieces = if is_last { usize::MAX } else { PIECES_PER_VERTEX.saturating_mul(most) };
+        let mesh = Mesh::within(pieces, scene, extent, edge * extent, settings.max_level, &lines);
+        if let Some(mesh) = mesh.filter(|mesh| mesh.vertices.len() <= most || is_last) {
             return (mesh, edge * extent);
         }
         edge = (2.0 * edge).min(COARSEST);
