@@ -15,6 +15,20 @@ use super::welding::Welder;
 use super::{FEW_FACETS, Mesh, Patch, PatchId, VertexId, WELD, edge};
 use scene::{Facet, Scene};
 
+/// What a mesh may have.
+#[derive(Debug, Clone, Copy)]
+pub struct MeshLimits {
+    /// Pieces that facets are cut into; with more there is no mesh.
+    pub pieces: usize,
+    /// Contacts, the longest first; others are passed over.
+    pub contacts: usize,
+}
+
+impl MeshLimits {
+    /// None but those of every mesh.
+    pub const NONE: Self = Self { pieces: usize::MAX, contacts: usize::MAX };
+}
+
 impl Mesh {
     /// The mesh of a scene's facets, divided until no edge is longer than `longest_edge`, but no more than `max_level` times.
     /// `extent` is the scene's. Lengths are in frame units.
@@ -27,14 +41,14 @@ impl Mesh {
         max_level: u32,
         lines: &[Vec<Vec<Contact>>],
     ) -> Self {
-        // Without a limit there is a mesh.
-        Self::within(usize::MAX, scene, extent, longest_edge, max_level, lines).unwrap_or_default()
+        // Without limits there is a mesh.
+        Self::within(MeshLimits::NONE, scene, extent, longest_edge, max_level, lines).unwrap_or_default()
     }
 
-    /// As [`Self::new`]; `None` where facets are cut into more than `most` pieces, known before there is a mesh of them.
+    /// As [`Self::new`]; `None` where facets are cut into too many pieces, which is known before there is a mesh of them.
     #[must_use]
     pub fn within(
-        most: usize,
+        limits: MeshLimits,
         scene: &Scene,
         extent: f64,
         longest_edge: f64,
@@ -42,7 +56,7 @@ impl Mesh {
         lines: &[Vec<Vec<Contact>>],
     ) -> Option<Self> {
         let regions = regions(scene);
-        let mut contacts = contacts(scene, &regions, extent, longest_edge);
+        let mut contacts = contacts(scene, &regions, extent, longest_edge, limits.contacts);
         for (region, own) in regions.iter().zip(&mut contacts) {
             let of_facets = lines.get(region.surface).into_iter();
             own.extend(
@@ -66,7 +80,7 @@ impl Mesh {
             .map(|(region, lines)| {
                 let pieces = pieces_of(scene, region, lines, most_cuts, lengths);
                 let before = made.fetch_add(pieces.len(), Ordering::Relaxed);
-                (before + pieces.len() <= most).then_some(pieces)
+                (before + pieces.len() <= limits.pieces).then_some(pieces)
             })
             .collect();
         let pieces = pieces?;

@@ -41,9 +41,10 @@ const MOST_OF_SMALL_SCENE: usize = 65_536;
 /// Most lines of a scene, per facet.
 const LINES_PER_FACET: f64 = 0.125;
 
-/// Most pairs of facets that are looked at, those of the largest regions first. Scenes whose triangles all pass through each other have
-/// quadratically many.
-const MOST_LOOKS: usize = 1 << 25;
+/// Most pairs of facets that are looked at, those of the largest regions first: for each facet, and for small scenes. Furnished flats
+/// have 17 to 26 a facet; scenes whose triangles all pass through each other have quadratically many.
+const LOOKS_PER_FACET: usize = 64;
+const LOOKS_OF_SMALL_SCENE: usize = 1 << 22;
 
 /// Regions that are looked at together.
 const REGIONS_AT_ONCE: usize = 1 << 8;
@@ -60,7 +61,14 @@ impl Boundable for FacetBox<'_> {
 }
 
 /// The contacts of every region, longest first; then the outlines of facets that hover over it. Lengths are in frame units.
-pub fn contacts(scene: &Scene, regions: &[Region], extent: f64, longest_edge: f64) -> Vec<Vec<Contact>> {
+/// There are `limit` at most, the longest of the scene.
+pub fn contacts(
+    scene: &Scene,
+    regions: &[Region],
+    extent: f64,
+    longest_edge: f64,
+    limit: usize,
+) -> Vec<Vec<Contact>> {
     let gap = GAP * longest_edge;
     let shortest = (SHORTEST * extent).max(SHORTEST_OF_EDGE * longest_edge);
     let boxed = |facet| FacetBox { facet, aabb: facet_box(facet) };
@@ -68,7 +76,7 @@ pub fn contacts(scene: &Scene, regions: &[Region], extent: f64, longest_edge: f6
     // What is smaller than the shortest line leaves none.
     let rises = |facet: &&Facet| Bounds::around(facet.positions()).extent().length() >= shortest;
     let risers: Vec<FacetBox> = scene.front_facets().filter(rises).map(boxed).collect();
-    if risers.is_empty() {
+    if risers.is_empty() || limit == 0 {
         return vec![vec![]; regions.len()];
     }
     let bvh = build_bvh2(&risers, BvhBuildParams::fast_build(), &mut Default::default());
@@ -100,13 +108,15 @@ pub fn contacts(scene: &Scene, regions: &[Region], extent: f64, longest_edge: f6
     } else {
         MOST_OF_SCENE.max((risers.len() as f64 * LINES_PER_FACET) as usize)
     };
+    let most = most.min(limit);
     let mut order: Vec<usize> = (0..regions.len()).collect();
     order.retain(|region| regions[*region].size >= SMALLEST_REGION * longest_edge);
     order.sort_by(|a, b| regions[*b].size.total_cmp(&regions[*a].size));
     let mut all = vec![vec![]; regions.len()];
+    let most_looks = LOOKS_OF_SMALL_SCENE.max(LOOKS_PER_FACET * risers.len());
     let (mut looks, mut kept) = (0, 0);
     for some in order.chunks(REGIONS_AT_ONCE) {
-        if looks > MOST_LOOKS {
+        if looks > most_looks {
             break;
         }
         let lines: Vec<_> = some.par_iter().map(|region| of_region(&regions[*region])).collect();
@@ -126,11 +136,7 @@ pub fn contacts(scene: &Scene, regions: &[Region], extent: f64, longest_edge: f6
 
 /// Keeps the longest lines of all regions where there are more than `most`: those that are long enough beside the first that is too
 /// many. Returns how many there are then.
-fn keep_longest(
-    all: &mut [Vec<Contact>],
-    most: usize,
-    is_long_enough: impl Fn(f64, f64) -> bool,
-) -> usize {
+fn keep_longest(all: &mut [Vec<Contact>], most: usize, is_long_enough: impl Fn(f64, f64) -> bool) -> usize {
     let length = |line: &Contact| line[0].distance(line[1]);
     let mut lengths: Vec<f64> = all.iter().flatten().map(length).collect();
     if lengths.len() > most {

@@ -48,6 +48,7 @@ use smallvec::SmallVec;
 use order::FacetPlaces;
 pub use order::along_curve;
 
+pub use base::MeshLimits;
 pub use locate::{Interpolation, interpolation};
 pub use overlay::overlap;
 pub use receivers::{INWARD, VertexReceivers, receivers, shared_receivers};

@@ -3,7 +3,7 @@
 use super::light::{self, LightSource};
 use crate::context::{Context, extent};
 use crate::error::{BakeError, Result};
-use crate::mesh::{Mesh, shadow_lines};
+use crate::mesh::{Mesh, MeshLimits, shadow_lines};
 use crate::refinement::SamplePoints;
 use crate::rows::{Rows, ShareMesh, row_source};
 use crate::settings::BakeSettings;
@@ -14,6 +14,9 @@ const COARSEST: f64 = 2.0;
 
 /// A mesh of more pieces than this for each vertex that it may have has too many vertices: those of a closed mesh of triangles have two.
 const PIECES_PER_VERTEX: usize = 4;
+
+/// The longest contacts that are tried where a mesh without division has too many vertices with all of them.
+const MOST_CONTACTS: usize = 8192;
 
 /// A bake before any light.
 pub struct Setup {
@@ -58,13 +61,25 @@ pub fn shooting_mesh(scene: &Scene, settings: &BakeSettings) -> (Mesh, f64) {
         edge = edge.max(COARSEST);
     }
     let lines = shadow_lines(scene, extent, settings.asked_error());
+    let limits = MeshLimits { pieces: PIECES_PER_VERTEX.saturating_mul(most), ..MeshLimits::NONE };
+    let mesh =
+        |edge: f64, limits| Mesh::within(limits, scene, extent, edge * extent, settings.max_level, &lines);
+    let is_small = |mesh: &Mesh| mesh.vertices.len() <= most;
     loop {
-        let is_last = edge >= COARSEST;
-        let pieces = if is_last { usize::MAX } else { PIECES_PER_VERTEX.saturating_mul(most) };
-        let mesh = Mesh::within(pieces, scene, extent, edge * extent, settings.max_level, &lines);
-        if let Some(mesh) = mesh.filter(|mesh| mesh.vertices.len() <= most || is_last) {
+        if let Some(mesh) = mesh(edge, limits).filter(is_small) {
             return (mesh, edge * extent);
+        }
+        if edge >= COARSEST {
+            break;
         }
         edge = (2.0 * edge).min(COARSEST);
     }
+    // Its contacts alone are too many.
+    for contacts in [MOST_CONTACTS, MOST_CONTACTS / 8] {
+        if let Some(mesh) = mesh(edge, MeshLimits { contacts, ..limits }).filter(is_small) {
+            return (mesh, edge * extent);
+        }
+    }
+    let coarsest = MeshLimits { contacts: 0, ..MeshLimits::NONE };
+    (mesh(edge, coarsest).unwrap_or_default(), edge * extent)
 }

@@ -45,7 +45,7 @@ const MOST_EDGES: usize = 1 << 13;
 
 /// Most facets per light that are looked at for all shadows: edges beyond them are passed over, those that it sees longest first. Scenes
 /// whose triangles are all seen through each other have quadratically many.
-const MOST_LOOKS: usize = 1 << 24;
+const MOST_LOOKS: usize = 1 << 23;
 
 /// What a line costs that is looked at closely, in facets.
 const LOOKS_OF_A_LINE: usize = 16;
