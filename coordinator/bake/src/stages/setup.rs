@@ -75,11 +75,36 @@ pub fn shooting_mesh(scene: &Scene, settings: &BakeSettings) -> (Mesh, f64) {
         edge = (2.0 * edge).min(COARSEST);
     }
     // Its contacts alone are too many.
-    for contacts in [MOST_CONTACTS, MOST_CONTACTS / 8] {
+    for contacts in [1, 4, 16, 64].map(|part| MOST_CONTACTS / part) {
         if let Some(mesh) = mesh(edge, MeshLimits { contacts, ..limits }).filter(is_small) {
             return (mesh, edge * extent);
         }
     }
     let coarsest = MeshLimits { contacts: 0, ..MeshLimits::NONE };
     (mesh(edge, coarsest).unwrap_or_default(), edge * extent)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_scenes::{facet, scene};
+
+    /// Triangles that all pass through each other have so many contacts that these alone would be the mesh.
+    #[test]
+    fn contacts_do_not_give_a_mesh_more_vertices_than_it_may_have() {
+        let triangles = 600;
+        // A fixed sequence that fills a cube evenly.
+        let coordinate = |index: usize| (index as f64 * 0.754_877_666_246_693).fract() * 1024.0;
+        let corner = |index: usize| [0, 1, 2].map(|axis| coordinate(3 * index + axis + 1 + index * index));
+        let facets =
+            (0..triangles).map(|index| facet(index as u32, &[0, 1, 2].map(|at| corner(3 * index + at))));
+        let scene = scene(vec![facets.collect()], vec![]);
+        let settings = BakeSettings { max_vertices: Some(6000), ..BakeSettings::default() };
+        let (mesh, longest_edge) = shooting_mesh(&scene, &settings);
+        assert!(mesh.vertices.len() <= 6000, "{} vertices", mesh.vertices.len());
+        let limits = MeshLimits { contacts: 0, ..MeshLimits::NONE };
+        let without =
+            Mesh::within(limits, &scene, extent(&scene), longest_edge, settings.max_level, &[]).unwrap();
+        assert!(mesh.vertices.len() > without.vertices.len(), "no contact is left");
+    }
 }
