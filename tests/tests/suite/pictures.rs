@@ -174,7 +174,7 @@ fn no_picture_of_a_scene_of_the_repository_is_black() {
 const LONG: [&str; 8] = ["--width", "320", "--height", "240", "--samples", "128", "--tone-map", "linear"];
 
 /// A line by which a picture is under way.
-const UNDER_WAY: &str = "render: 20 %";
+const UNDER_WAY: &str = " tiles";
 
 /// Has a small picture made by these workers: its bytes.
 fn picture_by(path: &Path, workers: &[&str], name: &str) -> Vec<u8> {

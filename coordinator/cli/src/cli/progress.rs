@@ -36,6 +36,8 @@ struct State {
     /// What there was to say last, and when.
     message: Option<(Instant, String)>,
     shown: Instant,
+    /// Whether a step has said something of itself: the first word waits for nothing.
+    has_spoken: bool,
     is_over: bool,
 }
 
@@ -51,7 +53,16 @@ impl ProgressLine {
         let now = Instant::now();
         // The first line comes soon.
         let shown = now.checked_sub(PLAIN_INTERVAL / 2).unwrap_or(now);
-        let state = State { bar, started: now, step, entered: now, message: None, shown, is_over: false };
+        let state = State {
+            bar,
+            started: now,
+            step,
+            entered: now,
+            message: None,
+            shown,
+            has_spoken: false,
+            is_over: false,
+        };
         let state = Arc::new(Mutex::new(state));
         let (ticking, ended) = mpsc::channel();
         let ticked = Arc::clone(&state);
@@ -164,7 +175,8 @@ impl State {
         if !self.bar.is_hidden() {
             self.bar.set_prefix(self.step);
             self.bar.set_message(text);
-        } else if self.shown.elapsed() >= PLAIN_INTERVAL {
+        } else if self.shown.elapsed() >= PLAIN_INTERVAL || (fresh.is_some() && !self.has_spoken) {
+            self.has_spoken |= fresh.is_some();
             self.shown = Instant::now();
             say(format_args!("{}: {text}", self.step));
         }
