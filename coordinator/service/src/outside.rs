@@ -263,6 +263,7 @@ struct Feeder<'a> {
 
 impl Feeder<'_> {
     fn feed(mut self, surroundings: impl Fn() -> Surroundings) {
+        let mut looked = Instant::now();
         loop {
             let is_there = match self.answers.next_within(LOOK) {
                 Ok(Some(finished)) => tell(self.outlet, finished.into()),
@@ -276,10 +277,17 @@ impl Feeder<'_> {
             if !is_there {
                 return;
             }
+            // It asks for a lock that every worker's connection takes, too.
+            if looked.elapsed() < LOOK {
+                continue;
+            }
+            looked = Instant::now();
             let now = surroundings();
             if now != self.told {
                 self.told = now;
-                tell(self.outlet, Order::Surroundings(now));
+                if !tell(self.outlet, Order::Surroundings(now)) {
+                    return;
+                }
             }
         }
     }
