@@ -89,7 +89,7 @@ mod tests {
     use super::*;
     use crate::test_scenes::{facet, scene};
 
-    /// Triangles that all pass through each other have so many contacts that these alone would be the mesh.
+    /// Contact lines of triangles that all pass through each other would alone be more than a mesh may have.
     #[test]
     fn contacts_do_not_give_a_mesh_more_vertices_than_it_may_have() {
         let triangles = 600;

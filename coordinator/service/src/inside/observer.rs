@@ -15,7 +15,7 @@ use scene::Scene;
 use super::preview::{Preview, PreviewSource};
 use super::world::World;
 use crate::pipes::Outlet;
-use crate::pipes::messages::{BakeProgress, FromJob, Word};
+use crate::pipes::messages::{BakeProgress, Word};
 
 /// Least time between two reports of a phase: rows come by the ten thousand.
 const INTERVAL: Duration = Duration::from_millis(50);
@@ -41,12 +41,7 @@ impl<W: Write> Reporter<W> {
     /// The run enters a phase outside the bake.
     pub fn enter(&mut self, phase: api::Phase) {
         self.told = None;
-        self.tell(Word::Enter(phase.into()));
-    }
-
-    fn tell(&self, word: Word) {
-        // Without the service this process ends, by the end of its input.
-        let _ = self.outlet.send(&FromJob { word: Some(word) });
+        self.outlet.say(Word::Enter(phase.into()));
     }
 }
 
@@ -57,7 +52,7 @@ impl<W: Write> Observer for Reporter<W> {
             return;
         }
         self.told = Some((now, progress.phase));
-        self.tell(Word::Progress(BakeProgress {
+        self.outlet.say(Word::Progress(BakeProgress {
             phase: api_phase(progress.phase).into(),
             unshot: progress.unshot,
             error: progress.error,
@@ -74,7 +69,7 @@ impl<W: Write> Observer for Reporter<W> {
 
     fn preview(&mut self, lit: LitMesh) {
         let number = self.preview.set(lit);
-        self.tell(Word::Preview(number));
+        self.outlet.say(Word::Preview(number));
     }
 }
 

@@ -102,7 +102,7 @@ impl<W: Write + Send + 'static> Listener<W> {
                 Ok(number) => (number, String::new()),
                 Err(error) => (0, error.to_string()),
             };
-            let _ = outlet.send(&FromJob { word: Some(Word::Exported(Exported { path, number, failure })) });
+            outlet.say(Word::Exported(Exported { path, number, failure }));
         };
         if let Err(error) = thread::Builder::new().name("preview".into()).spawn(export) {
             tracing::error!(%error, "cannot start a thread for a preview");

@@ -16,7 +16,7 @@ use pipeline::run::SharedRows;
 
 use super::world::World;
 use crate::pipes::Outlet;
-use crate::pipes::messages::{FromJob, NoRows, Order, Replica, Submit, Word};
+use crate::pipes::messages::{NoRows, Order, Replica, Submit, Word};
 
 /// No more rows, in the words of the service.
 #[derive(Debug, thiserror::Error)]
@@ -42,11 +42,6 @@ impl<W: Write> PipeRows<W> {
         Self { outlet, answers, world, under_way: HashMap::new() }
     }
 
-    fn tell(&self, word: Word) {
-        // Without the service this process ends, by the end of its input.
-        let _ = self.outlet.send(&FromJob { word: Some(word) });
-    }
-
     fn error(&self, message: impl ToString) -> BakeError {
         BakeError::Rows(Box::new(RowsError { is_final: false, message: message.to_string() }))
     }
@@ -63,23 +58,23 @@ impl<W: Write> PipeRows<W> {
 
 impl<W: Write> RowService for PipeRows<W> {
     fn publish(&mut self, EncodedReplica { digest, kind, bytes }: EncodedReplica) {
-        self.tell(Word::Publish(Replica { digest: digest.to_bytes(), kind: kind.into(), bytes }));
+        self.outlet.say(Word::Publish(Replica { digest: digest.to_bytes(), kind: kind.into(), bytes }));
     }
 
     fn release(&mut self, digest: Digest) {
-        self.tell(Word::Release(digest.to_bytes()));
+        self.outlet.say(Word::Release(digest.to_bytes()));
     }
 
     fn submit(&mut self, requests: Vec<(JobId, RowRequest)>) {
         let receivers = requests.iter().map(|(job, request)| (*job, request.receiver_count as usize));
         self.under_way.extend(receivers);
         let jobs = requests.iter().map(|(job, request)| request.to_job(job.0)).collect();
-        self.tell(Word::Submit(Submit { jobs }));
+        self.outlet.say(Word::Submit(Submit { jobs }));
     }
 
     fn withdraw(&mut self) {
         self.under_way.clear();
-        self.tell(Word::Withdraw(true));
+        self.outlet.say(Word::Withdraw(true));
     }
 
     fn threads(&self) -> usize {
@@ -100,7 +95,7 @@ impl<W: Write> RowService for PipeRows<W> {
 
 impl<W: Write> SharedRows for PipeRows<W> {
     fn workers(&self) -> Vec<WorkerPart> {
-        self.tell(Word::AskWorkers(true));
+        self.outlet.say(Word::AskWorkers(true));
         // Answers to withdrawn jobs may come before.
         let answer = self.answers.iter().find_map(|order| match order {
             Order::Workers(workers) => Some(workers),

@@ -6,6 +6,7 @@ use std::sync::Mutex;
 use bytes::Bytes;
 use prost::Message;
 
+use super::messages::{FromJob, Word};
 use crate::sync::lock;
 
 /// The end of a pipe that messages are written to, from any thread.
@@ -30,6 +31,11 @@ impl<W: Write> Outlet<W> {
         pipe.write_all(&bytes)?;
         pipe.flush()
     }
+
+    /// Sends a word of a job. A service that is gone misses nothing: the job ends with its input.
+    pub fn say(&self, word: Word) {
+        let _ = self.send(&FromJob { word: Some(word) });
+    }
 }
 
 /// Reads one message; `None` at the end of the pipe.
@@ -51,7 +57,6 @@ pub fn receive<M: Message + Default>(pipe: &mut impl Read) -> io::Result<Option<
 
 #[cfg(test)]
 mod tests {
-    use super::super::messages::{FromJob, Word};
     use super::*;
 
     #[test]
