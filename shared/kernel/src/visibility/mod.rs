@@ -54,6 +54,8 @@ pub struct VisibilityKernel<'a> {
     parts: Vec<u32>,
     /// What some of them leave of the polygon for some receivers.
     partly: Vec<(u32, Mask)>,
+    /// How many of them reach into the view of each receiver.
+    reaching: [u32; LANES],
     /// What filled the last pyramids: likely to fill the next.
     last_filler: Option<Identity>,
     /// Its part, where it stands before the polygon at hand.
@@ -75,6 +77,7 @@ impl<'a> VisibilityKernel<'a> {
             target: Bounds::EMPTY,
             parts: vec![],
             partly: vec![],
+            reaching: [0; LANES],
             last_filler: None,
             likely_filler: None,
             pyramids: Pyramids::default(),
@@ -189,6 +192,21 @@ impl<'a> VisibilityKernel<'a> {
             factors.iter_mut().enumerate().filter(|(lane, _)| (open & !hidden) >> lane & 1 == 1)
         {
             let (position, plane) = (lanes.positions.get(lane), lanes.planes[lane]);
+            let receiver = (position, lanes.seeing.normal(lane), plane);
+            if self.reaching[lane] > self.precision.exact_occluders {
+                statistics.occluded_pairs += 1;
+                let (unoccluded, seed) = (view.factors[lane], seeds(lane));
+                *factor += sample::sampled_factor(
+                    self.occluder,
+                    self.precision,
+                    receiver,
+                    polygon,
+                    unoccluded,
+                    seed,
+                    statistics,
+                );
+                continue;
+            }
             self.partial.clear();
             for (part, _) in self.partly.iter().filter(|(_, mask)| mask >> lane & 1 == 1) {
                 let add = |blocker: Blocker<'_>| self.partial.add(blocker, position);
@@ -198,7 +216,6 @@ impl<'a> VisibilityKernel<'a> {
                 *factor += view.factors[lane];
                 continue;
             }
-            let receiver = (position, lanes.seeing.normal(lane), plane);
             statistics.occluded_pairs += 1;
             *factor += self.partial.factor(
                 self.occluder,
@@ -212,7 +229,8 @@ impl<'a> VisibilityKernel<'a> {
         }
     }
 
-    /// Finds what blocks the pyramids of these receivers: those whose pyramid is filled, and the parts that reach into others.
+    /// Finds what blocks the pyramids of these receivers: those whose pyramid is filled, and the parts that reach into others, up to
+    /// one more than visibility is computed with.
     fn block(
         &mut self,
         lanes: &ReceiverLanes,
@@ -222,13 +240,16 @@ impl<'a> VisibilityKernel<'a> {
         statistics: &mut RowStatistics,
     ) -> Mask {
         self.partly.clear();
+        self.reaching = [0; LANES];
         if !self.has_near {
             return 0;
         }
         self.pyramids.aim(&lanes.positions, polygon.corners());
-        let mut open = wanted;
+        let (mut open, mut hidden) = (wanted, 0);
         if let Some(likely) = self.likely_filler {
-            open &= !self.candidates.reach(self.occluder, likely, &self.pyramids, &lanes.planes).wholly;
+            hidden =
+                open & self.candidates.reach(self.occluder, likely, &self.pyramids, &lanes.planes).wholly;
+            open &= !hidden;
         }
         if open != 0 {
             let horizon = node.normal.map(|normal| (normal, -node.bounds.farthest_along(-normal)));
@@ -248,13 +269,20 @@ impl<'a> VisibilityKernel<'a> {
             if reach.wholly & open != 0 {
                 self.likely_filler = Some(part);
                 self.last_filler = Some(self.candidates.identity(part));
+                hidden |= reach.wholly & open;
                 open &= !reach.wholly;
             }
-            if reach.partly & open != 0 {
-                self.partly.push((part, reach.partly & open));
+            let partly = reach.partly & open;
+            if partly != 0 {
+                self.partly.push((part, partly));
+                for lane in (0..LANES).filter(|lane| partly >> lane & 1 == 1) {
+                    self.reaching[lane] += 1;
+                    if self.reaching[lane] > self.precision.exact_occluders {
+                        open &= !(1 << lane);
+                    }
+                }
             }
         }
-        let hidden = wanted & !open;
         statistics.occluded_pairs += u64::from(hidden.count_ones());
         hidden
     }

@@ -66,14 +66,15 @@ impl PartialView {
         {
             return visible;
         }
-        statistics.sampled_pairs += 1;
-        let planes = [plane, polygon.plane()];
-        let blocked = |target: DVec3| occluder.blocks(position, position + target, planes);
-        let rays = sample::ray_count(unoccluded, precision);
-        let sample = sample::sample_visibility(&corners, normal, polygon.normal(), rays, seed, blocked);
-        statistics.rays += u64::from(sample.rays);
-        statistics.sampling_variance += unoccluded * unoccluded * sample.variance;
-        unoccluded * sample.fraction
+        sample::sampled_factor(
+            occluder,
+            precision,
+            (position, normal, plane),
+            polygon,
+            unoccluded,
+            seed,
+            statistics,
+        )
     }
 
     /// The visible factor by cutting the blockers out of the polygon; `None` where it falls into too many pieces.

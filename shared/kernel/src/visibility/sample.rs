@@ -4,8 +4,10 @@ use glam::DVec3;
 use sobol_burley::sample_4d;
 
 use super::ratio::RayRatio;
-use crate::form_factor::kernel;
-use crate::geometry::{Corners, uniform_point};
+use crate::form_factor::{PreparedPolygon, kernel};
+use crate::geometry::{Corners, PlaneId, uniform_point};
+use crate::messages::RowStatistics;
+use crate::occluder::Occluder;
 use crate::row::Precision;
 
 /// Number of rays after which a pair that is wholly visible or wholly hidden so far gets no more. Stopping on both keeps the
@@ -32,6 +34,27 @@ pub fn pair_seed(scene_seed: u64, shooter: u64, receiver: u64) -> u32 {
 pub fn ray_count(factor: f64, precision: &Precision) -> u32 {
     let share = (factor * f64::from(precision.rays_per_hemisphere)).ceil() as u32;
     share.min(precision.maximum_rays).next_power_of_two().max(precision.minimum_rays)
+}
+
+/// The visible part of a form factor whose unoccluded value is known, by rays.
+pub fn sampled_factor(
+    occluder: &Occluder,
+    precision: &Precision,
+    (position, normal, plane): (DVec3, DVec3, PlaneId),
+    polygon: &PreparedPolygon,
+    unoccluded: f64,
+    seed: u32,
+    statistics: &mut RowStatistics,
+) -> f64 {
+    statistics.sampled_pairs += 1;
+    let planes = [plane, polygon.plane()];
+    let blocked = |target: DVec3| occluder.blocks(position, position + target, planes);
+    let corners = polygon.corners_above(position, normal);
+    let rays = ray_count(unoccluded, precision);
+    let sample = sample_visibility(&corners, normal, polygon.normal(), rays, seed, blocked);
+    statistics.rays += u64::from(sample.rays);
+    statistics.sampling_variance += unoccluded * unoccluded * sample.variance;
+    unoccluded * sample.fraction
 }
 
 /// An estimate of visibility.

@@ -27,14 +27,25 @@ fn floor(x: f64, y: f64) -> Receiver {
 }
 
 fn visible(occluders: &[ConvexPolygon], receivers: &[Receiver], target: &ConvexPolygon) -> Vec<f64> {
+    visible_by(&PRECISION, occluders, receivers, target, |index| index as u32)
+}
+
+/// The same with these seeds of the receivers' rays: views of very many pieces are sampled.
+fn visible_by(
+    precision: &Precision,
+    occluders: &[ConvexPolygon],
+    receivers: &[Receiver],
+    target: &ConvexPolygon,
+    seeds: impl Fn(usize) -> u32,
+) -> Vec<f64> {
     let occluder = Occluder::new(occluders);
     let mut factors = vec![0.0; receivers.len()];
     let target = PreparedPolygon::new(target);
-    let mut kernel = VisibilityKernel::new(&occluder, &PRECISION);
+    let mut kernel = VisibilityKernel::new(&occluder, precision);
     kernel.add_form_factors(
         &ReceiverGroups::new(receivers.to_vec()),
         &target,
-        |i| i as u32,
+        seeds,
         &mut factors,
         &mut RowStatistics::default(),
     );
@@ -128,6 +139,8 @@ proptest! {
         mut occluders in prop::collection::vec(small_square(), 0..12),
         boxes in prop::collection::vec((-1.0..1.0, -1.0..1.0, 0.1..1.8, -1.0..1.0), 0..4),
         places in prop::collection::vec((-2.0..2.0, -2.0..2.0), 1..400),
+        // With more occluders than this, rays sample what is seen.
+        most in prop::sample::select(vec![0, 2, 5, 40]),
     ) {
         for (number, (x, y, z, angle)) in (0..).zip(boxes) {
             let body = turned([x, y, z], [0.3, 0.2, 0.15], [angle, 0.5 * angle]);
@@ -137,8 +150,12 @@ proptest! {
             }));
         }
         let receivers: Vec<Receiver> = places.iter().map(|(x, y)| floor(*x, *y)).collect();
-        let together = visible(&occluders, &receivers, &ceiling());
-        let alone: Vec<f64> = receivers.iter().map(|receiver| visible(&occluders, &[*receiver], &ceiling())[0]).collect();
+        let precision = Precision { exact_occluders: most, minimum_rays: 64, maximum_rays: 64, ..PRECISION };
+        let together = visible_by(&precision, &occluders, &receivers, &ceiling(), |index| index as u32);
+        let alone = |(index, receiver): (usize, &Receiver)| {
+            visible_by(&precision, &occluders, &[*receiver], &ceiling(), |_| index as u32)[0]
+        };
+        let alone: Vec<f64> = receivers.iter().enumerate().map(alone).collect();
         prop_assert_eq!(together, alone);
     }
 }
