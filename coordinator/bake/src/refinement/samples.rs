@@ -9,6 +9,7 @@ use std::collections::HashMap;
 use glam::DVec3;
 use kernel::geometry::{PlaneId, uniform_point};
 use kernel::replica::{Receiver, Receivers};
+use rayon::prelude::*;
 use sobol_burley::sample_4d;
 
 use crate::error_budget::{INTERPOLATED_NOISE, without_noise};
@@ -102,6 +103,12 @@ impl SamplePoints {
         Self { first_key, points: draw_on(mesh, scene, &leaves, expected, seed, count), ..Self::default() }
     }
 
+    /// The middles of these leaves. Keys of receivers start at `first_key`.
+    pub fn middles(mesh: &Mesh, scene: &Scene, leaves: &[PatchId], first_key: u64) -> Self {
+        let middle = |id: &PatchId| point_at(mesh, scene, *id, mesh.centre(*id), 1.0);
+        Self { first_key, points: leaves.par_iter().map(middle).collect(), ..Self::default() }
+    }
+
     /// The first `count` points as receivers.
     pub fn receivers(&self, count: usize) -> Receivers {
         let receivers = self.points.iter().take(count).map(|point| point.receiver).collect();
@@ -191,7 +198,7 @@ impl SamplePoints {
             let interpolated: DVec3 = corners.iter().map(|(vertex, weight)| value(*vertex) * *weight).sum();
             (leaf, point.reflectance * (interpolated - *gathered))
         };
-        self.points.iter().zip(&self.irradiance).map(found).collect()
+        self.points.par_iter().zip(&self.irradiance).with_min_len(256).map(found).collect()
     }
 
     /// Relative interpolation error, given the mean reflectance and the relative noise of the light.
@@ -317,7 +324,11 @@ fn draw_on(
 
 /// The point of a leaf at a place in the unit square.
 fn point_on(mesh: &Mesh, scene: &Scene, id: PatchId, [y, z]: [f64; 2], weight: f64) -> SamplePoint {
-    let position = uniform_point(&mesh.corners(id), y, z);
+    point_at(mesh, scene, id, uniform_point(&mesh.corners(id), y, z), weight)
+}
+
+/// A point of a leaf.
+fn point_at(mesh: &Mesh, scene: &Scene, id: PatchId, position: DVec3, weight: f64) -> SamplePoint {
     let normals = interpolation(mesh, id, position, |_| DVec3::ZERO);
     let vertex = |id: VertexId| &mesh.vertices[id.index()];
     let normal: DVec3 = normals.iter().map(|(id, weight)| vertex(*id).normal * *weight).sum();

@@ -21,7 +21,6 @@ use crate::settings::{BakeSettings, RowStrategy};
 use crate::solver::bounds::add_to_sums;
 use crate::solver::cache::{ColumnCache, SetId};
 use crate::solver::{ShareEnergy, ShareId};
-use scene::Scene;
 
 /// Shadow lines are for receivers. Shares end at them too, where light jumps, unless they would be more than this many times those
 /// of the mesh without lines: then these shoot.
@@ -38,7 +37,7 @@ impl RowSource for ExactRows {
         RowStrategy::Exact
     }
 
-    fn edge_factor(&self, _: &Scene) -> f64 {
+    fn edge_factor(&self) -> f64 {
         1.0
     }
 
@@ -211,6 +210,10 @@ impl RowSource for ExactRows {
             residual: solved.residual,
             ..solution
         })
+    }
+
+    fn follow_mesh(&mut self, _: &mut Context, _: &mut ShareMesh) -> Result<()> {
+        Ok(())
     }
 
     fn leaves_cost_rows(&self) -> bool {

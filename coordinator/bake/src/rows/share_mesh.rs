@@ -11,7 +11,7 @@ use scene::Scene;
 pub struct ShareMesh {
     /// Its vertices receive.
     pub mesh: Mesh,
-    /// They tile the mesh, and stay as they are when it is refined.
+    /// They tile the mesh, and stay as they are when it is refined, until its leaves become the shares.
     pub shares: Vec<Share>,
     /// Averaged over each share.
     pub materials: Vec<AveragedMaterial>,
@@ -24,17 +24,27 @@ pub struct ShareMesh {
 impl ShareMesh {
     /// Averages the materials of the shares.
     pub fn new(scene: &Scene, mesh: Mesh, shares: Vec<Share>) -> Self {
-        let materials = materials::of_shares(scene, &mesh, &shares);
-        let energies = shares
-            .iter()
-            .zip(&materials)
-            .map(|(share, material)| ShareEnergy {
-                receiver: share.vertex.index(),
-                area: share.area,
-                reflectance: material.reflectance,
-            })
-            .collect();
-        Self { mesh, shares, materials, patch_materials: PatchMaterials::default(), energies }
+        let patch_materials = PatchMaterials::default();
+        let mut all = Self { mesh, shares: vec![], materials: vec![], patch_materials, energies: vec![] };
+        all.deal_out(scene, shares);
+        all
+    }
+
+    /// Deals the surface out among other shares.
+    pub fn deal_out(&mut self, scene: &Scene, shares: Vec<Share>) {
+        self.materials = materials::of_shares(scene, &self.mesh, &shares);
+        let energy = |(share, material): (&Share, &AveragedMaterial)| ShareEnergy {
+            receiver: share.vertex.index(),
+            area: share.area,
+            reflectance: material.reflectance,
+        };
+        self.energies = shares.iter().zip(&self.materials).map(energy).collect();
+        self.shares = shares;
+    }
+
+    /// Radiosity that the shares reflect, where this irradiance falls on them.
+    pub fn reflected(&self, incident: &[DVec3]) -> Vec<DVec3> {
+        self.energies.iter().zip(incident).map(|(share, incident)| share.reflectance * *incident).collect()
     }
 
     /// Whether the shares were made on another mesh: then no vertex stands for one.

@@ -14,15 +14,14 @@ use crate::mesh::{Mesh, Share, Surroundings, VertexId, VertexReceivers, receiver
 use crate::settings::{BakeSettings, RowStrategy};
 use crate::solver::bounds::add_to_sums;
 use crate::solver::cache::{ColumnCache, SetId};
-use scene::Scene;
 
 /// A row strategy: how the rows of shares over receivers are made, and how light is solved for with them.
 pub trait RowSource {
     /// The setting that chooses it.
     fn strategy(&self) -> RowStrategy;
 
-    /// Longest edge of the shooting mesh of a scene, relative to the one in the settings.
-    fn edge_factor(&self, scene: &Scene) -> f64;
+    /// Longest edge of the shooting mesh, relative to the one in the settings.
+    fn edge_factor(&self) -> f64;
 
     /// Rays of a hemisphere, where it has any.
     fn rays(&self, settings: &BakeSettings) -> u32;
@@ -108,7 +107,10 @@ pub trait RowSource {
         solution: Solution,
     ) -> Result<Solution>;
 
-    /// Whether [`Self::light_of_leaves`] takes a row for each leaf.
+    /// Makes the leaves of the refined mesh the shares, where [these cost no rows](Self::leaves_cost_rows).
+    fn follow_mesh(&mut self, cx: &mut Context, mesh: &mut ShareMesh) -> Result<()>;
+
+    /// Whether a share more, or [`Self::light_of_leaves`], takes a row for each leaf.
     fn leaves_cost_rows(&self) -> bool;
 
     /// Light that receivers get from the leaves of the refined mesh, each with its own mean radiosity, given the irradiance of the

@@ -20,6 +20,8 @@ pub struct Lit {
     pub sources: Sources,
     /// Refinement samples, with their direct light.
     pub samples: SamplePoints,
+    /// Middles of large leaves, with their direct light.
+    pub middles: SamplePoints,
     /// Irradiance of the vertices of the shooting mesh.
     pub direct: Vec<DVec3>,
 }
@@ -39,7 +41,7 @@ impl Setup {
     /// Computes the direct light at the vertices of the shooting mesh and at the refinement samples.
     #[tracing::instrument(skip_all)]
     pub fn light(self, cx: &mut Context) -> Result<Lit> {
-        let Self { mesh, mut rows, sources, mut samples } = self;
+        let Self { mesh, mut rows, sources, mut samples, mut middles } = self;
         cx.client.monitor.enter(Phase::Light, mesh.mesh.vertices.len());
         let (mut from_lights, mut from_outside) = (DVec3::ZERO, DVec3::ZERO);
         let Rows { source, table } = &mut rows;
@@ -66,12 +68,17 @@ impl Setup {
             *if source.is_outside { &mut from_outside } else { &mut from_lights } += source.strength * flux;
         })?;
         let direct = vertices.of_coarse(direct);
+        if middles.count() > 0 {
+            let set = cx.client.publish_receivers(&middles.receivers(middles.count()));
+            middles.set_irradiance(light::irradiance(&sources, set, cx.client, |_, _, _| ())?);
+            cx.client.release(set);
+        }
         cx.end_step("light");
         mesh.preview(cx, &direct, || {
             let dark = vec![DVec3::ZERO; mesh.shares.len()];
             (direct.clone(), mesh.unshot(&values.of(&mesh.energies, &direct), &dark))
         });
         let sources = Sources { all: sources, variances, from_lights, from_outside };
-        Ok(Lit { mesh, rows, sources, samples, direct })
+        Ok(Lit { mesh, rows, sources, samples, middles, direct })
     }
 }

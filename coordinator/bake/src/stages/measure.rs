@@ -13,6 +13,10 @@ use crate::error_budget::{
 use crate::observer::Phase;
 use crate::refinement::{FIRST, Obstacle, SamplePoints, best_fit};
 
+/// Part of the error of the shooters that is left when the leaves of the refined mesh, with edges half as long where light changes,
+/// become the shares. The error falls with the square of the edge, next to contacts with the edge.
+const LEFT: f64 = 0.4;
+
 /// A bake whose error is known.
 pub struct Measured {
     pub solved: Solved,
@@ -71,6 +75,15 @@ impl Refined {
 }
 
 impl Measured {
+    /// Makes the leaves of the refined mesh the shares, and measures again.
+    pub fn follow_mesh(self, cx: &mut Context) -> Result<Self> {
+        let Self { mut solved, obstacle, error, shooters_at_least, .. } = self;
+        solved.shooters_expected = [error.shooters, shooters_at_least].map(|error| error * LEFT);
+        solved.follow_mesh(cx)?;
+        let shooters = Some(solved.shooters_expected);
+        Refined { solved, obstacle }.measure(cx, shooters)
+    }
+
     /// Measures the error of the shooters.
     #[tracing::instrument(skip_all)]
     pub fn measure_shooters(mut self, cx: &mut Context) -> Result<Self> {
@@ -125,6 +138,8 @@ impl Solved {
         let noise = light.rows.map_or(0.0, |rows| self.noise().hypot(samples.noise(rows.into_iter(), count)));
         let all =
             |differences| without_noise(differences, noise) / (1.0 - RETURNING * self.mean_reflectance());
-        Ok([samples.relative(differences.into_iter()), at_least].map(all))
+        let [measured, at_least] = [samples.relative(differences.into_iter()), at_least].map(all);
+        let [expected, expected_at_least] = self.shooters_expected;
+        Ok([measured.max(expected), at_least.max(expected_at_least)])
     }
 }

@@ -12,6 +12,9 @@ use crate::settings::BakeSettings;
 /// Part of the asked error that the shooters may take after a new start.
 const SHOOTERS_PART: f64 = 0.5;
 
+/// Part of the asked error from which on shooters follow the mesh where that costs no rows.
+const FOLLOWED_PART: f64 = 0.3;
+
 /// Part of the asked error that the rays may take after a new start.
 const RAYS_PART: f64 = 0.3;
 
@@ -45,6 +48,13 @@ impl Solved {
         loop {
             let vertices = solved.mesh.mesh.vertices.len();
             let mut measured = solved.refine(cx, limit)?.measure(cx, shooters)?;
+            if measured.shooters_take_much(cx.settings) && measured.solved.can_follow_mesh() {
+                if shooters.is_some() {
+                    measured = measured.measure_shooters(cx)?;
+                }
+                measured = measured.follow_mesh(cx)?;
+                shooters = None;
+            }
             let mut better = measured.better_settings(cx);
             let is_end = |measured: &Measured, better: &Option<BakeSettings>| {
                 round == MAX_ROUNDS
@@ -84,6 +94,11 @@ impl Measured {
     /// The error of interpolation on the mesh.
     fn of_mesh(&self) -> f64 {
         without(self.error.receivers, self.between)
+    }
+
+    /// Whether the shooters take so much of the asked error that they should follow the mesh.
+    fn shooters_take_much(&self, settings: &BakeSettings) -> bool {
+        self.error.shooters > FOLLOWED_PART * settings.asked_error()
     }
 
     /// Whether the other parts of the error leave next to nothing to interpolation on the mesh.

@@ -1,9 +1,11 @@
 //! The shooting mesh, its shares and the light sources.
 
+use glam::DVec3;
+
 use super::light::{self, LightSource};
 use crate::context::{Context, extent};
 use crate::error::{BakeError, Result};
-use crate::mesh::{Mesh, MeshLimits, shadow_lines};
+use crate::mesh::{Mesh, MeshLimits, PatchId, shadow_lines};
 use crate::refinement::SamplePoints;
 use crate::rows::{Rows, ShareMesh, row_source};
 use crate::settings::BakeSettings;
@@ -18,6 +20,12 @@ const PIECES_PER_VERTEX: usize = 4;
 /// The longest contacts that are tried where a mesh without division has too many vertices with all of them.
 const MOST_CONTACTS: usize = 8192;
 
+/// Longest edge of the smallest leaves whose middles are looked at, relative to that of the largest.
+const LEAST_MIDDLE: f64 = 0.125;
+
+/// Key of the first middle of a leaf as a receiver, above those of all samples and gather points.
+const FIRST_MIDDLE: u64 = 1 << 38;
+
 /// A bake before any light.
 pub struct Setup {
     pub mesh: ShareMesh,
@@ -25,6 +33,8 @@ pub struct Setup {
     pub sources: Vec<LightSource>,
     /// Points that guide refinement.
     pub samples: SamplePoints,
+    /// Middles of large leaves: their direct light guides refinement, too.
+    pub middles: SamplePoints,
 }
 
 impl Setup {
@@ -46,8 +56,19 @@ impl Setup {
         let mut rows = Rows { source, table };
         rows.add_coarse(cx, &mesh.mesh)?;
         let samples = SamplePoints::draw(&mesh.mesh, scene, settings, &[], 0);
+        let middles = if rows.source.leaves_cost_rows() {
+            SamplePoints::default()
+        } else {
+            let least = LEAST_MIDDLE * longest_edge;
+            let reflects =
+                |id: PatchId| scene.surfaces[mesh.mesh.patch(id).surface as usize].reflectance != DVec3::ZERO;
+            let leaves = mesh.mesh.leaves().map(|(id, _)| id);
+            let leaves: Vec<PatchId> =
+                leaves.filter(|id| mesh.mesh.size(*id) > least && reflects(*id)).collect();
+            SamplePoints::middles(&mesh.mesh, scene, &leaves, FIRST_MIDDLE)
+        };
         cx.end_step("mesh");
-        Ok(Self { mesh, rows, sources, samples })
+        Ok(Self { mesh, rows, sources, samples, middles })
     }
 }
 
@@ -56,7 +77,7 @@ impl Setup {
 pub fn shooting_mesh(scene: &Scene, settings: &BakeSettings) -> (Mesh, f64) {
     let extent = extent(scene);
     let most = settings.most_vertices(scene);
-    let mut edge = settings.shooter_edge * row_source(scene, settings).edge_factor(scene);
+    let mut edge = settings.shooter_edge * row_source(scene, settings).edge_factor();
     if scene.vertex_count >= most {
         edge = edge.max(COARSEST);
     }

@@ -11,9 +11,13 @@ use crate::mesh::VertexId;
 use crate::observer::Phase;
 use crate::refinement::{MeshError, SamplePoints, best_fit};
 use crate::rows::{COARSE, FIRST_TOLERANCE, Problem, Rows, ShareMesh, ShareValues, Solution};
+use crate::solver::cache::SetId;
 
 /// Measured interpolation error over the predicted one, to begin with: .6 to .75 in rooms of all sorts.
 const FOUND_PER_PREDICTED: f64 = 0.68;
+
+/// Leaves over shares from which on it helps to make the leaves the shares.
+const MORE_LEAVES: f64 = 1.1;
 
 /// A bake with a solution.
 pub struct Solved {
@@ -22,6 +26,8 @@ pub struct Solved {
     pub sources: Sources,
     /// Irradiance of the vertices from the light sources.
     pub direct: Vec<DVec3>,
+    /// Middles of leaves of the shooting mesh, with their direct light.
+    middles: SamplePoints,
     pub solution: Solution,
     /// Whether each vertex sees any surface.
     pub exposed: Vec<bool>,
@@ -29,6 +35,9 @@ pub struct Solved {
     pub row_sums: Vec<f64>,
     /// Whether shares take means over the refined mesh.
     takes_means: bool,
+    /// What the error of the shooters is expected to be, and at least, since the leaves became the shares: these show no error of
+    /// their own.
+    pub shooters_expected: [f64; 2],
     /// Measured interpolation error over the predicted one: the prediction knows nothing of the best fit and of
     /// how triangles follow the light.
     pub found_per_predicted: f64,
@@ -40,7 +49,7 @@ impl Lit {
     /// Solves for the light on the shooting mesh, well enough to see where it must be refined.
     #[tracing::instrument(skip_all)]
     pub fn solve(self, cx: &mut Context) -> Result<Solved> {
-        let Self { mesh, mut rows, sources, samples, mut direct } = self;
+        let Self { mesh, mut rows, sources, samples, middles, mut direct } = self;
         cx.client.monitor.enter(Phase::Shoot, mesh.mesh.vertices.len());
         let Rows { source, table } = &mut rows;
         let mut radiosity = source.shoot(cx, &mesh, table, &direct)?;
@@ -67,10 +76,12 @@ impl Lit {
             rows,
             sources,
             direct,
+            middles,
             solution,
             exposed,
             row_sums,
             takes_means: false,
+            shooters_expected: [0.0; 2],
             found_per_predicted: FOUND_PER_PREDICTED,
             rounds_measured: 0,
         })
@@ -96,6 +107,26 @@ impl Solved {
         self.preview(cx);
         cx.end_step("final solve");
         Ok(())
+    }
+
+    /// Whether the leaves of the refined mesh can become the shares, and are so many more that it helps.
+    pub fn can_follow_mesh(&self) -> bool {
+        let leaves = self.mesh.mesh.leaves().count();
+        !self.rows.source.leaves_cost_rows() && leaves as f64 >= MORE_LEAVES * self.mesh.shares.len() as f64
+    }
+
+    /// Makes the leaves of the refined mesh the shares, and solves again.
+    #[tracing::instrument(skip_all)]
+    pub fn follow_mesh(&mut self, cx: &mut Context) -> Result<()> {
+        let Self { mesh, rows: Rows { source, table }, .. } = self;
+        source.follow_mesh(cx, mesh)?;
+        let sets: Vec<SetId> = table.vertices.sets().collect();
+        let seen = source.gather(cx, mesh, table, &sets, &[], true)?;
+        let sums = table.vertices.join(seen.into_iter().map(|gathered| gathered.cover.sums));
+        self.row_sums = source.row_sums(mesh, &sums);
+        let incident = self.means().of(&self.mesh.energies, &self.solution.irradiance);
+        self.solution.radiosity = self.mesh.reflected(&incident);
+        self.final_solve(cx)
     }
 
     /// Hands a preview to the observer, if it wants one.
@@ -134,7 +165,9 @@ impl Solved {
     /// The error of interpolation as vertices and refinement samples tell it.
     pub fn predict(&self, cx: &Context) -> MeshError {
         let (mesh, irradiance) = (&self.mesh.mesh, &self.solution.irradiance);
-        let found = self.solution.samples.compare(mesh, &best_fit(mesh, irradiance));
+        let mut found = self.solution.samples.compare(mesh, &best_fit(mesh, irradiance));
+        // A leaf whose corners are all in the dark, or all in the light, may be otherwise between them.
+        found.extend(self.middles.compare(mesh, &self.direct));
         let reflectance: Vec<DVec3> = cx.scene.surfaces.iter().map(|surface| surface.reflectance).collect();
         MeshError::predict(mesh, irradiance, &reflectance, &found)
     }

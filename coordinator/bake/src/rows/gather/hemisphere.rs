@@ -4,6 +4,7 @@ use glam::DVec3;
 use kernel::replica::{Receiver, Receivers, ScenePolygons};
 use kernel::row::{Hemisphere, Shape, Shooter};
 
+use crate::context::Context;
 use crate::error::Result;
 use crate::jobs::{ReceiverSet, RowClient};
 use crate::mesh::Mesh;
@@ -22,8 +23,14 @@ pub fn covered(view: &[(u32, f32)]) -> f64 {
     view.iter().map(|(_, factor)| f64::from(*factor)).sum()
 }
 
+/// Publishes the leaves of a mesh, which rays meet.
+pub fn publish_leaves(cx: &mut Context, mesh: &Mesh) -> ReceiverSet {
+    let ScenePolygons { polygons, opacities } = leaf_polygons(cx.scene, mesh);
+    cx.client.publish_polygons(&polygons, &opacities)
+}
+
 /// Leaves of a mesh as rays see them, each with its opacity where one is not opaque.
-pub fn leaf_polygons(scene: &Scene, mesh: &Mesh) -> ScenePolygons {
+fn leaf_polygons(scene: &Scene, mesh: &Mesh) -> ScenePolygons {
     let mut leaves = ScenePolygons::default();
     for (id, patch) in mesh.leaves() {
         let surface = &scene.surfaces[patch.surface as usize];
@@ -39,22 +46,25 @@ pub fn leaf_polygons(scene: &Scene, mesh: &Mesh) -> ScenePolygons {
     leaves
 }
 
-/// What each receiver sees of published polygons, by its number of rays.
-pub fn views(
-    client: &mut RowClient,
-    polygons: ReceiverSet,
-    receivers: &Receivers,
-    rays: impl Fn(usize) -> u32,
-) -> Result<Vec<View>> {
-    let most = (0..receivers.receivers.len()).map(&rays).max().unwrap_or(1);
+/// The hemispheres of receivers, given the number of rays of each.
+pub fn hemispheres(receivers: &Receivers, rays: impl Fn(usize) -> u32) -> Vec<Shooter> {
     let hemisphere = |(index, receiver): (usize, &Receiver)| {
         let rays = rays(index).clamp(1, Hemisphere::MOST_RAYS);
         let shape = Shape::Hemisphere(Hemisphere { receiver: *receiver, rays });
         Shooter { key: receivers.first_key + index as u64, shape }
     };
-    let shooters: Vec<Shooter> = receivers.receivers.iter().enumerate().map(hemisphere).collect();
-    let mut views = Vec::with_capacity(shooters.len());
-    client.each_row(&shooters, polygons.seen_by(most), |_, row, _| {
+    receivers.receivers.iter().enumerate().map(hemisphere).collect()
+}
+
+/// What each hemisphere sees of published polygons.
+pub fn views(client: &mut RowClient, polygons: ReceiverSet, hemispheres: &[Shooter]) -> Result<Vec<View>> {
+    let rays = |shooter: &Shooter| match &shooter.shape {
+        Shape::Hemisphere(hemisphere) => hemisphere.rays,
+        _ => 1,
+    };
+    let most = hemispheres.iter().map(rays).max().unwrap_or(1);
+    let mut views = Vec::with_capacity(hemispheres.len());
+    client.each_row(hemispheres, polygons.seen_by(most), |_, row, _| {
         views.push(row.iter().map(|(share, factor)| (share as u32, factor)).collect::<View>());
     })?;
     Ok(views)

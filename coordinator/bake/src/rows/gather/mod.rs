@@ -42,11 +42,10 @@ use crate::mesh::{Mesh, PatchId, Share, Surroundings};
 use crate::settings::{BakeSettings, RowStrategy};
 use crate::solver::acceleration::Acceleration;
 use crate::solver::cache::{ColumnCache, SetId};
-use hemisphere::{covered, gathered, leaf_polygons, views};
+use hemisphere::{covered, gathered, hemispheres, publish_leaves, views};
 use interpolation::Neighbours;
 use noise::Twins;
 use points::GatherPoints;
-use scene::Scene;
 use set::Set;
 
 /// Passes end here even if the accuracy was not reached; the bound is reported.
@@ -54,12 +53,6 @@ const MOST_PASSES: u32 = 1000;
 
 /// Factor of the edge of shooters: leaves, whose light is constant, are made finer than shares are, since they cost next to nothing.
 const EDGE_FACTOR: f64 = 1.0 / 3.0;
-
-/// The same in scenes of so many vertices that few are added by it.
-const FINE_EDGE_FACTOR: f64 = 0.1;
-
-/// Scenes with this many vertices get the fine edges.
-const MANY_VERTICES: usize = 100_000;
 
 /// Longest edge of leaves whose corners share a receiver, relative to the scene's extent and the asked error,
 const SMALL: f64 = 0.05;
@@ -70,8 +63,13 @@ const LARGEST_SMALL: f64 = 0.005;
 /// Fewest rays of a gather point: many receivers depend on it.
 const LEAST_RAYS: u32 = 256;
 
-/// Factor of the rays of receivers that the answer is measured at.
+/// Factor of the rays that the asked error needs, for receivers that the answer is measured at.
 const MEASURED: u32 = 4;
+
+/// Rays of a receiver that the answer is measured at: of its noise no other depends on.
+fn measured_rays(settings: &BakeSettings) -> u32 {
+    (settings.rays_per_hemisphere * MEASURED).max(LEAST_RAYS).next_power_of_two()
+}
 
 /// The gathering strategy.
 #[derive(Default)]
@@ -124,8 +122,8 @@ impl RowSource for GatherRows {
         RowStrategy::Gather
     }
 
-    fn edge_factor(&self, scene: &Scene) -> f64 {
-        if scene.vertex_count < MANY_VERTICES { EDGE_FACTOR } else { FINE_EDGE_FACTOR }
+    fn edge_factor(&self) -> f64 {
+        EDGE_FACTOR
     }
 
     fn rays(&self, settings: &BakeSettings) -> u32 {
@@ -143,8 +141,7 @@ impl RowSource for GatherRows {
     }
 
     fn open(&mut self, cx: &mut Context, mesh: &ShareMesh) -> RowTable {
-        let leaves = leaf_polygons(cx.scene, &mesh.mesh);
-        self.polygons = Some(cx.client.publish_polygons(&leaves.polygons, &leaves.opacities));
+        self.polygons = Some(publish_leaves(cx, &mesh.mesh));
         self.rays = self.rays(cx.settings);
         cx.client.set_precision(cx.settings.clone().with_rays(f64::from(self.rays)).precision());
         // No shooter has a row of its own.
@@ -210,7 +207,7 @@ impl RowSource for GatherRows {
         radiosities: &[&[DVec3]],
     ) -> Result<Gathered> {
         let Some(polygons) = self.polygons else { return Ok(Gathered::default()) };
-        let views = views(cx.client, polygons, receivers, |_| self.rays * MEASURED)?;
+        let views = views(cx.client, polygons, &hemispheres(receivers, |_| measured_rays(cx.settings)))?;
         let at = |radiosity: &&[DVec3]| views.iter().map(|view| gathered(view, radiosity)).collect();
         let sums = views.iter().map(|view| covered(view)).collect();
         Ok(Gathered {
@@ -282,8 +279,7 @@ impl RowSource for GatherRows {
                 (solution.irradiance.clone(), problem.mesh.unshot(&incident, &solution.radiosity))
             });
             cx.work.sweeps += 1;
-            let next: Vec<DVec3> =
-                energies.iter().zip(&incident).map(|(share, mean)| share.reflectance * *mean).collect();
+            let next = problem.mesh.reflected(&incident);
             let changes: Vec<DVec3> =
                 next.iter().zip(&solution.radiosity).map(|(new, old)| (*new - *old).abs()).collect();
             let (changed, all) = (flux(&changes, &areas), flux(&next, &areas).element_sum());
@@ -307,6 +303,15 @@ impl RowSource for GatherRows {
         Ok(solution)
     }
 
+    fn follow_mesh(&mut self, cx: &mut Context, mesh: &mut ShareMesh) -> Result<()> {
+        let polygons = publish_leaves(cx, &mesh.mesh);
+        self.polygons.replace(polygons).into_iter().for_each(|before| cx.client.release(before));
+        self.points.look_again(cx.client, polygons)?;
+        self.twins.look_again(cx.client, polygons)?;
+        mesh.deal_out(cx.scene, mesh.mesh.leaf_shares(cx.scene));
+        Ok(())
+    }
+
     fn leaves_cost_rows(&self) -> bool {
         false
     }
@@ -318,9 +323,8 @@ impl RowSource for GatherRows {
         receivers: &Receivers,
         (irradiance, exposed): (&[DVec3], &[bool]),
     ) -> Result<LeafLight> {
-        let leaves = leaf_polygons(cx.scene, &mesh.mesh);
-        let set = cx.client.publish_polygons(&leaves.polygons, &leaves.opacities);
-        let views = views(cx.client, set, receivers, |_| self.rays * MEASURED)?;
+        let set = publish_leaves(cx, &mesh.mesh);
+        let views = views(cx.client, set, &hemispheres(receivers, |_| measured_rays(cx.settings)))?;
         cx.client.release(set);
         let means = Means::new(&mesh.mesh, &mesh.mesh.leaf_shares(cx.scene), exposed).of(irradiance);
         let reflected = |((id, _), mean): ((PatchId, _), DVec3)| {

@@ -2,8 +2,9 @@
 
 use glam::DVec3;
 use kernel::replica::Receivers;
+use kernel::row::Shooter;
 
-use super::hemisphere::{View, gathered, views};
+use super::hemisphere::{View, gathered, hemispheres, views};
 use super::points::GatherPoints;
 use crate::error::Result;
 use crate::jobs::{ReceiverSet, RowClient};
@@ -19,6 +20,7 @@ const KEYS: u64 = 1 << 34;
 #[derive(Default)]
 pub struct Twins {
     points: SamplePoints,
+    hemispheres: Vec<Shooter>,
     views: Vec<View>,
 }
 
@@ -32,8 +34,15 @@ impl Twins {
     ) -> Result<Self> {
         let Receivers { first_key, receivers } = points.receivers(TWINS);
         let again = Receivers { first_key: first_key + KEYS, receivers };
-        let views = views(client, polygons, &again, |_| rays)?;
-        Ok(Self { points, views })
+        let mut twins = Self { points, hemispheres: hemispheres(&again, |_| rays), views: vec![] };
+        twins.look_again(client, polygons)?;
+        Ok(twins)
+    }
+
+    /// Looks at other polygons, with the same rays.
+    pub fn look_again(&mut self, client: &mut RowClient, polygons: ReceiverSet) -> Result<()> {
+        self.views = views(client, polygons, &self.hemispheres)?;
+        Ok(())
     }
 
     /// Mean square of the noise of the radiosity at a gather point.

@@ -7,7 +7,7 @@ use kernel::replica::Receiver;
 use rayon::prelude::*;
 
 use super::GatherRows;
-use super::hemisphere::{View, gathered, views};
+use super::hemisphere::{View, gathered, hemispheres, views};
 use super::interpolation::{Neighbours, interpolated};
 use super::noise::{TWINS, Twins};
 use crate::context::Context;
@@ -72,8 +72,8 @@ impl GatherRows {
             let drawn =
                 SamplePoints::draw_everywhere(&mesh.mesh, cx.scene, seed, first_key, &expected, count);
             let fresh = drawn.receivers(count);
-            let rays = self.rays;
-            let mut look = || views(cx.client, polygons, &fresh, |_| rays);
+            let looking = hemispheres(&fresh, |_| self.rays);
+            let mut look = || views(cx.client, polygons, &looking);
             let seen = if self.occluder.is_some() {
                 look()?
             } else {
@@ -86,7 +86,7 @@ impl GatherRows {
             };
             let known = if round > 0 { self.neighbours(cx) } else { None };
             let at_fresh = known.map(|known| self.errors_at(&fresh.receivers, &seen, &radiosity, &known));
-            self.points.add_shared(&fresh.receivers, seen);
+            self.points.add_shared(looking, seen);
             if round == 0 {
                 self.twins = Twins::look(cx.client, polygons, drawn.clone(), self.rays)?;
             }
@@ -131,9 +131,9 @@ impl GatherRows {
     fn place_twins(&mut self, cx: &mut Context, mesh: &ShareMesh, polygons: ReceiverSet) -> Result<()> {
         let seed = (cx.settings.seed, FIRST_ROUND);
         let drawn = SamplePoints::draw_everywhere(&mesh.mesh, cx.scene, seed, FIRST_KEY, &[], TWINS);
-        let receivers = drawn.receivers(TWINS);
-        let seen = views(cx.client, polygons, &receivers, |_| self.rays)?;
-        self.points.add_alone(&receivers.receivers, seen);
+        let looking = hemispheres(&drawn.receivers(TWINS), |_| self.rays);
+        let seen = views(cx.client, polygons, &looking)?;
+        self.points.add_alone(looking, seen);
         self.twins = Twins::look(cx.client, polygons, drawn, self.rays)?;
         Ok(())
     }

@@ -3,16 +3,21 @@
 use glam::DVec3;
 use kernel::occluder::Occluder;
 use kernel::replica::Receiver;
+use kernel::row::{Shape, Shooter};
 use rayon::prelude::*;
 
-use super::hemisphere::{View, covered, gathered};
+use super::hemisphere::{View, covered, gathered, views};
 use super::interpolation::Neighbours;
+use crate::error::Result;
+use crate::jobs::{ReceiverSet, RowClient};
 
 /// Receivers with what they see.
 #[derive(Default)]
 pub struct GatherPoints {
     /// The first of them are the points that others interpolate between; the rest stand for one receiver each.
     pub receivers: Vec<Receiver>,
+    /// Of each.
+    hemispheres: Vec<Shooter>,
     /// Of each.
     pub views: Vec<View>,
     /// How many others interpolate between.
@@ -21,17 +26,27 @@ pub struct GatherPoints {
 
 impl GatherPoints {
     /// Adds points that others interpolate between. None may stand for one receiver yet.
-    pub fn add_shared(&mut self, receivers: &[Receiver], views: Vec<View>) {
+    pub fn add_shared(&mut self, hemispheres: Vec<Shooter>, views: Vec<View>) {
         debug_assert_eq!(self.shared, self.receivers.len(), "points for all come first");
-        self.receivers.extend_from_slice(receivers);
-        self.views.extend(views);
+        self.add_alone(hemispheres, views);
         self.shared = self.receivers.len();
     }
 
     /// Adds points that stand for one receiver each.
-    pub fn add_alone(&mut self, receivers: &[Receiver], views: Vec<View>) {
-        self.receivers.extend_from_slice(receivers);
+    pub fn add_alone(&mut self, hemispheres: Vec<Shooter>, views: Vec<View>) {
+        let receiver = |shooter: &Shooter| match &shooter.shape {
+            Shape::Hemisphere(hemisphere) => Some(hemisphere.receiver),
+            _ => None,
+        };
+        self.receivers.extend(hemispheres.iter().filter_map(receiver));
+        self.hemispheres.extend(hemispheres);
         self.views.extend(views);
+    }
+
+    /// Looks at other polygons, with the same rays.
+    pub fn look_again(&mut self, client: &mut RowClient, polygons: ReceiverSet) -> Result<()> {
+        self.views = views(client, polygons, &self.hemispheres)?;
+        Ok(())
     }
 
     /// The points that others interpolate between, sorted.

@@ -3,10 +3,11 @@
 use std::collections::HashSet;
 
 use kernel::replica::{Receiver, Receivers};
+use kernel::row::Shooter;
 use rayon::prelude::*;
 
 use super::GatherRows;
-use super::hemisphere::{View, views};
+use super::hemisphere::{View, hemispheres, views};
 use super::interpolation::{Interpolation, Weights};
 use crate::context::Context;
 use crate::error::Result;
@@ -59,8 +60,8 @@ impl GatherRows {
                 .collect();
             tracing::debug!(alone = left.len(), points = points.len(), "receivers that see no gather point");
             let rays = vec![self.rays; points.len()];
-            let views = self.views_alone(cx, points.clone(), &rays)?;
-            self.points.add_shared(&points, views);
+            let (looking, views) = self.views_alone(cx, points, &rays)?;
+            self.points.add_shared(looking, views);
             size /= 2.0;
         }
         self.give_own(cx, &receivers, &rays, &mut all)?;
@@ -113,8 +114,8 @@ impl GatherRows {
         let alone: Vec<Receiver> = alone.iter().map(|index| receivers[*index]).collect();
         tracing::debug!(receivers = receivers.len(), alone = alone.len(), "receivers weighed");
         let first = self.points.receivers.len() as u32;
-        let views = self.views_alone(cx, alone.clone(), &rays)?;
-        self.points.add_alone(&alone, views);
+        let (looking, views) = self.views_alone(cx, alone, &rays)?;
+        self.points.add_alone(looking, views);
         let without = weights.iter_mut().filter(|weights| weights.is_none());
         for (point, weights) in (first..).zip(without) {
             *weights = Some(vec![(point, 1.0)]);
@@ -123,12 +124,19 @@ impl GatherRows {
     }
 
     /// What receivers see that no gather point stands for.
-    fn views_alone(&self, cx: &mut Context, receivers: Vec<Receiver>, rays: &[u32]) -> Result<Vec<View>> {
-        let Some(polygons) = self.polygons else { return Ok(vec![]) };
+    fn views_alone(
+        &self,
+        cx: &mut Context,
+        receivers: Vec<Receiver>,
+        rays: &[u32],
+    ) -> Result<(Vec<Shooter>, Vec<View>)> {
+        let Some(polygons) = self.polygons else { return Ok((vec![], vec![])) };
         let alone = Receivers { first_key: ALONE_KEYS + self.points.receivers.len() as u64, receivers };
         // With points around, few lack them, and small places.
         let part = if self.points.shared > 0 { ALONE } else { 1.0 };
-        views(cx.client, polygons, &alone, |index| (f64::from(rays[index]) * part) as u32)
+        let looking = hemispheres(&alone, |index| (f64::from(rays[index]) * part) as u32);
+        let views = views(cx.client, polygons, &looking)?;
+        Ok((looking, views))
     }
 }
 
