@@ -11,7 +11,6 @@ use anyhow::Context;
 use clap::Parser;
 use options::Options;
 use prometheus_client::registry::Registry;
-use protocol::security::Tls;
 use protocol::server::stop_on_signal;
 use protocol::telemetry::{Logging, LoggingSettings, MetricsPage};
 use protocol::worker::worker_server::SERVICE_NAME;
@@ -79,7 +78,7 @@ async fn run(options: Options) -> anyhow::Result<()> {
 
     // For scripts: from this line on, coordinators may call. Where nobody reads it, nobody misses it.
     let _ = writeln!(std::io::stdout(), "worker {name} listens on {address} with {threads} threads");
-    let incoming = incoming(listener, transport.tls().map(Tls::server), ConnectionLimits::WORKER);
+    let incoming = incoming(listener, transport.tls().cloned(), ConnectionLimits::WORKER);
     let replica_bytes = options.replica_bytes;
     let settings = Settings { replica_bytes, token, metrics, ..Settings::new(&name, threads) };
     Ok(worker::serve(incoming, settings, shutdown).await?)

@@ -6,7 +6,7 @@ use anyhow::Context;
 use clap::builder::FalseyValueParser;
 use clap::{ArgAction, Args};
 use cluster::{Cluster, ClusterSettings};
-use protocol::security::{Tls, Transport};
+use protocol::security::Transport;
 use protocol::server::stop_on_signal;
 use service::clients::Clients;
 use service::guard::Names;
@@ -208,7 +208,7 @@ async fn serve(arguments: &ServeArguments, workers: ClusterSettings, metrics: Me
         stop_on_signal("jobs stop, and go on at the next start").context("cannot listen for signals")?;
     // For scripts: from this line on, clients may call. Where nobody reads it, nobody misses it.
     let _ = print(format_args!("coordinator serves on {address}, data in {}", arguments.data.display()));
-    let incoming = incoming(listener, transport.tls().map(Tls::server), CONNECTIONS);
+    let incoming = incoming(listener, transport.tls().cloned(), CONNECTIONS);
     let is_open = arguments.access.clients.is_none() && transport == Transport::default();
     let names = match &arguments.access.listen_names {
         Some(names) => Names::These(names.clone()),
