@@ -191,6 +191,9 @@ pub fn run(arguments: &ServeArguments, workers: ClusterSettings, metrics: Metric
 }
 
 async fn serve(arguments: &ServeArguments, workers: ClusterSettings, metrics: Metrics) -> anyhow::Result<()> {
+    // First: process 1 of a container would not notice a signal while the data folder is read.
+    let shutdown =
+        stop_on_signal("jobs stop, and go on at the next start").context("cannot listen for signals")?;
     let transport = arguments.transport()?;
     let clients = match arguments.access.clients.as_ref().filter(|path| !path.as_os_str().is_empty()) {
         Some(path) => Clients::read(path)?,
@@ -204,8 +207,6 @@ async fn serve(arguments: &ServeArguments, workers: ClusterSettings, metrics: Me
         .await
         .with_context(|| format!("cannot listen on {}: choose another --listen address", arguments.listen))?;
     let address = listener.local_addr().context("cannot tell the address")?;
-    let shutdown =
-        stop_on_signal("jobs stop, and go on at the next start").context("cannot listen for signals")?;
     // For scripts: from this line on, clients may call. Where nobody reads it, nobody misses it.
     let _ = print(format_args!("coordinator serves on {address}, data in {}", arguments.data.display()));
     let incoming = incoming(listener, transport.tls().cloned(), CONNECTIONS);
