@@ -11,10 +11,10 @@ use anyhow::Context;
 use clap::Parser;
 use options::Options;
 use prometheus_client::registry::Registry;
-use protocol::security::Tls;
 use protocol::server::stop_on_signal;
 use protocol::telemetry::{Logging, LoggingSettings, MetricsPage};
 use protocol::worker::worker_server::SERVICE_NAME;
+use rustix::system::uname;
 use tokio::net::TcpListener;
 use worker::Settings;
 use worker::incoming::{ConnectionLimits, incoming};
@@ -72,16 +72,21 @@ async fn run(options: Options) -> anyhow::Result<()> {
     };
     let metrics = Metrics::default();
     let _page = show(&metrics, options.metrics())?;
-    let name = options.name.unwrap_or_else(|| address.to_string());
+    let name = options.name.filter(|name| !name.is_empty()).unwrap_or_else(|| default_name(address));
     let shutdown = stop_on_signal("finishing what is being computed, then leaving")
         .context("cannot listen for signals")?;
 
     // For scripts: from this line on, coordinators may call. Where nobody reads it, nobody misses it.
     let _ = writeln!(std::io::stdout(), "worker {name} listens on {address} with {threads} threads");
-    let incoming = incoming(listener, transport.tls().map(Tls::server), ConnectionLimits::WORKER);
+    let incoming = incoming(listener, transport.tls().cloned(), ConnectionLimits::WORKER);
     let replica_bytes = options.replica_bytes;
     let settings = Settings { replica_bytes, token, metrics, ..Settings::new(&name, threads) };
     Ok(worker::serve(incoming, settings, shutdown).await?)
+}
+
+/// The machine and the port: in a container every worker listens on the same address, and the machine has the name of its pod.
+fn default_name(address: SocketAddr) -> String {
+    format!("{}:{}", uname().nodename().to_string_lossy(), address.port())
 }
 
 /// Serves metrics to Prometheus, if wanted.

@@ -20,7 +20,7 @@ pub struct Options {
     /// Jobs computed at the same time [default: one for each core].
     #[arg(long, env = "WORKER_THREADS")]
     pub threads: Option<NonZeroUsize>,
-    /// Name in the coordinator's table [default: the address].
+    /// Name in the coordinator's table [default: HOST:PORT of this machine].
     #[arg(long, env = "WORKER_NAME")]
     pub name: Option<String>,
     /// Room for replicas of scenes, in bytes.

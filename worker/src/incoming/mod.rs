@@ -9,16 +9,19 @@
 mod connection;
 
 use std::convert::Infallible;
+use std::io;
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
-use rustls::ServerConfig;
+use protocol::security::Tls;
 use tokio::io::{AsyncWriteExt, copy, sink};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, mpsc};
+use tokio::task::spawn_blocking;
 use tokio::time::{sleep, timeout};
 use tokio_rustls::TlsAcceptor;
+use tokio_rustls::server::TlsStream;
 use tokio_stream::Stream;
 use tokio_stream::wrappers::ReceiverStream;
 use tokio_util::either::Either;
@@ -52,27 +55,22 @@ const FAREWELL: Duration = Duration::from_secs(1);
 const PAUSE: Duration = Duration::from_millis(100);
 
 /// Takes connections for as long as the stream is held. With certificates, only those that have one of the same authority
-/// come out of it; the others are logged.
+/// come out of it; the others are logged. Changed files count for the connections after.
 ///
 /// Must be called within a runtime.
 pub fn incoming(
     listener: TcpListener,
-    tls: Option<Arc<ServerConfig>>,
+    tls: Option<Tls>,
     limits: ConnectionLimits,
 ) -> impl Stream<Item = Result<Connection, Infallible>> {
     let (admitted, connections) = mpsc::channel(limits.connections);
-    tokio::spawn(accept(listener, tls.map(TlsAcceptor::from), limits, admitted));
+    tokio::spawn(accept(listener, tls, limits, admitted));
     ReceiverStream::new(connections)
 }
 
 type Admitted = mpsc::Sender<Result<Connection, Infallible>>;
 
-async fn accept(
-    listener: TcpListener,
-    tls: Option<TlsAcceptor>,
-    limits: ConnectionLimits,
-    admitted: Admitted,
-) {
+async fn accept(listener: TcpListener, tls: Option<Tls>, limits: ConnectionLimits, admitted: Admitted) {
     let places = Arc::new(Semaphore::new(limits.connections));
     loop {
         let accepted = tokio::select! {
@@ -101,7 +99,7 @@ async fn accept(
 async fn admit(
     socket: TcpStream,
     peer: SocketAddr,
-    tls: Option<TlsAcceptor>,
+    tls: Option<Tls>,
     place: OwnedSemaphorePermit,
     silence: Duration,
     admitted: Admitted,
@@ -111,7 +109,7 @@ async fn admit(
     let info = socket.connect_info();
     let bytes = match tls {
         None => Either::Left(socket),
-        Some(acceptor) => match timeout(HANDSHAKE, acceptor.accept(socket).into_fallible()).await {
+        Some(tls) => match timeout(HANDSHAKE, shake_hands(tls, socket)).await {
             Ok(Ok(encrypted)) => Either::Right(Box::new(encrypted)),
             Ok(Err((error, socket))) => {
                 let reason = protocol::security::explain(&error).unwrap_or_else(|| error.to_string());
@@ -123,6 +121,15 @@ async fn admit(
     };
     // Nobody takes it where the worker has stopped meanwhile.
     let _ = admitted.send(Ok(Connection::new(bytes, info, place, silence))).await;
+}
+
+/// Encrypts a connection with the certificates as their files have them now.
+async fn shake_hands(tls: Tls, socket: TcpStream) -> Result<TlsStream<TcpStream>, (io::Error, TcpStream)> {
+    // A slow disk holds nobody up but this caller.
+    let Ok(server) = spawn_blocking(move || tls.server()).await else {
+        return Err((io::Error::other("the certificates cannot be read"), socket));
+    };
+    TlsAcceptor::from(server).accept(socket).into_fallible().await
 }
 
 /// Ends a refused connection so that the caller hears why: closing it with bytes unread would take back what was sent last.

@@ -18,6 +18,7 @@ mod render;
 mod report;
 mod scene_options;
 mod serve;
+mod signals;
 mod solve;
 mod study;
 mod telemetry;
@@ -99,6 +100,15 @@ impl Command {
         }
     }
 
+    /// What remains of it when a signal ends it at once, in words; `None` where it stops in its own way.
+    fn remains_when_stopped(&self) -> Option<String> {
+        match self {
+            Self::Serve(_) | Self::Job(_) => None,
+            Self::Solve(solve) => Some(solve.remains_when_stopped()),
+            _ => Some("nothing was written".into()),
+        }
+    }
+
     /// Format of its logs, where that can be chosen.
     fn log(&self) -> Option<protocol::telemetry::LogFormat> {
         match self {
@@ -116,6 +126,9 @@ pub fn run(arguments: Arguments) -> anyhow::Result<()> {
     let service = service::Metrics::default();
     let shown = command.telemetry().map(|telemetry| telemetry.show(&metrics, &service));
     let _page = shown.transpose()?;
+    if let Some(remains) = command.remains_when_stopped() {
+        signals::end_process_one(remains)?;
+    }
     match command {
         Command::Serve(serve) => serve::run(serve, serve.workers.cluster(&metrics)?, service),
         Command::Job(_) => job::run(),

@@ -6,7 +6,7 @@ use anyhow::Context;
 use clap::builder::FalseyValueParser;
 use clap::{ArgAction, Args};
 use cluster::{Cluster, ClusterSettings};
-use protocol::security::{Tls, Transport};
+use protocol::security::Transport;
 use protocol::server::stop_on_signal;
 use service::clients::Clients;
 use service::guard::Names;
@@ -191,6 +191,9 @@ pub fn run(arguments: &ServeArguments, workers: ClusterSettings, metrics: Metric
 }
 
 async fn serve(arguments: &ServeArguments, workers: ClusterSettings, metrics: Metrics) -> anyhow::Result<()> {
+    // First: process 1 of a container would not notice a signal while the data folder is read.
+    let shutdown =
+        stop_on_signal("jobs stop, and go on at the next start").context("cannot listen for signals")?;
     let transport = arguments.transport()?;
     let clients = match arguments.access.clients.as_ref().filter(|path| !path.as_os_str().is_empty()) {
         Some(path) => Clients::read(path)?,
@@ -204,11 +207,9 @@ async fn serve(arguments: &ServeArguments, workers: ClusterSettings, metrics: Me
         .await
         .with_context(|| format!("cannot listen on {}: choose another --listen address", arguments.listen))?;
     let address = listener.local_addr().context("cannot tell the address")?;
-    let shutdown =
-        stop_on_signal("jobs stop, and go on at the next start").context("cannot listen for signals")?;
     // For scripts: from this line on, clients may call. Where nobody reads it, nobody misses it.
     let _ = print(format_args!("coordinator serves on {address}, data in {}", arguments.data.display()));
-    let incoming = incoming(listener, transport.tls().map(Tls::server), CONNECTIONS);
+    let incoming = incoming(listener, transport.tls().cloned(), CONNECTIONS);
     let is_open = arguments.access.clients.is_none() && transport == Transport::default();
     let names = match &arguments.access.listen_names {
         Some(names) => Names::These(names.clone()),

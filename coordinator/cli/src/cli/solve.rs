@@ -1,4 +1,4 @@
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use bake::BakeSettings;
@@ -82,6 +82,20 @@ struct CheckpointArguments {
     keep_checkpoint: bool,
 }
 
+impl SolveArguments {
+    /// What remains when a signal ends the bake, in words.
+    pub fn remains_when_stopped(&self) -> String {
+        match &self.checkpoint.checkpoint {
+            Some(path) => kept(path),
+            None => "nothing was written; with --checkpoint the same command would go on".into(),
+        }
+    }
+}
+
+fn kept(checkpoint: &Path) -> String {
+    format!("the rows made so far are in {}: the same command goes on", checkpoint.display())
+}
+
 /// Bakes one file.
 pub fn run(arguments: &SolveArguments, workers: &ClusterSettings) -> anyhow::Result<()> {
     check_writable(&arguments.output)?;
@@ -121,9 +135,7 @@ pub fn run(arguments: &SolveArguments, workers: &ClusterSettings) -> anyhow::Res
     let finished = pipeline::run::run(request, Workers::Exclusive(workers), &mut shown);
     drop(shown);
     let finished = match (finished, checkpoint) {
-        (Err(error @ RunError::Bake(_)), Some(path)) => Err(error).with_context(|| {
-            format!("the rows made so far are in {}: the same command goes on", path.display())
-        }),
+        (Err(error @ RunError::Bake(_)), Some(path)) => Err(error).with_context(|| kept(path)),
         (finished, _) => Ok(finished?),
     };
     finished?.summary.print()

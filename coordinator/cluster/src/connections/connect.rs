@@ -96,15 +96,16 @@ pub(super) async fn dial(
     let plain = security.transport.tls().is_none();
     let mut retries = ALERT_RETRIES;
     loop {
-        let connecting = endpoint.connect_with_connector(service_fn(connector.clone()));
-        let channel = timeout(CONNECT_TIMEOUT, connecting)
+        let connect = || endpoint.connect_with_connector(service_fn(connector.clone()));
+        // Uploads connect now, too: at the first upload the certificates of this endpoint may have been replaced.
+        let connecting = async { tokio::try_join!(connect(), connect()) };
+        let (channel, uploads) = timeout(CONNECT_TIMEOUT, connecting)
             .await
             .map_err(|_| unreachable("it does not take the connection in time".into()))?
             .map_err(|error| match explain(&error) {
                 Some(reason) => ClusterError::Insecure { address: address.clone(), reason },
                 None => unreachable(reason(&error)),
             })?;
-        let uploads = endpoint.connect_with_connector_lazy(service_fn(connector.clone()));
         let greeting = greet(address.clone(), channel, uploads, security.credentials(), true);
         let answer = match timeout(CONNECT_TIMEOUT, greeting).await {
             // The next connection may last until its alert is read. A silent worker sends none.
@@ -284,10 +285,11 @@ mod tests {
     #[tokio::test(start_paused = true)]
     async fn only_a_closed_connection_is_tried_again() {
         let (connections, error) = dial_mute(false).await;
-        assert!(connections == 1 && error.contains("hello in time"), "{connections} connections: {error}");
+        // One for the session and one for uploads.
+        assert!(connections == 2 && error.contains("hello in time"), "{connections} connections: {error}");
         let (connections, error) = dial_mute(true).await;
         assert!(
-            connections > ALERT_RETRIES && error.contains("closed"),
+            connections > 2 * ALERT_RETRIES && error.contains("closed"),
             "{connections} connections: {error}"
         );
     }

@@ -2,7 +2,7 @@
 //!
 //! | module | contents |
 //! |---|---|
-//! | `tls` | certificates of both ends, read once and checked against each other |
+//! | `tls` | certificates of both ends, checked against each other, read again for each connection |
 //! | `token` | the bearer token: a secret that both ends know |
 //! | `transport` | encrypted or plain, and where plain text may go |
 //! | `client` | settings of a coordinator to dial workers |

@@ -1,6 +1,6 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use rustls::crypto::{CryptoProvider, ring};
 use rustls::pki_types::pem::{Error as PemError, PemObject};
@@ -30,11 +30,19 @@ impl TlsFiles {
     ///
     /// # Errors
     /// When a file cannot be read, is not the PEM that it should be, or the key is another certificate's.
-    pub fn load(&self) -> Result<Tls, SecurityError> {
+    pub fn load(self) -> Result<Tls, SecurityError> {
+        let loaded = Arc::new(self.check(self.read()?)?);
+        Ok(Tls { files: self, state: Arc::new(Mutex::new(State { loaded, refused: None })) })
+    }
+
+    fn read(&self) -> Result<Contents, SecurityError> {
         let ca = read("--tls-ca", &self.ca)?;
         let certificate = read("--tls-cert", &self.certificate)?;
         let key = read("--tls-key", &self.key)?;
+        Ok(Contents { ca, certificate, key })
+    }
 
+    fn check(&self, contents: Contents) -> Result<Loaded, SecurityError> {
         let content = |option, path: &Path, expected, reason: String| SecurityError::Content {
             option,
             path: path.into(),
@@ -47,54 +55,100 @@ impl TlsFiles {
         let not_key = |reason| content("--tls-key", &self.key, "a private key in PEM", reason);
 
         let mut roots = RootCertStore::empty();
-        for authority in certificates(&ca).map_err(not_authority)? {
+        for authority in certificates(&contents.ca).map_err(not_authority)? {
             roots.add(authority).map_err(|error| not_authority(error.to_string()))?;
         }
-        let chain = certificates(&certificate).map_err(not_certificate)?;
-        let private = PrivateKeyDer::from_pem_slice(&key).map_err(|error| not_key(pem(&error)))?;
+        let chain = certificates(&contents.certificate).map_err(not_certificate)?;
+        let private = PrivateKeyDer::from_pem_slice(&contents.key).map_err(|error| not_key(pem(&error)))?;
         let provider = Arc::new(ring::default_provider());
         let server = server(provider, roots, chain, private).map_err(|error| SecurityError::Mismatch {
             certificate: self.certificate.clone(),
             key: self.key.clone(),
             reason: error.to_string(),
         })?;
-        Ok(Tls { ca, certificate, key, server: Arc::new(server) })
+        Ok(Loaded { contents, server: Arc::new(server) })
     }
 }
 
-/// Certificates of this end and the authority of the other.
-#[derive(Clone)]
-pub struct Tls {
+/// What is in the files of one end.
+#[derive(PartialEq, Eq)]
+struct Contents {
     ca: Vec<u8>,
     certificate: Vec<u8>,
     key: Vec<u8>,
+}
+
+/// Contents that fit each other.
+struct Loaded {
+    contents: Contents,
     server: Arc<ServerConfig>,
 }
 
+struct State {
+    loaded: Arc<Loaded>,
+    /// Why the present files are not taken, if so: it is logged once.
+    refused: Option<String>,
+}
+
+/// Certificates of this end and the authority of the other. Every new connection takes the files as they are then; where those do not
+/// fit each other, as while they are being replaced, it takes the last that did. Clones share what was read.
+#[derive(Clone)]
+pub struct Tls {
+    files: TlsFiles,
+    state: Arc<Mutex<State>>,
+}
+
 impl Tls {
-    /// Configuration of a server: it demands a certificate of the authority from every caller.
+    /// Configuration of a server for its next connection: it demands a certificate of the authority. Reads the files.
     #[must_use]
     pub fn server(&self) -> Arc<ServerConfig> {
-        Arc::clone(&self.server)
+        Arc::clone(&self.newest().server)
     }
 
-    /// Configuration of a client: the other end's certificate must be of the authority and have this name (a DNS name or an IP
-    /// address).
+    /// Configuration of a client for its next connection: the other end's certificate must be of the authority and have this name (a
+    /// DNS name or an IP address). Reads the files.
     ///
     /// # Errors
     /// When no certificate can have that name.
     pub fn client(&self, name: &str) -> Result<ClientTlsConfig, SecurityError> {
         ServerName::try_from(name).map_err(|_| SecurityError::Name { name: name.into() })?;
+        let Contents { ca, certificate, key } = &self.newest().contents;
         Ok(ClientTlsConfig::new()
             .domain_name(name)
-            .ca_certificate(Certificate::from_pem(&self.ca))
-            .identity(Identity::from_pem(&self.certificate, &self.key)))
+            .ca_certificate(Certificate::from_pem(ca))
+            .identity(Identity::from_pem(certificate, key)))
+    }
+
+    /// The files as they are now, or the last that fitted each other.
+    fn newest(&self) -> Arc<Loaded> {
+        // No code that holds the lock leaves it half changed.
+        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        // Compared by what is in them: times of files are coarse, and those of mounted secrets are links.
+        let read = self.files.read();
+        if read.as_ref().is_ok_and(|contents| *contents == state.loaded.contents) {
+            state.refused = None;
+        } else {
+            match read.and_then(|contents| self.files.check(contents)) {
+                Ok(loaded) => {
+                    tracing::info!(certificate = %self.files.certificate.display(), "read changed certificates");
+                    *state = State { loaded: Arc::new(loaded), refused: None };
+                }
+                Err(error) => {
+                    let reason = error.to_string();
+                    if state.refused.as_ref() != Some(&reason) {
+                        tracing::warn!(reason, "changed certificates are not used: the former ones are");
+                        state.refused = Some(reason);
+                    }
+                }
+            }
+        }
+        Arc::clone(&state.loaded)
     }
 }
 
 impl PartialEq for Tls {
     fn eq(&self, other: &Self) -> bool {
-        (&self.ca, &self.certificate, &self.key) == (&other.ca, &other.certificate, &other.key)
+        self.files == other.files
     }
 }
 
@@ -168,7 +222,7 @@ mod tests {
     }
 
     fn refusal(files: &TlsFiles, words: &[&str]) {
-        let refused = files.load().unwrap_err().to_string();
+        let refused = files.clone().load().unwrap_err().to_string();
         for word in words {
             assert!(refused.contains(word), "{word:?} is missing in: {refused}");
         }
@@ -188,6 +242,24 @@ mod tests {
         let refused = tls.client("no name").unwrap_err().to_string();
         assert!(refused.contains("\"no name\"") && refused.contains("--tls-name"), "{refused}");
         assert_eq!(format!("{tls:?}"), "Tls(hidden)");
+    }
+
+    #[test]
+    fn a_connection_takes_the_files_as_they_are_then() {
+        let ((_folder, files), (_other, others)) = (files(), files());
+        let tls = files.clone().load().unwrap();
+        let (first, shared) = (tls.server(), tls.clone());
+        assert!(Arc::ptr_eq(&first, &tls.server()), "nothing has changed");
+
+        std::fs::copy(&others.key, &files.key).unwrap();
+        assert!(Arc::ptr_eq(&first, &tls.server()), "the key does not fit");
+        std::fs::remove_file(&files.ca).unwrap();
+        assert!(Arc::ptr_eq(&first, &tls.server()), "a file is missing");
+        std::fs::copy(&others.ca, &files.ca).unwrap();
+        std::fs::copy(&others.certificate, &files.certificate).unwrap();
+        let second = tls.server();
+        assert!(!Arc::ptr_eq(&first, &second), "the files have changed");
+        assert!(Arc::ptr_eq(&second, &shared.server()), "clones differ");
     }
 
     #[test]

@@ -24,7 +24,7 @@ impl Default for Transport {
 
 impl Transport {
     /// Transport of the options `--tls-ca`, `--tls-cert`, `--tls-key` and `--plaintext`. An empty path counts as not given, as compose
-    /// files have it. Files are read here, once.
+    /// files have it. Files are read here, and again for each connection.
     ///
     /// # Errors
     /// When some of the files are missing or wrong, or both encryption and plain text are asked for.

@@ -1,9 +1,11 @@
 use std::fs;
+use std::io::Read;
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Stdio};
 use std::thread::sleep;
 use std::time::Duration;
 
+use rustix::process::{Pid, kill_process};
 use tests::programs::{Signal, Solved, Solving, binary};
 
 use super::{KNOBS, assert_undisturbed, bake, expected};
@@ -60,6 +62,44 @@ fn a_killed_coordinator_goes_on_where_it_was() {
     assert!(read > 0 && written > 0, "{read} rows read, {written} written");
     assert_eq!(solved.report["bake"]["rows"], read + written, "some rows were made twice");
     assert!(!checkpoint.exists(), "it is removed when all is done");
+}
+
+/// In a container the coordinator is process 1, to which the system delivers only signals that it listens for.
+#[test]
+fn a_signal_ends_process_one_and_its_rows_are_kept() {
+    const NAMESPACE: [&str; 4] = ["--pid", "--fork", "--kill-child", "--"];
+    let possible = Command::new("unshare").args(NAMESPACE).arg("true").status();
+    if !possible.is_ok_and(|status| status.success()) {
+        println!("skipped: a process cannot be the first of its own here");
+        return;
+    }
+    let folder = Folder::new();
+    let checkpoint = folder.checkpoint();
+    for signal in [Signal::TERM, Signal::INT] {
+        let before = length(&checkpoint);
+        let mut unshare = Command::new("unshare")
+            .args(NAMESPACE)
+            .arg(binary("coordinator"))
+            .args([Path::new("solve"), &tests::data("scenes/cornell.glb"), Path::new("-o")])
+            .args([&folder.0.path().join("lit.glb"), Path::new("--checkpoint"), &checkpoint])
+            .args(KNOBS)
+            .args(["--threads", "2"])
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        while length(&checkpoint) < before + FIRST_KILL {
+            sleep(Duration::from_millis(2));
+        }
+        let children = format!("/proc/{0}/task/{0}/children", unshare.id());
+        let first = fs::read_to_string(children).unwrap().trim().parse().unwrap();
+        kill_process(Pid::from_raw(first).unwrap(), signal).unwrap();
+        let mut said = String::new();
+        unshare.stderr.take().unwrap().read_to_string(&mut said).unwrap();
+        assert_eq!(unshare.wait().unwrap().code(), Some(128 + signal.as_raw()), "{said}");
+        assert!(said.contains("stopped by SIG") && said.contains("the same command goes on"), "{said}");
+    }
+    let (_, read, written) = resumed(&checkpoint, &[]);
+    assert!(read > 0 && written > 0, "{read} rows read, {written} written");
 }
 
 /// Kept, it spares another bake all of its rows, by whatever workers.

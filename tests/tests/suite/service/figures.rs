@@ -14,7 +14,7 @@ fn named(text: &str) -> BTreeSet<&str> {
     text.split(|character| !is_of_name(character)).filter(|word| word.starts_with(PREFIX)).collect()
 }
 
-/// A dashboard or an alert on a figure that does not exist shows nothing, and never rings.
+/// A dashboard, an alert or an autoscaler on a figure that does not exist shows nothing, never rings, and never scales.
 #[test]
 fn dashboard_and_alerts_ask_for_figures_that_exist() {
     let room = Room::new();
@@ -36,7 +36,9 @@ fn dashboard_and_alerts_ask_for_figures_that_exist() {
             assert!(!names.is_empty() && names.is_subset(&shown), "{}: {names:?}", panel["title"]);
         }
     }
-    let alerts = fs::read_to_string(tests::data("../deploy/alerts.yml")).unwrap();
-    let alerts = named(&alerts);
-    assert!(!alerts.is_empty() && alerts.is_subset(&shown), "{alerts:?}");
+    for file in ["alerts.yml", "kubernetes/components/keda/scaledobject.yaml"] {
+        let text = fs::read_to_string(tests::data("../deploy").join(file)).unwrap();
+        let names = named(&text);
+        assert!(!names.is_empty() && names.is_subset(&shown), "{file}: {names:?}");
+    }
 }

@@ -7,6 +7,7 @@
 //! | `refusals` | wrong submissions against the codes and details that the protocol promises |
 //! | `clients` | clients against each other, tokens, plain text |
 //! | `encryption` | certificates of clients against the authority of the service |
+//! | `renewal` | certificates that change while the service runs, against new and live connections |
 //! | `slow` | clients that do not take what they asked for, against those who do |
 //! | `disk` | a disk that is full |
 //! | `damage` | a disk that changes or loses files |
@@ -31,6 +32,7 @@ mod processes;
 mod reflection;
 mod refusals;
 mod relight;
+mod renewal;
 mod restarts;
 mod slow;
 
