@@ -115,8 +115,9 @@ impl Session<'_> {
                                 job.cancel();
                             }
                         }
-                        Some(Some(Incoming::KeepAlive(KeepAlive { number }))) => {
-                            self.send(Outgoing::KeepAlive(KeepAlive { number })).await?;
+                        Some(Some(Incoming::KeepAlive(KeepAlive { number, .. }))) => {
+                            let uploaded = self.worker.uploads.progress();
+                            self.send(Outgoing::KeepAlive(KeepAlive { number, uploaded })).await?;
                         }
                         Some(Some(Incoming::Release(release))) => {
                             let digest = Digest::try_from(release.digest.as_ref())

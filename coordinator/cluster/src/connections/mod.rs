@@ -12,6 +12,7 @@
 //! | `members` | follows the names, dials again after a loss |
 //! | `connect` | dials a worker or starts one in this process, up to both hellos |
 //! | `session` | one task per worker: its messages, and the one place where its loss is noticed |
+//! | `pulse` | keep-alives: whether the worker is there, and uploads get on |
 //! | `upload` | sends one replica to one worker |
 //! | `request`, `answer` | jobs of either kind, and their answers, checked |
 //! | `waiting` | why workers are absent, and how long they are waited for |
@@ -32,6 +33,7 @@ mod hub;
 mod members;
 mod message;
 pub mod network;
+mod pulse;
 mod reactor;
 mod recent;
 mod request;

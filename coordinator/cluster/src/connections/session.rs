@@ -3,39 +3,27 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::Duration;
 
 use kernel::replica::{Digest, EncodedReplica};
 use protocol::telemetry::Held;
 use protocol::worker::coordinator_message::Body as Outgoing;
 use protocol::worker::worker_message::Body as Incoming;
 use protocol::worker::{
-    CancelJob, CoordinatorMessage, FailureReason, Goodbye, JobFailed, KeepAlive, ReleaseReplica,
-    WorkerMessage,
+    CancelJob, CoordinatorMessage, FailureReason, Goodbye, JobFailed, ReleaseReplica, WorkerMessage,
 };
 use tokio::sync::mpsc;
 use tokio::task::JoinSet;
-use tokio::time::{MissedTickBehavior, interval};
+use tokio::time::{Instant, MissedTickBehavior, interval};
 use tonic::Status;
 
 use super::answer::{Answer, Checked, check_tile};
 use super::connect::Connection;
 use super::error::words;
+use super::pulse::{KEEP_ALIVE, Lapse, Pulse};
 use super::request::Request;
 use super::upload::{UploadFailure, upload};
 use crate::metrics::Metrics;
 use crate::scheduler::JobId;
-
-/// Interval between keep-alives of the session. They take the way of the jobs and answers, so that a stall of the process, its machine
-/// or the network is noticed.
-const KEEP_ALIVE: Duration = Duration::from_millis(800);
-
-/// Keep-alives without any message from a worker before it is lost: after four seconds at most. Counted rather than timed, so that a
-/// coordinator that was stopped for a while does not blame the worker.
-const MOST_UNANSWERED: u32 = 4;
-
-/// Keep-alives without an answer from a worker that holds jobs before it is lost: after ten minutes. Jobs take milliseconds to seconds.
-const MOST_IDLE: u32 = 750;
 
 /// A command to a session.
 pub(super) enum Command {
@@ -83,6 +71,8 @@ pub(super) enum LostWorkerReason {
     Silent,
     #[error("it answers no job")]
     Idle,
+    #[error("an upload to it does not get on")]
+    Stalled,
     #[error("it sends garbage: {0}")]
     Garbage(String),
     #[error("replica {0} could not be loaded: {1}")]
@@ -103,6 +93,16 @@ impl LostWorkerReason {
     }
 }
 
+impl From<Lapse> for LostWorkerReason {
+    fn from(lapse: Lapse) -> Self {
+        match lapse {
+            Lapse::Silent => Self::Silent,
+            Lapse::Idle => Self::Idle,
+            Lapse::Stalled => Self::Stalled,
+        }
+    }
+}
+
 /// Runs a session until the worker is lost. Tells everything but the loss, which it returns.
 pub(super) async fn run(
     connection: Connection,
@@ -112,9 +112,9 @@ pub(super) async fn run(
     tell: impl Fn(News),
 ) -> LostWorkerReason {
     let Connection { mut inbound, outbound, uploads: upload_client, remote, .. } = connection;
-    let mut session = Session { outbound, under_way: HashMap::new(), idle: 0, bytes_sent, metrics, tell };
+    let (under_way, pulse) = (HashMap::new(), Pulse::default());
+    let mut session = Session { outbound, under_way, pulse, bytes_sent, metrics, tell };
     let mut uploads = JoinSet::new();
-    let mut unanswered = 0;
     let mut keep_alive = interval(KEEP_ALIVE);
     keep_alive.set_missed_tick_behavior(MissedTickBehavior::Delay);
 
@@ -123,6 +123,7 @@ pub(super) async fn run(
             command = commands.recv() => match command {
                 Some(Command::Load(replica)) => {
                     session.count_sent(replica.bytes.len());
+                    session.pulse.uploads();
                     uploads.spawn(upload(upload_client.clone(), replica));
                     Ok(())
                 }
@@ -133,8 +134,8 @@ pub(super) async fn run(
                 None => Err(LostWorkerReason::Leaving),
             },
             message = inbound.message() => {
-                unanswered = 0;
-                session.hear(message)
+                session.pulse.heard();
+                session.hear(message, !uploads.is_empty())
             }
             Some(loaded) = uploads.join_next() => match loaded {
                 Ok((digest, Ok(()))) => {
@@ -146,16 +147,8 @@ pub(super) async fn run(
             },
             // A worker in this process cannot be lost alone.
             _ = keep_alive.tick(), if remote => {
-                unanswered += 1;
-                session.idle = if session.under_way.is_empty() { 0 } else { session.idle + 1 };
-                if unanswered > MOST_UNANSWERED {
-                    Err(LostWorkerReason::Silent)
-                } else if session.idle > MOST_IDLE {
-                    Err(LostWorkerReason::Idle)
-                } else {
-                    session.send(Outgoing::KeepAlive(KeepAlive { number: unanswered.into() }));
-                    Ok(())
-                }
+                let beat = session.pulse.beat(Instant::now(), !session.under_way.is_empty());
+                beat.map(|beat| session.send(Outgoing::KeepAlive(beat))).map_err(LostWorkerReason::from)
             }
         };
         if let Err(reason) = step {
@@ -174,8 +167,7 @@ struct Session<T> {
     outbound: mpsc::UnboundedSender<CoordinatorMessage>,
     /// Jobs that the worker has not answered, each counted in the metrics while it is here.
     under_way: HashMap<JobId, (Arc<Request>, Held)>,
-    /// Keep-alives since the last answer to a job.
-    idle: u32,
+    pulse: Pulse,
     /// Length of the replicas and jobs sent.
     bytes_sent: Arc<AtomicU64>,
     metrics: Metrics,
@@ -208,7 +200,11 @@ impl<T: Fn(News)> Session<T> {
     }
 
     /// Takes a message from the worker. Any end of its stream, whatever its code, is the loss of the worker.
-    fn hear(&mut self, message: Result<Option<WorkerMessage>, Status>) -> Result<(), LostWorkerReason> {
+    fn hear(
+        &mut self,
+        message: Result<Option<WorkerMessage>, Status>,
+        is_uploading: bool,
+    ) -> Result<(), LostWorkerReason> {
         let message = message
             .map_err(|status| LostWorkerReason::Broken(words(&status)))?
             .ok_or(LostWorkerReason::Closed)?;
@@ -232,7 +228,9 @@ impl<T: Fn(News)> Session<T> {
                 let reason = FailureReason::try_from(reason).unwrap_or_default();
                 (self.tell)(News::Failed { job: JobId(job_id), reason, message });
             }
-            Some(Incoming::KeepAlive(_)) => {}
+            Some(Incoming::KeepAlive(answer)) => {
+                self.pulse.answered(answer, Instant::now(), is_uploading)?;
+            }
             Some(Incoming::Goodbye(Goodbye { reason })) => return Err(LostWorkerReason::Left(reason)),
             Some(Incoming::Hello(_)) | None => {
                 return Err(LostWorkerReason::Garbage("a second hello, or an unknown message".into()));
@@ -248,7 +246,7 @@ impl<T: Fn(News)> Session<T> {
 
     /// Takes the request of an answered job.
     fn answered(&mut self, job: u64) -> Result<Arc<Request>, LostWorkerReason> {
-        self.idle = 0;
+        self.pulse.worked();
         self.under_way.remove(&JobId(job)).map(|(request, _)| request).ok_or_else(|| {
             LostWorkerReason::Garbage(format!("an answer to job {job}, which it does not hold"))
         })

@@ -11,10 +11,11 @@ use tokio::time::timeout;
 
 use super::error::{is_refusal, words};
 
-/// Bytes per chunk: large enough to cost nothing, small enough to let other messages through.
-const CHUNK_BYTES: usize = 256 << 10;
+/// Bytes per chunk: large enough to cost nothing, small enough to let other messages through, and to show on a slow link that the
+/// upload gets on.
+const CHUNK_BYTES: usize = 64 << 10;
 
-/// Time limit of an upload, plus a second for each [`SLOWEST_BYTES`].
+/// Time limit of an upload, plus a second for each [`SLOWEST_BYTES`]. One that does not get on is found sooner, by the session.
 const UPLOAD_TIMEOUT: Duration = Duration::from_secs(60);
 const SLOWEST_BYTES: u64 = 100_000;
 

@@ -115,7 +115,7 @@ impl Server {
         let mut messages = vec![Incoming::Hello(hello)];
         messages.extend(digests.iter().map(release));
         // Its answer tells that all before it was heard.
-        messages.push(Incoming::KeepAlive(KeepAlive { number: 1 }));
+        messages.push(Incoming::KeepAlive(KeepAlive { number: 1, uploaded: 0 }));
         let messages: Vec<_> =
             messages.into_iter().map(|body| CoordinatorMessage { body: Some(body) }).collect();
         let address = format!("http://{}", self.address);
