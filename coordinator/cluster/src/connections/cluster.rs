@@ -41,8 +41,8 @@ pub struct ClusterStatus {
 }
 
 impl Cluster {
-    /// Dials all workers, or starts one, and waits until one has said hello and all others were tried. Those that could not be
-    /// reached are tried again later.
+    /// Dials all workers, or starts one, and waits until one has said hello and all others were tried, but for these no longer than
+    /// a quarter of a second. Those that could not be reached are tried again later.
     ///
     /// # Errors
     /// When an address is malformed; when no worker was reached within the grace, or none of them can be of use (another release,
@@ -134,7 +134,7 @@ impl Cluster {
     pub fn shutdown(self) {}
 }
 
-/// Told once there is a worker and all others were tried, or why there is none.
+/// Told once there is a worker and the others had a moment to answer, or why there is none.
 type Ready = oneshot::Receiver<Result<(), ClusterError>>;
 
 impl Drop for Cluster {

@@ -9,7 +9,7 @@
 //! | `asynchronous` | the cluster for one caller on the same runtime |
 //! | `start` | starts the reactor and dials the workers |
 //! | `reactor`, `message` | the task that owns the scheduler, and its messages |
-//! | `members` | follows the names, dials again after a loss |
+//! | `members`, `backoff` | follows the names, dials again after a loss |
 //! | `connect` | dials a worker or starts one in this process, up to both hellos |
 //! | `session` | one task per worker: its messages, and the one place where its loss is noticed |
 //! | `pulse` | keep-alives: whether the worker is there, and uploads get on |
@@ -25,6 +25,7 @@
 mod accounts;
 mod answer;
 mod asynchronous;
+mod backoff;
 mod cluster;
 mod connect;
 mod error;

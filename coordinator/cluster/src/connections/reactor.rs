@@ -120,6 +120,7 @@ impl<O: ReactorObserver> Reactor<O> {
         };
         loop {
             let grace_ends = self.waiting.ends(self.settings.grace);
+            let begins = self.waiting.begins();
             tokio::select! {
                 message = inbox.recv() => match message {
                     Some(message) => self.take(message),
@@ -127,6 +128,9 @@ impl<O: ReactorObserver> Reactor<O> {
                 },
                 () = sleep_until(grace_ends.unwrap_or_else(Instant::now)), if grace_ends.is_some() => {
                     self.end_grace();
+                }
+                () = sleep_until(begins.unwrap_or_else(Instant::now)), if begins.is_some() => {
+                    self.waiting.begin(!self.sessions.is_empty());
                 }
                 () = tick(&mut timer) => self.on(Event::Tick),
                 // The caller left without a goodbye.

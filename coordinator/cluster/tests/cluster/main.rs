@@ -1,6 +1,7 @@
 //! A cluster of real and fake workers.
 
 mod bakery;
+mod clock;
 mod names;
 mod server;
 mod sharing;
