@@ -14,11 +14,12 @@ use service::queue::Places;
 use service::{Limits, Metrics, Service, ServiceSettings, server};
 use tokio::net::TcpListener;
 use worker::incoming::{ConnectionLimits, incoming};
+use worker::memory::memory_bytes;
 
 use super::console::print;
+use super::job;
 use super::telemetry::TelemetryArguments;
 use super::workers::{WorkerArguments, path};
-use super::{job, machine};
 
 /// Threads that answer clients. They never compute, and never wait for the disk.
 const NETWORK_THREADS: usize = 2;
@@ -155,7 +156,7 @@ impl ServeArguments {
 
     /// Memory of a job, in bytes.
     fn memory_of_a_job(&self) -> u64 {
-        let share = || machine::memory_bytes() / 4 * 3 / self.jobs as u64;
+        let share = || memory_bytes() / 4 * 3 / self.jobs as u64;
         self.limits.memory_per_job.map_or_else(share, |mebibytes| (mebibytes as u64).saturating_mul(MIB))
     }
 
