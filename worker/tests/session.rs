@@ -61,7 +61,7 @@ impl Session {
         session.say(Outgoing::Hello(hello));
         let Incoming::Hello(hello) = session.hear().await.unwrap() else { panic!("no hello") };
         assert_eq!((hello.protocol_version, hello.threads), (PROTOCOL_VERSION, 1));
-        assert_eq!(hello.row_version, ROW_VERSION);
+        assert_eq!((hello.row_version, hello.largest_replica), (ROW_VERSION, 1 << 20));
         session
     }
 

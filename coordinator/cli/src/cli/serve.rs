@@ -199,7 +199,8 @@ async fn serve(arguments: &ServeArguments, workers: ClusterSettings, metrics: Me
     };
     // Workers that are not there now come later, and jobs wait for them, unless this process may take their place.
     let grace = if workers.fallback.is_none() { ClusterSettings::ENDLESS_GRACE } else { workers.grace };
-    let workers = Cluster::start_in_background(&ClusterSettings { grace, ..workers })?;
+    let forgives = Some(ClusterSettings::FORGIVES);
+    let workers = Cluster::start_in_background(&ClusterSettings { grace, forgives, ..workers })?;
     let service = Service::open(&arguments.settings(), workers, metrics)?;
     let listener = TcpListener::bind(arguments.listen)
         .await

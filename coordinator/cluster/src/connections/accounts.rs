@@ -111,6 +111,11 @@ impl Accounts {
         self.of_worker.get(&worker).map_or("unknown", |index| &self.accounts[*index].summary.part.name)
     }
 
+    /// The address of a worker.
+    pub(super) fn address(&self, worker: WorkerId) -> &str {
+        self.of_worker.get(&worker).map_or("", |index| &self.accounts[*index].summary.part.address)
+    }
+
     /// Name, address and threads of a worker.
     pub(super) fn who(&self, worker: WorkerId) -> (String, String, usize) {
         let known = self.of_worker.get(&worker).map(|index| &self.accounts[*index].summary.part);

@@ -33,6 +33,7 @@ const ALIAS_DELAY: Duration = Duration::from_secs(60);
 pub(super) struct Members {
     network: Arc<dyn Network>,
     security: ClientSecurity,
+    forgives: Option<Duration>,
     metrics: Metrics,
     reactor: mpsc::UnboundedSender<Message>,
     next: AtomicU32,
@@ -55,6 +56,7 @@ impl Members {
         Arc::new(Self {
             network,
             security: settings.security.clone(),
+            forgives: settings.forgives,
             metrics: settings.metrics.clone(),
             reactor,
             next: AtomicU32::new(0),
@@ -164,7 +166,7 @@ impl Members {
         (Keeper { listed, task }, first_try)
     }
 
-    /// Dials, works, and dials again, until the machine is at fault or not listed any more.
+    /// Dials, works, and dials again, until the machine is not listed any more, or at fault and not forgiven.
     async fn look_after(
         &self,
         name: &str,
@@ -183,17 +185,21 @@ impl Members {
             };
             let (wait, is_away) = match dialled {
                 Ok(connection) => match self.work(connection, first_try.take()).await {
-                    Parted::AtFault => return,
+                    Parted::AtFault => match self.forgives {
+                        Some(pause) => (pause, false),
+                        None => return,
+                    },
                     Parted::KnownAlready => (ALIAS_DELAY, false),
                     Parted::Lost { useful } => (backoff.lost(useful), false),
                 },
                 Err(error) => {
                     let is_final = error.is_final();
                     self.tell(Message::Failed { place: place(name, socket), error });
-                    if is_final {
-                        return;
+                    match (is_final, self.forgives) {
+                        (false, _) => (backoff.not_reached(), true),
+                        (true, Some(pause)) => (pause, false),
+                        (true, None) => return,
                     }
-                    (backoff.not_reached(), true)
                 }
             };
             first_try = None;

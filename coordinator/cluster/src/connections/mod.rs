@@ -14,6 +14,7 @@
 //! | `session` | one task per worker: its messages, and the one place where its loss is noticed |
 //! | `pulse` | keep-alives: whether the worker is there, and uploads get on |
 //! | `upload` | sends one replica to one worker |
+//! | `refusals` | replicas that workers do not take |
 //! | `request`, `answer` | jobs of either kind, and their answers, checked |
 //! | `waiting` | why workers are absent, and how long they are waited for |
 //! | `accounts`, `summary`, `recent` | what each worker did, and the recent rate |
@@ -37,6 +38,7 @@ pub mod network;
 mod pulse;
 mod reactor;
 mod recent;
+mod refusals;
 mod request;
 mod session;
 mod settings;

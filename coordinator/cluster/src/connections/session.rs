@@ -43,6 +43,13 @@ pub(super) enum Command {
 pub(super) enum News {
     /// A replica has arrived.
     Loaded(Digest),
+    /// The worker does not take a replica.
+    Refused {
+        /// The replica.
+        digest: Digest,
+        /// The worker's words.
+        message: String,
+    },
     /// A job is done.
     Finished(Checked),
     /// A job was not done.
@@ -89,7 +96,7 @@ impl LostWorkerReason {
 
     /// Whether the worker is at fault, so that it is not dialled again.
     pub(super) fn is_fault(&self) -> bool {
-        matches!(self, Self::Garbage(_) | Self::Upload(_, UploadFailure::Refused(_)))
+        matches!(self, Self::Garbage(_) | Self::Upload(_, UploadFailure::Impossible(_)))
     }
 }
 
@@ -140,6 +147,10 @@ pub(super) async fn run(
             Some(loaded) = uploads.join_next() => match loaded {
                 Ok((digest, Ok(()))) => {
                     (session.tell)(News::Loaded(digest));
+                    Ok(())
+                }
+                Ok((digest, Err(UploadFailure::Refused(message)))) => {
+                    (session.tell)(News::Refused { digest, message });
                     Ok(())
                 }
                 Ok((digest, Err(failure))) => Err(LostWorkerReason::Upload(digest, failure)),

@@ -14,15 +14,18 @@ use kernel::geometry::PlaneId;
 use kernel::replica::{EncodedReplica, Receiver, Receivers, encode_receivers};
 use kernel::row::RowRequest;
 use protocol::security::Transport;
+use protocol::worker::worker_server::WorkerServer;
 use tokio::io::{AsyncReadExt, AsyncWriteExt, DuplexStream, copy, copy_bidirectional, duplex, split};
 use tokio::sync::mpsc;
 use tokio::time::{Instant, sleep};
 use tokio_stream::wrappers::UnboundedReceiverStream;
 use tokio_util::sync::{CancellationToken, DropGuard};
+use tonic::transport::Server;
 use worker::Settings;
 use worker::pool::Compute;
 
 use super::bakery::Bakery;
+use super::server::Fake;
 
 /// Bytes that a connection holds.
 const BUFFER: usize = 1 << 16;
@@ -31,7 +34,7 @@ const BUFFER: usize = 1 << 16;
 const LONG: Duration = Duration::from_secs(300);
 
 /// Time for a job.
-const SOON: Duration = Duration::from_millis(10);
+pub const SOON: Duration = Duration::from_millis(10);
 
 /// What becomes of a connection to an address; given the place among those to it, from 0.
 type Door = Arc<dyn Fn(usize) -> Answer<Box<dyn ByteStream>> + Send + Sync>;
@@ -81,15 +84,36 @@ pub struct Process {
 }
 
 impl Process {
-    /// One that takes so long for each piece of work.
-    pub fn start(time: Duration) -> Self {
+    /// A fake one.
+    pub fn fake(fake: Fake) -> Self {
         let (connections, accepted) = mpsc::unbounded_channel();
         let stop = CancellationToken::new();
         let guard = stop.clone().drop_guard();
-        let settings =
-            Settings { compute: Compute::InTask { time }, ..Settings::new("real", NonZeroUsize::MIN) };
+        let serving = Server::builder()
+            .add_service(WorkerServer::new(fake))
+            .serve_with_incoming_shutdown(UnboundedReceiverStream::new(accepted), stop.cancelled_owned());
+        tokio::spawn(serving);
+        Self { connections, _stops: guard }
+    }
+
+    /// One that takes so long for each piece of work.
+    pub fn start(time: Duration) -> Self {
+        let defaults = Settings::new("real", NonZeroUsize::MIN);
+        Self::with(Settings { compute: Compute::InTask { time }, ..defaults })
+    }
+
+    /// One with these settings.
+    pub fn with(settings: Settings) -> Self {
+        let (connections, accepted) = mpsc::unbounded_channel();
+        let stop = CancellationToken::new();
+        let guard = stop.clone().drop_guard();
         tokio::spawn(worker::serve(UnboundedReceiverStream::new(accepted), settings, stop));
         Self { connections, _stops: guard }
+    }
+
+    /// Has it run to the end of the test.
+    pub fn leak(self) -> &'static Self {
+        Box::leak(Box::new(self))
     }
 
     /// The way to it, with something done to the far end of each connection.
@@ -159,16 +183,17 @@ pub const A: &str = "10.0.0.1:7070";
 pub const B: &str = "10.0.0.2:7070";
 pub const C: &str = "10.0.0.3:7070";
 
-async fn start(wires: &Arc<Wires>, addresses: &[&str]) -> AsyncCluster {
+pub async fn start(wires: &Arc<Wires>, addresses: &[&str]) -> AsyncCluster {
     let addresses = addresses.iter().map(ToString::to_string).collect();
     let mut settings = ClusterSettings::from(Workers::Remote(addresses));
     settings.grace = LONG;
+    settings.forgives = Some(ClusterSettings::FORGIVES);
     settings.security.transport = Transport::Plain { anywhere: true };
     AsyncCluster::start(&settings, Arc::<Wires>::clone(wires)).await.unwrap()
 }
 
 /// Waits until the worker at an address is as wanted, and returns its summary.
-async fn until(
+pub async fn until(
     cluster: &AsyncCluster,
     address: &str,
     is_so: impl Fn(&WorkerSummary) -> bool,
@@ -186,7 +211,7 @@ async fn until(
     tokio::time::timeout(LONG, waiting).await.expect("it comes to pass")
 }
 
-fn is_there(worker: &WorkerSummary) -> bool {
+pub fn is_there(worker: &WorkerSummary) -> bool {
     worker.lost.is_none()
 }
 
@@ -200,7 +225,7 @@ fn submit(cluster: &AsyncCluster, bakery: &Bakery) -> usize {
 }
 
 /// A replica of some megabytes.
-fn large_replica(receivers: usize) -> EncodedReplica {
+pub fn large_replica(receivers: usize) -> EncodedReplica {
     let receiver = |x: usize| Receiver {
         position: glam::DVec3::X * x as f64,
         normal: glam::DVec3::Y,
