@@ -5,7 +5,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use bake::{Observer, Progress};
-use cluster::metrics::Metrics;
+use cluster::metrics::{BakeMetrics, Metrics};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use pipeline::run::RunObserver;
 use scene::Scene;
@@ -202,13 +202,13 @@ fn lock(state: &Mutex<State>) -> MutexGuard<'_, State> {
 /// Shows a run on standard error and to Prometheus.
 pub struct Shown {
     line: ProgressLine,
-    metrics: Metrics,
+    metrics: BakeMetrics,
 }
 
 impl Shown {
     /// The scene is read first.
     pub fn new(metrics: &Metrics) -> Self {
-        Self { line: ProgressLine::new("import"), metrics: metrics.clone() }
+        Self { line: ProgressLine::new("import"), metrics: metrics.bake() }
     }
 }
 

@@ -18,7 +18,7 @@ use super::connect::{self, CONNECT_TIMEOUT, Connection, EMBEDDED, place};
 use super::error::ClusterError;
 use super::message::{Joined, Message};
 use super::network::Network;
-use super::session::{self, News};
+use super::session::{self, News, SessionMetrics};
 use super::settings::ClusterSettings;
 use crate::metrics::Metrics;
 use crate::scheduler::WorkerId;
@@ -229,8 +229,9 @@ impl Members {
         self.answered.send_replace(());
         let useful = AtomicBool::new(false);
         let tell = |news| self.tell(Message::News(worker, news));
-        let _counted = self.metrics.connected();
-        let metrics = self.metrics.clone();
+        let threads = connection.hello.threads as usize;
+        let own = self.metrics.connected(&connection.hello.name, &connection.address, threads);
+        let metrics = SessionMetrics { all: self.metrics.clone(), own };
         let reason = session::run(connection, inbox, bytes_sent, metrics, |news| {
             useful.fetch_or(matches!(news, News::Finished(_)), Ordering::Relaxed);
             tell(news);

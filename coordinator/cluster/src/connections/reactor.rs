@@ -295,8 +295,8 @@ impl<O: ReactorObserver> Reactor<O> {
             self.accounts.close(worker);
             return;
         }
-        self.settings.metrics.lost();
-        let (name, address) = self.accounts.lose(worker, reason.to_string());
+        self.settings.metrics.lost(reason.is_orderly());
+        let (name, address) = self.accounts.lose(worker, reason.to_string(), reason.is_orderly());
         if reason.is_fault() {
             let again = match self.settings.forgives {
                 Some(pause) => format!("it is asked again in {} s", pause.as_secs()),

@@ -22,7 +22,7 @@ use super::error::words;
 use super::pulse::{KEEP_ALIVE, Lapse, Pulse};
 use super::request::Request;
 use super::upload::{UploadFailure, upload};
-use crate::metrics::Metrics;
+use crate::metrics::{Metrics, WorkerMetrics};
 use crate::scheduler::JobId;
 
 /// A command to a session.
@@ -110,12 +110,20 @@ impl From<Lapse> for LostWorkerReason {
     }
 }
 
+/// Where a session counts.
+pub(super) struct SessionMetrics {
+    /// For all workers.
+    pub(super) all: Metrics,
+    /// For its own.
+    pub(super) own: WorkerMetrics,
+}
+
 /// Runs a session until the worker is lost. Tells everything but the loss, which it returns.
 pub(super) async fn run(
     connection: Connection,
     mut commands: mpsc::UnboundedReceiver<Command>,
     bytes_sent: Arc<AtomicU64>,
-    metrics: Metrics,
+    metrics: SessionMetrics,
     tell: impl Fn(News),
 ) -> LostWorkerReason {
     let Connection { mut inbound, outbound, uploads: upload_client, remote, .. } = connection;
@@ -181,7 +189,7 @@ struct Session<T> {
     pulse: Pulse,
     /// Length of the replicas and jobs sent.
     bytes_sent: Arc<AtomicU64>,
-    metrics: Metrics,
+    metrics: SessionMetrics,
     tell: T,
 }
 
@@ -197,7 +205,7 @@ impl<T: Fn(News)> Session<T> {
             Command::Job(job, request) => {
                 let body = request.to_body(job);
                 self.count_sent(body.encoded_len());
-                self.under_way.insert(job, (request, self.metrics.in_flight()));
+                self.under_way.insert(job, (request, self.metrics.all.in_flight()));
                 self.send(body);
             }
             Command::Cancel(job) => self.send(Outgoing::Cancel(CancelJob { job_id: job.0 })),
@@ -225,14 +233,14 @@ impl<T: Fn(News)> Session<T> {
                 let Request::Rows(rows) = &*request else { return Err(other_kind(finished.job_id)) };
                 let answer = Answer::check(rows, &finished)
                     .map_err(|error| LostWorkerReason::Garbage(error.to_string()))?;
-                (self.tell)(News::Finished(answer.into()));
+                self.finished(answer.into());
             }
             Some(Incoming::Tile(finished)) => {
                 let request = self.answered(finished.job_id)?;
                 let Request::Tile(tile) = &*request else { return Err(other_kind(finished.job_id)) };
                 let answer = check_tile(tile, &finished)
                     .map_err(|error| LostWorkerReason::Garbage(error.to_string()))?;
-                (self.tell)(News::Finished(answer));
+                self.finished(answer);
             }
             Some(Incoming::Failed(JobFailed { job_id, reason, message })) => {
                 self.answered(job_id)?;
@@ -240,7 +248,9 @@ impl<T: Fn(News)> Session<T> {
                 (self.tell)(News::Failed { job: JobId(job_id), reason, message });
             }
             Some(Incoming::KeepAlive(answer)) => {
-                self.pulse.answered(answer, Instant::now(), is_uploading)?;
+                if let Some(time) = self.pulse.answered(answer, Instant::now(), is_uploading)? {
+                    self.metrics.own.round_trip(time);
+                }
             }
             Some(Incoming::Goodbye(Goodbye { reason })) => return Err(LostWorkerReason::Left(reason)),
             Some(Incoming::Hello(_)) | None => {
@@ -250,9 +260,15 @@ impl<T: Fn(News)> Session<T> {
         Ok(())
     }
 
+    fn finished(&self, answer: Checked) {
+        let work = &answer.work;
+        self.metrics.own.answered(work.rows(), work.rays(), work.busy());
+        (self.tell)(News::Finished(answer));
+    }
+
     fn count_sent(&self, bytes: usize) {
         self.bytes_sent.fetch_add(bytes as u64, Ordering::Relaxed);
-        self.metrics.sent(bytes as u64);
+        self.metrics.all.sent(bytes as u64);
     }
 
     /// Takes the request of an answered job.
