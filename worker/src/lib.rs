@@ -12,6 +12,7 @@
 //! | [`tile`] | checks and computes one tile of a picture |
 //! | [`pool`] | the threads that compute |
 //! | [`metrics`] | metrics for Prometheus |
+//! | [`memory`] | memory of the machine |
 //! | [`incoming`] | connections from outside, up to the point where HTTP/2 begins |
 //! | [`health`] | health checks and reflection |
 //! | `session`, `service`, `shared` | the conversation with a coordinator |
@@ -22,6 +23,7 @@ pub mod engine;
 pub mod health;
 pub mod incoming;
 pub mod job;
+pub mod memory;
 pub mod metrics;
 pub mod pool;
 mod service;
@@ -86,8 +88,11 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Default room for replicas, in bytes.
-    pub const DEFAULT_REPLICA_BYTES: u64 = 4 << 30;
+    /// Default room for replicas, in encoded bytes: an eighth of the memory. Decoded they take half of it at most.
+    #[must_use]
+    pub fn default_replica_bytes() -> u64 {
+        memory::memory_bytes() / 8
+    }
 
     /// Default settings with this name and without a token.
     #[must_use]
@@ -96,7 +101,7 @@ impl Settings {
             name: name.into(),
             instance: Self::random_instance(),
             threads,
-            replica_bytes: Self::DEFAULT_REPLICA_BYTES,
+            replica_bytes: Self::default_replica_bytes(),
             token: None,
             metrics: Metrics::default(),
             compute: Compute::Threads,

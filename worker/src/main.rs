@@ -79,7 +79,7 @@ async fn run(options: Options) -> anyhow::Result<()> {
     // For scripts: from this line on, coordinators may call. Where nobody reads it, nobody misses it.
     let _ = writeln!(std::io::stdout(), "worker {name} listens on {address} with {threads} threads");
     let incoming = incoming(listener, transport.tls().cloned(), ConnectionLimits::WORKER);
-    let replica_bytes = options.replica_bytes;
+    let replica_bytes = options.replica_bytes.0.unwrap_or_else(Settings::default_replica_bytes);
     let settings = Settings { replica_bytes, token, metrics, ..Settings::new(&name, threads) };
     Ok(worker::serve(incoming, settings, shutdown).await?)
 }

@@ -1,14 +1,14 @@
 //! The command line.
 
 use std::net::SocketAddr;
-use std::num::NonZeroUsize;
+use std::num::{NonZeroUsize, ParseIntError};
 use std::path::PathBuf;
+use std::str::FromStr;
 
 use clap::builder::{FalseyValueParser, OsStringValueParser, TypedValueParser};
 use clap::{ArgAction, Parser};
 use protocol::security::{ClientSecurity, SecurityError, Token, Transport};
 use protocol::telemetry::{LogFormat, MetricsAddress};
-use worker::Settings;
 
 /// Compute rows of form factors for a coordinator. Stateless: stop it at any time.
 #[derive(Parser)]
@@ -23,9 +23,15 @@ pub struct Options {
     /// Name in the coordinator's table [default: HOST:PORT of this machine].
     #[arg(long, env = "WORKER_NAME")]
     pub name: Option<String>,
-    /// Room for replicas of scenes, in bytes.
-    #[arg(long, env = "WORKER_REPLICA_BYTES", default_value_t = Settings::DEFAULT_REPLICA_BYTES)]
-    pub replica_bytes: u64,
+    /// Room for replicas of scenes, in bytes; one may have a quarter of it [default: an eighth of the memory].
+    #[arg(
+        long,
+        env = "WORKER_REPLICA_BYTES",
+        value_name = "BYTES",
+        default_value = "",
+        hide_default_value = true
+    )]
+    pub replica_bytes: ReplicaBytes,
     /// Certificate of the authority that signs certificates of coordinators, PEM.
     #[arg(long, env = "WORKER_TLS_CA", value_name = "FILE", value_parser = path())]
     tls_ca: Option<PathBuf>,
@@ -76,6 +82,18 @@ impl Options {
     /// Address of the metrics.
     pub fn metrics(&self) -> Option<SocketAddr> {
         self.metrics.and_then(|MetricsAddress(address)| address)
+    }
+}
+
+/// A number of bytes, or none if a variable of a compose file is empty.
+#[derive(Debug, Clone, Copy)]
+pub struct ReplicaBytes(pub Option<u64>);
+
+impl FromStr for ReplicaBytes {
+    type Err = ParseIntError;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        if text.is_empty() { Ok(Self(None)) } else { text.parse().map(|bytes| Self(Some(bytes))) }
     }
 }
 

@@ -59,7 +59,9 @@ impl WorkerService {
         while let Some(chunk) = next(&mut chunks).await? {
             let Some(Body::Data(data)) = chunk.body else { return Err(refusal(&UploadError::Order)) };
             upload.push(&data).map_err(|error| refusal(&error))?;
+            self.shared.uploads.came(data.len());
         }
+        let preparing = self.shared.uploads.preparing();
         let replica = self
             .shared
             .pool
@@ -67,6 +69,7 @@ impl WorkerService {
             .await
             .map_err(|panicked| Status::internal(format!("replica {digest}: {panicked}")))?
             .map_err(|error| refusal(&error))?;
+        drop(preparing);
         self.shared.change_store(|store| store.insert(digest, replica, length));
         self.shared.settings.metrics.uploads.inc();
         tracing::info!(replica = %digest, bytes = length, "replica loaded");

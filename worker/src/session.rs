@@ -67,6 +67,7 @@ struct Session<'a> {
 impl Session<'_> {
     async fn converse(mut self, mut inbound: Streaming<CoordinatorMessage>) -> Result<(), Status> {
         let settings = &self.worker.settings;
+        let largest_replica = self.worker.store().largest();
         self.send(Outgoing::Hello(WorkerHello {
             protocol_version: PROTOCOL_VERSION,
             threads: settings.threads.get() as u32,
@@ -74,6 +75,7 @@ impl Session<'_> {
             software_version: env!("CARGO_PKG_VERSION").into(),
             instance: settings.instance,
             row_version: ROW_VERSION,
+            largest_replica,
         }))
         .await?;
         let hello = timeout(HELLO, inbound.message()).await;
@@ -115,8 +117,9 @@ impl Session<'_> {
                                 job.cancel();
                             }
                         }
-                        Some(Some(Incoming::KeepAlive(KeepAlive { number }))) => {
-                            self.send(Outgoing::KeepAlive(KeepAlive { number })).await?;
+                        Some(Some(Incoming::KeepAlive(KeepAlive { number, .. }))) => {
+                            let uploaded = self.worker.uploads.progress();
+                            self.send(Outgoing::KeepAlive(KeepAlive { number, uploaded })).await?;
                         }
                         Some(Some(Incoming::Release(release))) => {
                             let digest = Digest::try_from(release.digest.as_ref())

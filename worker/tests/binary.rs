@@ -1,7 +1,27 @@
 //! The `worker` binary as scripts see it.
 
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Read};
 use std::process::{Command, Stdio};
+
+/// Standard error is no terminal here, as under a service manager or in a container.
+#[test]
+fn logs_in_files_have_no_colours() {
+    let mut worker = Command::new(env!("CARGO_BIN_EXE_worker"))
+        .args(["--listen", "127.0.0.1:0", "--threads", "1"])
+        .env("RUST_LOG", "info")
+        .env_remove("NO_COLOR")
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    BufReader::new(worker.stdout.take().unwrap()).read_line(&mut String::new()).unwrap();
+    assert!(Command::new("kill").args(["-TERM", &worker.id().to_string()]).status().unwrap().success());
+    let mut said = String::new();
+    worker.stderr.take().unwrap().read_to_string(&mut said).unwrap();
+    assert!(worker.wait().unwrap().success());
+    assert!(said.contains("INFO") && said.contains("leaving"), "{said}");
+    assert!(!said.contains('\x1b'), "{said:?}");
+}
 
 /// It says where it listens once it does, and a SIGTERM ends it in good order.
 #[test]

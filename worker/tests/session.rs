@@ -61,7 +61,7 @@ impl Session {
         session.say(Outgoing::Hello(hello));
         let Incoming::Hello(hello) = session.hear().await.unwrap() else { panic!("no hello") };
         assert_eq!((hello.protocol_version, hello.threads), (PROTOCOL_VERSION, 1));
-        assert_eq!(hello.row_version, ROW_VERSION);
+        assert_eq!((hello.row_version, hello.largest_replica), (ROW_VERSION, 1 << 20));
         session
     }
 
@@ -191,8 +191,11 @@ async fn keep_alives_are_answered_while_every_thread_computes() {
     }
     let mut session = Session::open(&mut client, PROTOCOL_VERSION).await;
     session.ask(1, &request);
-    session.say(Outgoing::KeepAlive(KeepAlive { number: 7 }));
-    assert_eq!(session.hear().await.unwrap(), Incoming::KeepAlive(KeepAlive { number: 7 }));
+    session.say(Outgoing::KeepAlive(KeepAlive { number: 7, uploaded: 0 }));
+    let Incoming::KeepAlive(answer) = session.hear().await.unwrap() else { panic!("no keep-alive") };
+    // Both replicas came before.
+    let bytes: usize = replicas.iter().map(|replica| replica.bytes.len()).sum();
+    assert!(answer.number == 7 && answer.uploaded >= bytes as u64, "{answer:?} after {bytes} bytes");
     assert!(matches!(session.hear().await.unwrap(), Incoming::Finished(_)));
 }
 

@@ -9,7 +9,7 @@
 //! | [`scheduler`] | the job that goes next, and its worker |
 //! | [`connections`] | [`Cluster`] and its handles, sessions, uploads |
 //! | [`checkpoint`] | finished rows on disk, and a bake that resumes from them |
-//! | [`metrics`] | metrics of the cluster and of a bake, for Prometheus |
+//! | [`metrics`] | metrics of the cluster, its workers and bakes, for Prometheus |
 //! | `simulation` | coordinator and workers over a simulated network, in tests |
 
 pub mod checkpoint;

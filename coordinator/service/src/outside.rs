@@ -10,6 +10,7 @@ use std::sync::mpsc::{self, RecvTimeoutError, Sender};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use cluster::metrics::BakeMetrics;
 use cluster::{Answers, Cluster, ClusterError, Jobs};
 use kernel::messages::RowJob;
 use kernel::replica::{Digest, EncodedReplica};
@@ -115,7 +116,8 @@ impl JobProcess<'_> {
         let (jobs, answers) = self.workers.handle(record.header.priority).split();
         let (ends, ended) = mpsc::channel();
         thread::scope(|scope| {
-            let listener = Listener { jobs, workers: self.workers, outlet: &outlet, live, ends };
+            let metrics = self.workers.metrics().bake();
+            let listener = Listener { jobs, workers: self.workers, metrics, outlet: &outlet, live, ends };
             let feeder = Feeder { answers, outlet: &outlet, told: surroundings };
             let listening = thread::Builder::new().spawn_scoped(scope, move || listener.listen(output));
             let feeding =
@@ -188,6 +190,7 @@ fn of_status(status: ExitStatus) -> Ending {
 struct Listener<'a> {
     jobs: Jobs,
     workers: &'a Cluster,
+    metrics: BakeMetrics,
     outlet: &'a Outlet<ChildStdin>,
     live: &'a Live,
     ends: Sender<Ending>,
@@ -234,8 +237,16 @@ impl Listener<'_> {
                 let parts = self.jobs.workers().into_iter().map(Into::into).collect();
                 tell(self.outlet, Order::Workers(Workers { parts }));
             }
-            Word::Enter(phase) => self.live.enter(phase),
-            Word::Progress(progress) => self.live.set(&progress, self.workers.status().workers),
+            Word::Enter(phase) => {
+                self.metrics.clear();
+                self.live.enter(phase);
+            }
+            Word::Progress(progress) => {
+                if let Some(of_bake) = progress.of_bake() {
+                    self.metrics.progress(&of_bake);
+                }
+                self.live.set(&progress, self.workers.status().workers);
+            }
             Word::Preview(number) => self.live.set_preview(number),
             Word::Exported(exported) => self.live.link.exported(exported),
             Word::Done(_) | Word::Failed(_) | Word::Later(_) => {}

@@ -17,7 +17,7 @@ const INTERVAL: Duration = Duration::from_millis(200);
 /// How long previews are made after somebody asked for one.
 const INTEREST: Duration = Duration::from_secs(30);
 
-/// Seconds over which the rate of rays is averaged.
+/// Seconds over which the rates of rows and rays are averaged.
 const RATE_SECONDS: f64 = 3.0;
 
 /// A running job, as seen from outside.
@@ -36,8 +36,8 @@ struct Seen {
     progress: api::Progress,
     began: Instant,
     told: Option<(Instant, i32)>,
-    /// When rays were counted last, and how many there were.
-    counted: (Instant, u64),
+    /// When rows and rays were counted last, and how many there were.
+    counted: (Instant, [u64; 2]),
     changes: u64,
     /// When a preview was asked for last.
     asked: Option<Instant>,
@@ -52,7 +52,7 @@ impl Live {
             progress: api::Progress { unshot: 1.0, ..api::Progress::default() },
             began: now,
             told: None,
-            counted: (now, 0),
+            counted: (now, [0; 2]),
             changes: 0,
             asked: None,
         };
@@ -136,12 +136,13 @@ impl Live {
         if seen.told.is_some_and(|(time, told)| told == phase && now - time < INTERVAL) {
             return;
         }
-        let (counted, rays) = seen.counted;
+        let (counted, [rows, rays]) = seen.counted;
         let seconds = (now - counted).as_secs_f64();
-        let rate = progress.rays.saturating_sub(rays) as f64 / seconds.max(1e-3);
         let part = (seconds / RATE_SECONDS).min(1.0);
-        let rate = (1.0 - part) * seen.progress.rays_per_second + part * rate;
-        seen.counted = (now, progress.rays);
+        let rate = |before: f64, count: u64| (1.0 - part) * before + part * count as f64 / seconds.max(1e-3);
+        let rows_per_second = rate(seen.progress.rows_per_second, progress.rows.saturating_sub(rows));
+        let rays_per_second = rate(seen.progress.rays_per_second, progress.rays.saturating_sub(rays));
+        seen.counted = (now, [progress.rows, progress.rays]);
         let done = progress.rows as f64 / progress.rows_needed.max(1) as f64;
         let elapsed = (now - seen.began).as_secs_f64();
         let left = (done > 0.0).then(|| elapsed * (1.0 - done).max(0.0) / done);
@@ -152,7 +153,8 @@ impl Live {
             error: progress.error,
             rows: progress.rows,
             rows_needed: progress.rows_needed,
-            rays_per_second: rate,
+            rows_per_second,
+            rays_per_second,
             vertices: progress.vertices,
             workers: workers.try_into().unwrap_or(u32::MAX),
             time_left: left.and_then(|left| left.try_into().ok()),
@@ -190,6 +192,7 @@ mod tests {
         watcher.mark_unchanged();
         let (seen, first) = live.progress();
         assert_eq!((seen.rows, seen.rows_needed, seen.workers), (1, 4, 2));
+        assert!(seen.rows_per_second > 0.0 && seen.rays_per_second > seen.rows_per_second);
         progress.rows = 2;
         live.set(&progress, 2);
         assert_eq!(live.progress().1, first);

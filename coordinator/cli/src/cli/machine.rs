@@ -1,4 +1,4 @@
-use sysinfo::{CpuRefreshKind, MemoryRefreshKind, RefreshKind, System};
+use sysinfo::{CpuRefreshKind, RefreshKind, System};
 
 /// The processor, how many of its cores this process may use, and the operating system, for people.
 pub fn describe() -> String {
@@ -19,16 +19,6 @@ pub fn describe() -> String {
     .join(", ")
 }
 
-/// Memory that this process may use, in bytes: the machine's, or less where a container has less.
-pub fn memory_bytes() -> u64 {
-    let memory = RefreshKind::nothing().with_memory(MemoryRefreshKind::nothing().with_ram());
-    let system = System::new_with_specifics(memory);
-    match system.cgroup_limits() {
-        Some(limits) => system.total_memory().min(limits.total_memory),
-        None => system.total_memory(),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -38,6 +28,5 @@ mod tests {
         let text = describe();
         assert!(text.contains(" core"), "{text}");
         assert!(text.split(", ").all(|part| !part.is_empty()), "{text}");
-        assert!(memory_bytes() > 64 << 20);
     }
 }

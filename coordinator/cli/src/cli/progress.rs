@@ -5,7 +5,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use bake::{Observer, Progress};
-use cluster::metrics::Metrics;
+use cluster::metrics::{BakeMetrics, Metrics};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use pipeline::run::RunObserver;
 use scene::Scene;
@@ -80,11 +80,11 @@ impl ProgressLine {
         self.show_step(progress.phase.name(), (progress.rows, progress.rows_needed), |elapsed| {
             let part = progress.rows as f64 / progress.rows_needed.max(1) as f64;
             format!(
-                "unshot {:.2} % · rows {}/{} · {} rays/s · {} vertices · {:.0} s left",
+                "unshot {:.2} % · rows {}/{} · {} · {} vertices · {:.0} s left",
                 progress.unshot * 100.0,
                 progress.rows,
                 progress.rows_needed,
-                short(progress.rays as f64 / elapsed.max(1e-9)),
+                rate([progress.rows, progress.rays].map(|count| count as f64 / elapsed.max(1e-9))),
                 progress.vertices,
                 left(elapsed, part),
             )
@@ -183,6 +183,12 @@ impl State {
     }
 }
 
+/// Rows and rays per second; exact visibility needs no rays.
+pub fn rate([rows, rays]: [f64; 2]) -> String {
+    let rows = format!("{} rows/s", short(rows));
+    if rays > 0.0 { format!("{rows} · {} rays/s", short(rays)) } else { rows }
+}
+
 /// Seconds left where `part` took `elapsed` seconds.
 fn left(elapsed: f64, part: f64) -> f64 {
     if part > 0.0 { elapsed * (1.0 - part).max(0.0) / part } else { 0.0 }
@@ -196,13 +202,13 @@ fn lock(state: &Mutex<State>) -> MutexGuard<'_, State> {
 /// Shows a run on standard error and to Prometheus.
 pub struct Shown {
     line: ProgressLine,
-    metrics: Metrics,
+    metrics: BakeMetrics,
 }
 
 impl Shown {
     /// The scene is read first.
     pub fn new(metrics: &Metrics) -> Self {
-        Self { line: ProgressLine::new("import"), metrics: metrics.clone() }
+        Self { line: ProgressLine::new("import"), metrics: metrics.bake() }
     }
 }
 
@@ -238,5 +244,16 @@ pub fn short(value: f64) -> String {
         v if v >= 1e6 => format!("{:.2} M", v * 1e-6),
         v if v >= 1e3 => format!("{:.1} k", v * 1e-3),
         v => format!("{v:.0}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exact_rows_have_a_rate_without_rays() {
+        assert_eq!(rate([1234.0, 0.0]), "1.2 k rows/s");
+        assert_eq!(rate([17.0, 2.5e6]), "17 rows/s · 2.50 M rays/s");
     }
 }

@@ -14,11 +14,12 @@ use service::queue::Places;
 use service::{Limits, Metrics, Service, ServiceSettings, server};
 use tokio::net::TcpListener;
 use worker::incoming::{ConnectionLimits, incoming};
+use worker::memory::memory_bytes;
 
 use super::console::print;
+use super::job;
 use super::telemetry::TelemetryArguments;
 use super::workers::{WorkerArguments, path};
-use super::{job, machine};
 
 /// Threads that answer clients. They never compute, and never wait for the disk.
 const NETWORK_THREADS: usize = 2;
@@ -155,7 +156,7 @@ impl ServeArguments {
 
     /// Memory of a job, in bytes.
     fn memory_of_a_job(&self) -> u64 {
-        let share = || machine::memory_bytes() / 4 * 3 / self.jobs as u64;
+        let share = || memory_bytes() / 4 * 3 / self.jobs as u64;
         self.limits.memory_per_job.map_or_else(share, |mebibytes| (mebibytes as u64).saturating_mul(MIB))
     }
 
@@ -201,7 +202,8 @@ async fn serve(arguments: &ServeArguments, workers: ClusterSettings, metrics: Me
     };
     // Workers that are not there now come later, and jobs wait for them, unless this process may take their place.
     let grace = if workers.fallback.is_none() { ClusterSettings::ENDLESS_GRACE } else { workers.grace };
-    let workers = Cluster::start_in_background(&ClusterSettings { grace, ..workers })?;
+    let forgives = Some(ClusterSettings::FORGIVES);
+    let workers = Cluster::start_in_background(&ClusterSettings { grace, forgives, ..workers })?;
     let service = Service::open(&arguments.settings(), workers, metrics)?;
     let listener = TcpListener::bind(arguments.listen)
         .await

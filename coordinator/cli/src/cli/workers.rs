@@ -135,6 +135,7 @@ impl WorkerArguments {
                 }
             },
             grace: Duration::from_secs_f64(self.worker_grace),
+            forgives: None,
             fallback: match self.fallback {
                 FallbackArgument::None => None,
                 FallbackArgument::Embedded => Some(self.threads.count()?),

@@ -88,9 +88,9 @@ impl Accounts {
         }
     }
 
-    /// A worker is lost. Returns its name and address.
-    pub(super) fn lose(&mut self, worker: WorkerId, reason: String) -> (String, String) {
-        self.losses += 1;
+    /// A worker is lost, or left in good order. Returns its name and address.
+    pub(super) fn lose(&mut self, worker: WorkerId, reason: String, orderly: bool) -> (String, String) {
+        self.losses += u64::from(!orderly);
         self.close(worker);
         let Some(account) = self.of_worker.get(&worker).map(|index| &mut self.accounts[*index]) else {
             return Default::default();
@@ -109,6 +109,11 @@ impl Accounts {
     /// The name of a worker.
     pub(super) fn name(&self, worker: WorkerId) -> &str {
         self.of_worker.get(&worker).map_or("unknown", |index| &self.accounts[*index].summary.part.name)
+    }
+
+    /// The address of a worker.
+    pub(super) fn address(&self, worker: WorkerId) -> &str {
+        self.of_worker.get(&worker).map_or("", |index| &self.accounts[*index].summary.part.address)
     }
 
     /// Name, address and threads of a worker.
@@ -132,7 +137,7 @@ impl Accounts {
         self.accounts.is_empty()
     }
 
-    /// Times that a worker was lost.
+    /// Times that a worker was lost without a goodbye.
     pub(super) fn losses(&self) -> u64 {
         self.losses
     }

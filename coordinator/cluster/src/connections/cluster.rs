@@ -15,6 +15,7 @@ use super::network::Sockets;
 use super::settings::ClusterSettings;
 use super::start::Started;
 use super::summary::{ClusterCounts, WorkerSummary};
+use crate::metrics::Metrics;
 
 /// Threads that move messages, beside those that compute.
 const NETWORK_THREADS: usize = 2;
@@ -25,6 +26,7 @@ const GOODBYE_TIMEOUT: Duration = Duration::from_secs(1);
 /// All workers, shared by the handles that it gives out. Handles may outlive it: their jobs are then answered with an error.
 pub struct Cluster {
     hub: Arc<Hub>,
+    metrics: Metrics,
     /// Until it is dropped, with what ends the embedded worker and all dialling.
     runtime: Option<(Runtime, DropGuard)>,
 }
@@ -41,8 +43,8 @@ pub struct ClusterStatus {
 }
 
 impl Cluster {
-    /// Dials all workers, or starts one, and waits until one has said hello and all others were tried. Those that could not be
-    /// reached are tried again later.
+    /// Dials all workers, or starts one, and waits until one has said hello and all others were tried, but for these no longer than
+    /// a quarter of a second. Those that could not be reached are tried again later.
     ///
     /// # Errors
     /// When an address is malformed; when no worker was reached within the grace, or none of them can be of use (another release,
@@ -87,7 +89,8 @@ impl Cluster {
             Ok(Started { messages, results, connected, is_ready, leaving }) => {
                 let hub = Arc::new(Hub::new(messages, connected));
                 runtime.spawn(Arc::clone(&hub).hand_over(results));
-                Ok((Self { hub, runtime: Some((runtime, leaving)) }, is_ready))
+                let metrics = settings.metrics.clone();
+                Ok((Self { hub, metrics, runtime: Some((runtime, leaving)) }, is_ready))
             }
             Err(error) => {
                 // The caller may be a task of another runtime, where nothing may wait.
@@ -102,6 +105,12 @@ impl Cluster {
     #[must_use]
     pub fn handle(&self, priority: i32) -> Handle {
         Handle::new(Arc::clone(&self.hub), priority)
+    }
+
+    /// Its metrics, for those of bakes.
+    #[must_use]
+    pub fn metrics(&self) -> &Metrics {
+        &self.metrics
     }
 
     /// Present state of the workers.
@@ -134,7 +143,7 @@ impl Cluster {
     pub fn shutdown(self) {}
 }
 
-/// Told once there is a worker and all others were tried, or why there is none.
+/// Told once there is a worker and the others had a moment to answer, or why there is none.
 type Ready = oneshot::Receiver<Result<(), ClusterError>>;
 
 impl Drop for Cluster {

@@ -104,6 +104,13 @@ pub(super) fn is_refusal(status: &tonic::Status) -> bool {
     says_no && status.source().is_none()
 }
 
+/// Whether the worker refused a replica for its size or its content, or failed to make it ready.
+pub(super) fn is_refusal_of_replica(status: &tonic::Status) -> bool {
+    let is_about_it =
+        matches!(status.code(), Code::ResourceExhausted | Code::InvalidArgument | Code::Internal);
+    is_about_it && status.source().is_none()
+}
+
 /// Innermost source of an error: the message of the system below those of the libraries.
 pub(super) fn reason(error: &dyn Error) -> String {
     let mut innermost = error;

@@ -8,26 +8,23 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use protocol::security::ClientSecurity;
-use tokio::sync::{mpsc, oneshot};
+use tokio::sync::{mpsc, oneshot, watch};
 use tokio::task::JoinHandle;
 use tokio::time::{sleep, timeout};
 use tokio_util::sync::CancellationToken;
 
+use super::backoff::Backoff;
 use super::connect::{self, CONNECT_TIMEOUT, Connection, EMBEDDED, place};
 use super::error::ClusterError;
 use super::message::{Joined, Message};
 use super::network::Network;
-use super::session::{self, News};
+use super::session::{self, News, SessionMetrics};
 use super::settings::ClusterSettings;
 use crate::metrics::Metrics;
 use crate::scheduler::WorkerId;
 
 /// Interval between look-ups of a name: a new machine is found within it.
 const LOOK_UP_INTERVAL: Duration = Duration::from_secs(2);
-
-/// Delay before a worker that was lost or does not answer is dialled again; doubled each time up to the longest.
-const FIRST_DELAY: Duration = Duration::from_millis(250);
-const LONGEST_DELAY: Duration = Duration::from_secs(5);
 
 /// Delay before another address of a connected worker is tried again.
 const ALIAS_DELAY: Duration = Duration::from_secs(60);
@@ -36,11 +33,14 @@ const ALIAS_DELAY: Duration = Duration::from_secs(60);
 pub(super) struct Members {
     network: Arc<dyn Network>,
     security: ClientSecurity,
+    forgives: Option<Duration>,
     metrics: Metrics,
     reactor: mpsc::UnboundedSender<Message>,
     next: AtomicU32,
     /// Instances of connected workers, by whatever address.
     instances: Mutex<HashSet<u64>>,
+    /// Told whenever a worker says hello: where a network heals, others may answer, too.
+    answered: watch::Sender<()>,
     /// Cancelled when the cluster ends; embedded workers end with it.
     leaving: CancellationToken,
 }
@@ -56,10 +56,12 @@ impl Members {
         Arc::new(Self {
             network,
             security: settings.security.clone(),
+            forgives: settings.forgives,
             metrics: settings.metrics.clone(),
             reactor,
             next: AtomicU32::new(0),
             instances,
+            answered: watch::Sender::new(()),
             leaving,
         })
     }
@@ -128,11 +130,15 @@ impl Members {
                 Err(_) => self.fail(name, "the name server does not answer"),
             }
             if let Some(name) = tried.take() {
-                for first_try in new {
-                    // Its end alone says that it was tried.
-                    let _ = first_try.await;
-                }
-                self.tell(Message::Tried { name });
+                let members = Arc::clone(self);
+                // A machine that does not answer delays no look-up.
+                tokio::spawn(async move {
+                    for first_try in new {
+                        // Its end alone says that it was tried.
+                        let _ = first_try.await;
+                    }
+                    members.tell(Message::Tried { name });
+                });
             }
             // An address never stands for another machine: once it is given up there is nothing left to do.
             if name.parse::<SocketAddr>().is_ok() {
@@ -160,7 +166,7 @@ impl Members {
         (Keeper { listed, task }, first_try)
     }
 
-    /// Dials, works, and dials again, until the machine is at fault or not listed any more.
+    /// Dials, works, and dials again, until the machine is not listed any more, or at fault and not forgiven.
     async fn look_after(
         &self,
         name: &str,
@@ -169,35 +175,39 @@ impl Members {
         first_try: oneshot::Sender<()>,
     ) {
         let mut first_try = Some(first_try);
-        let mut delay = FIRST_DELAY;
+        let mut backoff = Backoff::default();
+        let mut answered = self.answered.subscribe();
         loop {
+            answered.borrow_and_update();
             let dialled = tokio::select! {
                 () = listed.cancelled() => return,
                 dialled = connect::dial(&self.network, &self.security, name, socket) => dialled,
             };
-            let wait = match dialled {
+            let (wait, is_away) = match dialled {
                 Ok(connection) => match self.work(connection, first_try.take()).await {
-                    Parted::AtFault => return,
-                    Parted::KnownAlready => ALIAS_DELAY,
-                    Parted::Lost { useful } => {
-                        delay = if useful { FIRST_DELAY } else { (delay * 2).min(LONGEST_DELAY) };
-                        delay
-                    }
+                    Parted::AtFault => match self.forgives {
+                        Some(pause) => (pause, false),
+                        None => return,
+                    },
+                    Parted::KnownAlready => (ALIAS_DELAY, false),
+                    Parted::Lost { useful } => (backoff.lost(useful), false),
                 },
                 Err(error) => {
                     let is_final = error.is_final();
                     self.tell(Message::Failed { place: place(name, socket), error });
-                    if is_final {
-                        return;
+                    match (is_final, self.forgives) {
+                        (false, _) => (backoff.not_reached(), true),
+                        (true, Some(pause)) => (pause, false),
+                        (true, None) => return,
                     }
-                    delay = (delay * 2).min(LONGEST_DELAY);
-                    delay
                 }
             };
             first_try = None;
             tokio::select! {
                 () = listed.cancelled() => return,
                 () = sleep(wait) => {}
+                // Its sender is held.
+                Ok(()) = answered.changed(), if is_away => {}
             }
         }
     }
@@ -216,10 +226,12 @@ impl Members {
             bytes_sent: Arc::clone(&bytes_sent),
         }));
         drop(joined);
+        self.answered.send_replace(());
         let useful = AtomicBool::new(false);
         let tell = |news| self.tell(Message::News(worker, news));
-        let _counted = self.metrics.connected();
-        let metrics = self.metrics.clone();
+        let threads = connection.hello.threads as usize;
+        let own = self.metrics.connected(&connection.hello.name, &connection.address, threads);
+        let metrics = SessionMetrics { all: self.metrics.clone(), own };
         let reason = session::run(connection, inbox, bytes_sent, metrics, |news| {
             useful.fetch_or(matches!(news, News::Finished(_)), Ordering::Relaxed);
             tell(news);

@@ -9,10 +9,12 @@
 //! | `asynchronous` | the cluster for one caller on the same runtime |
 //! | `start` | starts the reactor and dials the workers |
 //! | `reactor`, `message` | the task that owns the scheduler, and its messages |
-//! | `members` | follows the names, dials again after a loss |
+//! | `members`, `backoff` | follows the names, dials again after a loss |
 //! | `connect` | dials a worker or starts one in this process, up to both hellos |
 //! | `session` | one task per worker: its messages, and the one place where its loss is noticed |
+//! | `pulse` | keep-alives: whether the worker is there, and uploads get on |
 //! | `upload` | sends one replica to one worker |
+//! | `refusals` | replicas that workers do not take |
 //! | `request`, `answer` | jobs of either kind, and their answers, checked |
 //! | `waiting` | why workers are absent, and how long they are waited for |
 //! | `accounts`, `summary`, `recent` | what each worker did, and the recent rate |
@@ -24,6 +26,7 @@
 mod accounts;
 mod answer;
 mod asynchronous;
+mod backoff;
 mod cluster;
 mod connect;
 mod error;
@@ -32,8 +35,10 @@ mod hub;
 mod members;
 mod message;
 pub mod network;
+mod pulse;
 mod reactor;
 mod recent;
+mod refusals;
 mod request;
 mod session;
 mod settings;

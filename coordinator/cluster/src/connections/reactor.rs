@@ -16,12 +16,13 @@ use super::answer::Checked;
 use super::error::ClusterError;
 use super::members::Members;
 use super::message::{Joined, Message};
+use super::refusals::Refusals;
 use super::request::Request;
 use super::session::{Command, LostWorkerReason, News};
 use super::settings::{ClusterSettings, Schedule};
 use super::summary::{ClusterCounts, Delivery};
 use super::waiting::{Ready, Waiting};
-use crate::scheduler::{Action, Event, JobId, Policy, Scheduler, WorkerId};
+use crate::scheduler::{Abandonment, Action, Event, JobId, Policy, Scheduler, WorkerId};
 
 pub(super) type Result = std::result::Result<Delivery, ClusterError>;
 
@@ -56,6 +57,7 @@ pub(super) struct Reactor<O> {
     requests: HashMap<JobId, Arc<Request>>,
     sessions: BTreeMap<WorkerId, mpsc::UnboundedSender<Command>>,
     accounts: Accounts,
+    refusals: Refusals,
     /// Answers that were delivered, of jobs that another worker holds too, until it has answered or is lost.
     delivered: HashMap<JobId, Delivered>,
     /// Counts the sessions.
@@ -101,6 +103,7 @@ impl<O: ReactorObserver> Reactor<O> {
             sessions: BTreeMap::new(),
             connected,
             accounts: Accounts::default(),
+            refusals: Refusals::default(),
             delivered: HashMap::new(),
             results,
             waiting: Waiting::new(names, ready),
@@ -120,6 +123,8 @@ impl<O: ReactorObserver> Reactor<O> {
         };
         loop {
             let grace_ends = self.waiting.ends(self.settings.grace);
+            let begins = self.waiting.begins();
+            let refusals_end = self.refusals.ends();
             tokio::select! {
                 message = inbox.recv() => match message {
                     Some(message) => self.take(message),
@@ -128,10 +133,17 @@ impl<O: ReactorObserver> Reactor<O> {
                 () = sleep_until(grace_ends.unwrap_or_else(Instant::now)), if grace_ends.is_some() => {
                     self.end_grace();
                 }
+                () = sleep_until(begins.unwrap_or_else(Instant::now)), if begins.is_some() => {
+                    self.waiting.begin(!self.sessions.is_empty());
+                }
+                () = sleep_until(refusals_end.unwrap_or_else(Instant::now)), if refusals_end.is_some() => {
+                    self.on(Event::GaveUpOnRefused);
+                }
                 () = tick(&mut timer) => self.on(Event::Tick),
                 // The caller left without a goodbye.
                 () = leaving.cancelled(), if self.shutdown.is_none() => return,
             }
+            self.refusals.wait(self.scheduler.has_refused_jobs());
             self.show();
             if self.shutdown.is_some() && self.sessions.is_empty() {
                 return;
@@ -160,6 +172,7 @@ impl<O: ReactorObserver> Reactor<O> {
             }
             Message::Release(digest) => {
                 self.replicas.remove(&digest);
+                self.refusals.released(digest);
                 self.on(Event::Released { digest });
             }
             Message::Submit(requests) => {
@@ -210,6 +223,7 @@ impl<O: ReactorObserver> Reactor<O> {
         let threads = hello.threads as usize;
         tracing::info!(worker = hello.name, address, threads, version = hello.software_version, "connected");
         self.waiting.came(&address);
+        self.refusals.joined(worker, hello.largest_replica);
         if self.accounts.open(worker, hello.name, address, threads, bytes_sent) {
             self.settings.metrics.came_back();
         }
@@ -245,7 +259,11 @@ impl<O: ReactorObserver> Reactor<O> {
 
     fn hear(&mut self, worker: WorkerId, news: News) {
         match news {
-            News::Loaded(digest) => self.on(Event::ReplicaLoaded { worker, digest }),
+            News::Loaded(digest) => {
+                self.refusals.arrived(worker, self.accounts.address(worker), digest);
+                self.on(Event::ReplicaLoaded { worker, digest });
+            }
+            News::Refused { digest, message } => self.refuse(worker, digest, message),
             News::Finished(answer) => self.finish(worker, answer),
             News::Failed { job, reason, message } => {
                 // There is nothing to compare with any more.
@@ -272,14 +290,19 @@ impl<O: ReactorObserver> Reactor<O> {
             self.connected.threads.fetch_sub(self.accounts.threads(worker), Relaxed);
         }
         self.delivered.retain(|_, delivered| delivered.holder != worker);
+        self.refusals.lost(worker, self.accounts.address(worker), reason.is_orderly());
         if self.shutdown.is_some() {
             self.accounts.close(worker);
             return;
         }
-        self.settings.metrics.lost();
-        let (name, address) = self.accounts.lose(worker, reason.to_string());
+        self.settings.metrics.lost(reason.is_orderly());
+        let (name, address) = self.accounts.lose(worker, reason.to_string(), reason.is_orderly());
         if reason.is_fault() {
-            tracing::warn!(worker = name, address, %reason, "lost a worker: it is not asked again");
+            let again = match self.settings.forgives {
+                Some(pause) => format!("it is asked again in {} s", pause.as_secs()),
+                None => "it is not asked again".into(),
+            };
+            tracing::warn!(worker = name, address, %reason, "lost a worker: {again}");
         } else {
             tracing::warn!(worker = name, address, %reason, "lost a worker");
         }
@@ -290,6 +313,13 @@ impl<O: ReactorObserver> Reactor<O> {
         let actions = self.observer.decide(&mut self.scheduler, event);
         self.carry_out(actions, &format!("worker {name} was lost: {reason}"));
         self.look_round();
+    }
+
+    /// A worker does not take a replica: others may.
+    fn refuse(&mut self, worker: WorkerId, digest: Digest, message: String) {
+        tracing::warn!(worker = self.accounts.name(worker), message, "a worker does not take a replica");
+        self.refusals.refused(worker, digest, message);
+        self.on(Event::ReplicaRefused { worker, digest });
     }
 
     fn finish(&mut self, worker: WorkerId, Checked { work, digest, bytes }: Checked) {
@@ -330,10 +360,17 @@ impl<O: ReactorObserver> Reactor<O> {
 
     /// Carries out actions. `message` is the worker's, about a job that failed.
     fn carry_out(&mut self, actions: Vec<Action>, message: &str) {
+        let mut refused = vec![];
         for action in actions {
             match action {
                 Action::LoadReplica { worker, digest } => match self.replicas.get(&digest) {
-                    Some(replica) => self.command(worker, Command::Load(replica.clone())),
+                    Some(replica) => {
+                        let place = (self.accounts.name(worker), self.accounts.address(worker));
+                        match self.refusals.sends(worker, place, replica) {
+                            Ok(()) => self.command(worker, Command::Load(replica.clone())),
+                            Err(message) => refused.push((worker, digest, message)),
+                        }
+                    }
                     None => self.report(Err(ClusterError::NotPublished(digest))),
                 },
                 Action::ReleaseReplica { worker, digest } => self.command(worker, Command::Release(digest)),
@@ -346,10 +383,19 @@ impl<O: ReactorObserver> Reactor<O> {
                 // Done where the answer is.
                 Action::Deliver { .. } => {}
                 Action::Abandon { job, why } => {
-                    self.requests.remove(&job);
-                    self.report(Err(ClusterError::Abandoned { job, why, message: message.into() }));
+                    let request = self.requests.remove(&job);
+                    let message = match (why, request) {
+                        (Abandonment::ReplicaRefused, Some(request)) => {
+                            self.refusals.reason(&request.needs())
+                        }
+                        _ => message.into(),
+                    };
+                    self.report(Err(ClusterError::Abandoned { job, why, message }));
                 }
             }
+        }
+        for (worker, digest, message) in refused {
+            self.refuse(worker, digest, message);
         }
     }
 

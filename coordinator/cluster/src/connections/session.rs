@@ -3,39 +3,27 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::Duration;
 
 use kernel::replica::{Digest, EncodedReplica};
 use protocol::telemetry::Held;
 use protocol::worker::coordinator_message::Body as Outgoing;
 use protocol::worker::worker_message::Body as Incoming;
 use protocol::worker::{
-    CancelJob, CoordinatorMessage, FailureReason, Goodbye, JobFailed, KeepAlive, ReleaseReplica,
-    WorkerMessage,
+    CancelJob, CoordinatorMessage, FailureReason, Goodbye, JobFailed, ReleaseReplica, WorkerMessage,
 };
 use tokio::sync::mpsc;
 use tokio::task::JoinSet;
-use tokio::time::{MissedTickBehavior, interval};
+use tokio::time::{Instant, MissedTickBehavior, interval};
 use tonic::Status;
 
 use super::answer::{Answer, Checked, check_tile};
 use super::connect::Connection;
 use super::error::words;
+use super::pulse::{KEEP_ALIVE, Lapse, Pulse};
 use super::request::Request;
 use super::upload::{UploadFailure, upload};
-use crate::metrics::Metrics;
+use crate::metrics::{Metrics, WorkerMetrics};
 use crate::scheduler::JobId;
-
-/// Interval between keep-alives of the session. They take the way of the jobs and answers, so that a stall of the process, its machine
-/// or the network is noticed.
-const KEEP_ALIVE: Duration = Duration::from_millis(800);
-
-/// Keep-alives without any message from a worker before it is lost: after four seconds at most. Counted rather than timed, so that a
-/// coordinator that was stopped for a while does not blame the worker.
-const MOST_UNANSWERED: u32 = 4;
-
-/// Keep-alives without an answer from a worker that holds jobs before it is lost: after ten minutes. Jobs take milliseconds to seconds.
-const MOST_IDLE: u32 = 750;
 
 /// A command to a session.
 pub(super) enum Command {
@@ -55,6 +43,13 @@ pub(super) enum Command {
 pub(super) enum News {
     /// A replica has arrived.
     Loaded(Digest),
+    /// The worker does not take a replica.
+    Refused {
+        /// The replica.
+        digest: Digest,
+        /// The worker's words.
+        message: String,
+    },
     /// A job is done.
     Finished(Checked),
     /// A job was not done.
@@ -83,6 +78,8 @@ pub(super) enum LostWorkerReason {
     Silent,
     #[error("it answers no job")]
     Idle,
+    #[error("an upload to it does not get on")]
+    Stalled,
     #[error("it sends garbage: {0}")]
     Garbage(String),
     #[error("replica {0} could not be loaded: {1}")]
@@ -99,8 +96,26 @@ impl LostWorkerReason {
 
     /// Whether the worker is at fault, so that it is not dialled again.
     pub(super) fn is_fault(&self) -> bool {
-        matches!(self, Self::Garbage(_) | Self::Upload(_, UploadFailure::Refused(_)))
+        matches!(self, Self::Garbage(_) | Self::Upload(_, UploadFailure::Impossible(_)))
     }
+}
+
+impl From<Lapse> for LostWorkerReason {
+    fn from(lapse: Lapse) -> Self {
+        match lapse {
+            Lapse::Silent => Self::Silent,
+            Lapse::Idle => Self::Idle,
+            Lapse::Stalled => Self::Stalled,
+        }
+    }
+}
+
+/// Where a session counts.
+pub(super) struct SessionMetrics {
+    /// For all workers.
+    pub(super) all: Metrics,
+    /// For its own.
+    pub(super) own: WorkerMetrics,
 }
 
 /// Runs a session until the worker is lost. Tells everything but the loss, which it returns.
@@ -108,13 +123,13 @@ pub(super) async fn run(
     connection: Connection,
     mut commands: mpsc::UnboundedReceiver<Command>,
     bytes_sent: Arc<AtomicU64>,
-    metrics: Metrics,
+    metrics: SessionMetrics,
     tell: impl Fn(News),
 ) -> LostWorkerReason {
     let Connection { mut inbound, outbound, uploads: upload_client, remote, .. } = connection;
-    let mut session = Session { outbound, under_way: HashMap::new(), idle: 0, bytes_sent, metrics, tell };
+    let (under_way, pulse) = (HashMap::new(), Pulse::default());
+    let mut session = Session { outbound, under_way, pulse, bytes_sent, metrics, tell };
     let mut uploads = JoinSet::new();
-    let mut unanswered = 0;
     let mut keep_alive = interval(KEEP_ALIVE);
     keep_alive.set_missed_tick_behavior(MissedTickBehavior::Delay);
 
@@ -123,6 +138,7 @@ pub(super) async fn run(
             command = commands.recv() => match command {
                 Some(Command::Load(replica)) => {
                     session.count_sent(replica.bytes.len());
+                    session.pulse.uploads();
                     uploads.spawn(upload(upload_client.clone(), replica));
                     Ok(())
                 }
@@ -133,12 +149,16 @@ pub(super) async fn run(
                 None => Err(LostWorkerReason::Leaving),
             },
             message = inbound.message() => {
-                unanswered = 0;
-                session.hear(message)
+                session.pulse.heard();
+                session.hear(message, !uploads.is_empty())
             }
             Some(loaded) = uploads.join_next() => match loaded {
                 Ok((digest, Ok(()))) => {
                     (session.tell)(News::Loaded(digest));
+                    Ok(())
+                }
+                Ok((digest, Err(UploadFailure::Refused(message)))) => {
+                    (session.tell)(News::Refused { digest, message });
                     Ok(())
                 }
                 Ok((digest, Err(failure))) => Err(LostWorkerReason::Upload(digest, failure)),
@@ -146,16 +166,8 @@ pub(super) async fn run(
             },
             // A worker in this process cannot be lost alone.
             _ = keep_alive.tick(), if remote => {
-                unanswered += 1;
-                session.idle = if session.under_way.is_empty() { 0 } else { session.idle + 1 };
-                if unanswered > MOST_UNANSWERED {
-                    Err(LostWorkerReason::Silent)
-                } else if session.idle > MOST_IDLE {
-                    Err(LostWorkerReason::Idle)
-                } else {
-                    session.send(Outgoing::KeepAlive(KeepAlive { number: unanswered.into() }));
-                    Ok(())
-                }
+                let beat = session.pulse.beat(Instant::now(), !session.under_way.is_empty());
+                beat.map(|beat| session.send(Outgoing::KeepAlive(beat))).map_err(LostWorkerReason::from)
             }
         };
         if let Err(reason) = step {
@@ -174,11 +186,10 @@ struct Session<T> {
     outbound: mpsc::UnboundedSender<CoordinatorMessage>,
     /// Jobs that the worker has not answered, each counted in the metrics while it is here.
     under_way: HashMap<JobId, (Arc<Request>, Held)>,
-    /// Keep-alives since the last answer to a job.
-    idle: u32,
+    pulse: Pulse,
     /// Length of the replicas and jobs sent.
     bytes_sent: Arc<AtomicU64>,
-    metrics: Metrics,
+    metrics: SessionMetrics,
     tell: T,
 }
 
@@ -194,7 +205,7 @@ impl<T: Fn(News)> Session<T> {
             Command::Job(job, request) => {
                 let body = request.to_body(job);
                 self.count_sent(body.encoded_len());
-                self.under_way.insert(job, (request, self.metrics.in_flight()));
+                self.under_way.insert(job, (request, self.metrics.all.in_flight()));
                 self.send(body);
             }
             Command::Cancel(job) => self.send(Outgoing::Cancel(CancelJob { job_id: job.0 })),
@@ -208,7 +219,11 @@ impl<T: Fn(News)> Session<T> {
     }
 
     /// Takes a message from the worker. Any end of its stream, whatever its code, is the loss of the worker.
-    fn hear(&mut self, message: Result<Option<WorkerMessage>, Status>) -> Result<(), LostWorkerReason> {
+    fn hear(
+        &mut self,
+        message: Result<Option<WorkerMessage>, Status>,
+        is_uploading: bool,
+    ) -> Result<(), LostWorkerReason> {
         let message = message
             .map_err(|status| LostWorkerReason::Broken(words(&status)))?
             .ok_or(LostWorkerReason::Closed)?;
@@ -218,21 +233,25 @@ impl<T: Fn(News)> Session<T> {
                 let Request::Rows(rows) = &*request else { return Err(other_kind(finished.job_id)) };
                 let answer = Answer::check(rows, &finished)
                     .map_err(|error| LostWorkerReason::Garbage(error.to_string()))?;
-                (self.tell)(News::Finished(answer.into()));
+                self.finished(answer.into());
             }
             Some(Incoming::Tile(finished)) => {
                 let request = self.answered(finished.job_id)?;
                 let Request::Tile(tile) = &*request else { return Err(other_kind(finished.job_id)) };
                 let answer = check_tile(tile, &finished)
                     .map_err(|error| LostWorkerReason::Garbage(error.to_string()))?;
-                (self.tell)(News::Finished(answer));
+                self.finished(answer);
             }
             Some(Incoming::Failed(JobFailed { job_id, reason, message })) => {
                 self.answered(job_id)?;
                 let reason = FailureReason::try_from(reason).unwrap_or_default();
                 (self.tell)(News::Failed { job: JobId(job_id), reason, message });
             }
-            Some(Incoming::KeepAlive(_)) => {}
+            Some(Incoming::KeepAlive(answer)) => {
+                if let Some(time) = self.pulse.answered(answer, Instant::now(), is_uploading)? {
+                    self.metrics.own.round_trip(time);
+                }
+            }
             Some(Incoming::Goodbye(Goodbye { reason })) => return Err(LostWorkerReason::Left(reason)),
             Some(Incoming::Hello(_)) | None => {
                 return Err(LostWorkerReason::Garbage("a second hello, or an unknown message".into()));
@@ -241,14 +260,20 @@ impl<T: Fn(News)> Session<T> {
         Ok(())
     }
 
+    fn finished(&self, answer: Checked) {
+        let work = &answer.work;
+        self.metrics.own.answered(work.rows(), work.rays(), work.busy());
+        (self.tell)(News::Finished(answer));
+    }
+
     fn count_sent(&self, bytes: usize) {
         self.bytes_sent.fetch_add(bytes as u64, Ordering::Relaxed);
-        self.metrics.sent(bytes as u64);
+        self.metrics.all.sent(bytes as u64);
     }
 
     /// Takes the request of an answered job.
     fn answered(&mut self, job: u64) -> Result<Arc<Request>, LostWorkerReason> {
-        self.idle = 0;
+        self.pulse.worked();
         self.under_way.remove(&JobId(job)).map(|(request, _)| request).ok_or_else(|| {
             LostWorkerReason::Garbage(format!("an answer to job {job}, which it does not hold"))
         })

@@ -41,6 +41,8 @@ pub struct ClusterSettings {
     pub schedule: Schedule,
     /// How long a cluster without workers waits for one, at the start and later.
     pub grace: Duration,
+    /// Time after which a worker that was at fault, or refused to work, is dialled again; `None` for never.
+    pub forgives: Option<Duration>,
     /// Threads of the worker that this process starts after the grace; `None` fails instead.
     pub fallback: Option<NonZeroUsize>,
     /// Security of connections to remote workers.
@@ -53,6 +55,9 @@ impl ClusterSettings {
     /// Default grace: enough for a worker or its machine to restart.
     pub const DEFAULT_GRACE: Duration = Duration::from_secs(30);
 
+    /// When a service dials such a worker again: it may have been replaced, and the job that it stumbled over be gone.
+    pub const FORGIVES: Duration = Duration::from_secs(60);
+
     /// Waits for workers without a limit, as a service does.
     pub const ENDLESS_GRACE: Duration = Duration::MAX;
 }
@@ -63,6 +68,7 @@ impl From<Workers> for ClusterSettings {
             workers,
             schedule: Schedule::default(),
             grace: Self::DEFAULT_GRACE,
+            forgives: None,
             fallback: None,
             security: ClientSecurity::default(),
             metrics: Metrics::default(),

@@ -22,7 +22,7 @@ pub(super) struct Started {
     pub(super) results: mpsc::UnboundedReceiver<reactor::Result>,
     /// The workers that are connected.
     pub(super) connected: Arc<Connected>,
-    /// Told once there is a worker and all others were tried, or why there is none.
+    /// Told once there is a worker and the others had a moment to answer, or why there is none.
     pub(super) is_ready: oneshot::Receiver<Result<(), ClusterError>>,
     /// Ends the embedded worker, and all dialling.
     pub(super) leaving: DropGuard,

@@ -152,6 +152,6 @@ pub struct ClusterCounts {
     pub duplicates: u64,
     /// Answers that came late or twice.
     pub ignored_answers: u64,
-    /// Times that a worker was lost, for any reason.
+    /// Times that a worker was lost without a goodbye.
     pub lost_workers: u64,
 }

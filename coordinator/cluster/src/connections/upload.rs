@@ -9,21 +9,25 @@ use protocol::worker::worker_client::WorkerClient;
 use protocol::worker::{LoadReplicaReply, ReplicaChunk, ReplicaHeader};
 use tokio::time::timeout;
 
-use super::error::{is_refusal, words};
+use super::error::{is_refusal, is_refusal_of_replica, words};
 
-/// Bytes per chunk: large enough to cost nothing, small enough to let other messages through.
-const CHUNK_BYTES: usize = 256 << 10;
+/// Bytes per chunk: large enough to cost nothing, small enough to let other messages through, and to show on a slow link that the
+/// upload gets on.
+const CHUNK_BYTES: usize = 64 << 10;
 
-/// Time limit of an upload, plus a second for each [`SLOWEST_BYTES`].
+/// Time limit of an upload, plus a second for each [`SLOWEST_BYTES`]. One that does not get on is found sooner, by the session.
 const UPLOAD_TIMEOUT: Duration = Duration::from_secs(60);
 const SLOWEST_BYTES: u64 = 100_000;
 
 /// Why an upload failed.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum UploadFailure {
-    /// The worker refuses it, or gives an impossible answer: it would do so again.
+    /// The worker does not take this replica, and would not if it came again. It may take others.
     #[error("{0}")]
     Refused(String),
+    /// The worker gives an impossible answer.
+    #[error("{0}")]
+    Impossible(String),
     /// The connection failed.
     #[error("{0}")]
     Broken(String),
@@ -39,7 +43,8 @@ pub(super) async fn upload(
     let loading = client.load_replica(tokio_stream::iter(chunks(replica)));
     let result = match timeout(limit, loading).await {
         Err(_) => Err(UploadFailure::Broken(format!("it took more than {} s", limit.as_secs()))),
-        Ok(Err(status)) if is_refusal(&status) => Err(UploadFailure::Refused(words(&status))),
+        Ok(Err(status)) if is_refusal_of_replica(&status) => Err(UploadFailure::Refused(words(&status))),
+        Ok(Err(status)) if is_refusal(&status) => Err(UploadFailure::Impossible(words(&status))),
         Ok(Err(status)) => Err(UploadFailure::Broken(words(&status))),
         Ok(Ok(reply)) => check(digest, reply.get_ref()),
     };
@@ -53,8 +58,8 @@ fn check(digest: Digest, reply: &LoadReplicaReply) -> Result<(), UploadFailure> 
             tracing::debug!(replica = %digest, already_held = reply.already_held, "replica loaded");
             Ok(())
         }
-        Ok(theirs) => Err(UploadFailure::Refused(format!("it says that it holds replica {theirs}"))),
-        Err(error) => Err(UploadFailure::Refused(error.to_string())),
+        Ok(theirs) => Err(UploadFailure::Impossible(format!("it says that it holds replica {theirs}"))),
+        Err(error) => Err(UploadFailure::Impossible(error.to_string())),
     }
 }
 

@@ -10,6 +10,10 @@ use super::accounts::Accounts;
 use super::connect::is_at;
 use super::error::ClusterError;
 
+/// How long the first worker is waited for others that are being dialled, so that the work begins with all that are there: an address
+/// that does not answer costs no more than this.
+const HEAD_START: Duration = Duration::from_millis(250);
+
 /// Tells the caller that the cluster is ready, or why it is not.
 pub(super) type Ready = oneshot::Sender<Result<(), ClusterError>>;
 
@@ -21,8 +25,10 @@ pub(super) struct Waiting {
     hopeful: usize,
     /// Why each place could not be reached.
     failures: BTreeMap<String, ClusterError>,
-    /// Told when there is a worker and all names were dialled once, or when none can come.
+    /// Told when there is a worker and all names were dialled once, or soon after there is one, or when none can come.
     ready: Option<Ready>,
+    /// When the work begins without the names that were not dialled to the end.
+    begins: Option<Instant>,
     /// Since when there is no worker.
     alone_since: Option<Instant>,
     /// Whether the loss of all workers was reported.
@@ -37,6 +43,7 @@ impl Waiting {
             hopeful: names,
             failures: BTreeMap::new(),
             ready: Some(ready),
+            begins: None,
             alone_since: Some(Instant::now()),
             failed: false,
         }
@@ -45,6 +52,19 @@ impl Waiting {
     /// Deadline for a worker, if there is none; `None` without a deadline, or before all names were dialled.
     pub(super) fn ends(&self, grace: Duration) -> Option<Instant> {
         self.alone_since.filter(|_| self.untried == 0).and_then(|since| since.checked_add(grace))
+    }
+
+    /// When the work begins, if it waits for nothing but names that do not answer.
+    pub(super) fn begins(&self) -> Option<Instant> {
+        self.begins.filter(|_| self.ready.is_some())
+    }
+
+    /// The head start of the first worker is over.
+    pub(super) fn begin(&mut self, has_workers: bool) {
+        self.begins = None;
+        if has_workers {
+            self.tell_ready();
+        }
     }
 
     /// A machine, or a name, could not be reached.
@@ -58,6 +78,7 @@ impl Waiting {
         self.failures.remove(address);
         self.alone_since = None;
         self.failed = false;
+        self.begins.get_or_insert_with(|| Instant::now() + HEAD_START);
     }
 
     /// The last worker is gone. False if the loss was reported before.
@@ -98,13 +119,17 @@ impl Waiting {
         if !has_workers {
             return self.hopeful == 0 && self.untried == 0 && self.alone_since.is_some();
         }
-        if self.untried == 0
-            && let Some(ready) = self.ready.take()
-        {
+        if self.untried == 0 {
+            self.tell_ready();
+        }
+        false
+    }
+
+    fn tell_ready(&mut self) {
+        if let Some(ready) = self.ready.take() {
             // The caller may have left.
             let _ = ready.send(Ok(()));
         }
-        false
     }
 
     /// No worker came. Returns the error to report, unless it was reported before.

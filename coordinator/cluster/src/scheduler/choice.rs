@@ -83,9 +83,11 @@ impl Scheduler {
         (None, missing)
     }
 
-    /// A job that failed goes to a worker that has not tried it, while there is one.
+    /// A job goes to a worker that takes its replicas; one that failed to a worker that has not tried it, while there is one.
     pub(super) fn may_try(&self, worker: WorkerId, kind: &Kind) -> bool {
-        !kind.failures.contains(&worker) || self.workers.keys().all(|other| kind.failures.contains(other))
+        let has_failed = |worker: &WorkerId| kind.failures.contains(worker);
+        let mut others = self.workers.keys().filter(|other| self.takes(**other, kind));
+        self.takes(worker, kind) && (!has_failed(&worker) || others.all(has_failed))
     }
 
     /// Has replicas loaded that are not there or on their way.

@@ -69,6 +69,15 @@ pub enum Event {
         /// The replica.
         digest: Digest,
     },
+    /// A worker does not take a replica: it is too large for it, say. Jobs that need it go to others.
+    ReplicaRefused {
+        /// The worker.
+        worker: WorkerId,
+        /// The replica.
+        digest: Digest,
+    },
+    /// Jobs that no worker takes the replicas of are not to wait for one any longer.
+    GaveUpOnRefused,
     /// No job that is submitted from now on needs this replica.
     Released {
         /// The replica.
@@ -167,6 +176,9 @@ pub enum Abandonment {
     /// A worker says that it is invalid.
     #[error("the worker refused it")]
     Refused,
+    /// Of the workers that are there, none takes a replica that it needs.
+    #[error("no worker takes a replica that it needs")]
+    ReplicaRefused,
     /// Workers forgot its replicas [`super::limits::MOST_RELOADS`] times.
     #[error("workers keep forgetting its replicas: give them more room with --replica-bytes")]
     ReplicasForgotten,

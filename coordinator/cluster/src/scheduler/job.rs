@@ -96,6 +96,12 @@ impl Queue {
         self.suspects.iter().map(|(_, job)| *job)
     }
 
+    /// A job of each kind, and all suspects.
+    pub(super) fn first_of_each_kind_and_suspects(&self) -> impl Iterator<Item = JobId> + '_ {
+        let first = self.kinds.values().filter_map(|same| same.first());
+        first.chain(&self.suspects).map(|(_, job)| *job)
+    }
+
     /// All that wait, suspects apart.
     pub(super) fn unsuspected(&self) -> impl Iterator<Item = JobId> + '_ {
         self.kinds.values().flatten().map(|(_, job)| *job)

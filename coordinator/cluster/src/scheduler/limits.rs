@@ -11,5 +11,6 @@ pub const MOST_RELOADS: usize = 100;
 /// only, and alone, so that no other job shares the blame.
 pub const SUSPECT_LOSSES: usize = 2;
 
-/// Workers lost while they computed nothing but a suspect before it is given up.
-pub const MOST_LOSSES_ALONE: usize = 3;
+/// Workers lost while they computed nothing but a suspect before it is given up. Lost workers are dialled again within two seconds, so
+/// that a bad network alone may take three from one job.
+pub const MOST_LOSSES_ALONE: usize = 4;

@@ -1,12 +1,13 @@
 //! The state of the scheduler, and how events change it.
 
-use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
+use std::collections::{BTreeMap, BTreeSet};
 
+use kernel::replica::Digest;
 use kernel::row::JobId;
 
 use super::event::{Abandonment, Action, Event, Policy, WorkerId};
-use super::job::{Job, Queue};
+use super::job::{Job, Kind, Queue};
 use super::limits::{MOST_FAILURES, MOST_LOSSES_ALONE, MOST_RELOADS};
 use super::worker::{ReplicaState, Worker};
 
@@ -19,6 +20,8 @@ pub struct Scheduler {
     pub(super) jobs: BTreeMap<JobId, Job>,
     /// Those that no worker holds.
     pub(super) queue: Queue,
+    /// Replicas that workers do not take.
+    pub(super) refused: BTreeSet<(WorkerId, Digest)>,
     /// Gets no jobs until it is empty and can take a suspect.
     pub(super) reserved: Option<WorkerId>,
     /// Jobs submitted so far.
@@ -53,6 +56,25 @@ impl Scheduler {
     #[must_use]
     pub fn duplicates_dropped(&self) -> u64 {
         self.duplicates_dropped
+    }
+
+    /// Whether jobs wait although no worker that is there takes their replicas.
+    #[must_use]
+    pub fn has_refused_jobs(&self) -> bool {
+        !self.refused.is_empty() && !self.workers.is_empty() && self.refused_jobs().next().is_some()
+    }
+
+    fn refused_jobs(&self) -> impl Iterator<Item = JobId> + '_ {
+        let is_refused = |job: &JobId| {
+            let kind = self.jobs.get(job).map(|job| &job.kind);
+            kind.is_some_and(|kind| self.workers.keys().all(|worker| !self.takes(*worker, kind)))
+        };
+        self.queue.first_of_each_kind_and_suspects().filter(is_refused)
+    }
+
+    /// Whether a worker takes the replicas of these jobs.
+    pub(super) fn takes(&self, worker: WorkerId, kind: &Kind) -> bool {
+        self.refused.is_empty() || !kind.needs.iter().any(|digest| self.refused.contains(&(worker, *digest)))
     }
 
     /// Takes in an event. Returns the actions that follow from it, in their order.
@@ -97,7 +119,25 @@ impl Scheduler {
                     *replica = ReplicaState::Loaded;
                 }
             }
+            Event::ReplicaRefused { worker, digest } => {
+                // It may be lost, or the replica released meanwhile.
+                let worker_state = self.workers.get_mut(&worker);
+                if worker_state.is_some_and(|worker| worker.replicas.remove(&digest).is_some()) {
+                    self.refused.insert((worker, digest));
+                }
+            }
+            Event::GaveUpOnRefused => {
+                while self.has_refused_jobs() {
+                    for job in self.refused_jobs().collect::<Vec<_>>() {
+                        if let Some(state) = self.jobs.get(&job) {
+                            self.queue.remove(job, state);
+                        }
+                        self.abandon(job, Abandonment::ReplicaRefused, actions);
+                    }
+                }
+            }
             Event::Released { digest } => {
+                self.refused.retain(|(_, refused)| *refused != digest);
                 for (&worker, state) in &mut self.workers {
                     if state.replicas.remove(&digest).is_some() {
                         actions.push(Action::ReleaseReplica { worker, digest });
@@ -165,6 +205,7 @@ impl Scheduler {
     fn lose(&mut self, worker: WorkerId, orderly: bool, actions: &mut Vec<Action>) {
         let Some(lost) = self.workers.remove(&worker) else { return };
         self.reserved = self.reserved.filter(|reserved| *reserved != worker);
+        self.refused.retain(|(refusing, _)| *refusing != worker);
         for held in lost.under_way.into_iter().filter(|held| held.wanted) {
             self.forget_holder(worker, held.job);
             let Some(job) = self.jobs.get_mut(&held.job) else { continue };

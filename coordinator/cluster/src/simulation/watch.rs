@@ -225,6 +225,13 @@ impl Watch {
             Event::Failed { .. } | Event::Refused { .. } => {
                 return Err("a worker failed at a job, and none is broken".into());
             }
+            // Nothing is too large; but a worker may have been lost too often while it was given a replica.
+            Event::ReplicaRefused { worker, digest } => {
+                if let Some(known) = self.workers.get_mut(worker) {
+                    known.replicas.remove(digest);
+                }
+            }
+            Event::GaveUpOnRefused => return Err("jobs were given up, and all can be done".into()),
             Event::Withdrawn { .. } => return Err("jobs were withdrawn, and all are wanted".into()),
             Event::Released { .. } | Event::Tick => {}
         }

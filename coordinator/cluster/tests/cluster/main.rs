@@ -1,7 +1,9 @@
 //! A cluster of real and fake workers.
 
 mod bakery;
+mod clock;
 mod names;
+mod refusals;
 mod server;
 mod sharing;
 

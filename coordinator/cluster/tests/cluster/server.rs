@@ -13,7 +13,7 @@ use protocol::worker::worker_message::Body;
 use protocol::worker::worker_server::{Worker, WorkerServer};
 use protocol::worker::{
     CoordinatorHello, CoordinatorMessage, KeepAlive, LoadReplicaReply, PROTOCOL_VERSION, ReleaseReplica,
-    ReplicaChunk, RowJob, WorkerHello, WorkerMessage,
+    ReplicaChunk, ReplicaHeader, RowJob, WorkerHello, WorkerMessage,
 };
 use tokio::net::TcpListener;
 use tokio::runtime::Runtime;
@@ -74,7 +74,9 @@ impl Server {
     ) -> Self {
         let instance = Settings::random_instance();
         let answer = Arc::new(answer);
-        Self::fake_with(Fake { protocol_version, row_version: ROW_VERSION, hears: true, instance, answer })
+        let load = takes_all();
+        let row_version = ROW_VERSION;
+        Self::fake_with(Fake { protocol_version, row_version, hears: true, instance, answer, load })
     }
 
     /// The same, of this version.
@@ -92,7 +94,8 @@ impl Server {
         let instance = Settings::random_instance();
         let answer = Arc::new(|_: &RowJob| None);
         let protocol_version = PROTOCOL_VERSION;
-        Self::fake_with(Fake { protocol_version, row_version, hears: false, instance, answer })
+        let load = takes_all();
+        Self::fake_with(Fake { protocol_version, row_version, hears: false, instance, answer, load })
     }
 
     fn fake_with(fake: Fake) -> Self {
@@ -115,7 +118,7 @@ impl Server {
         let mut messages = vec![Incoming::Hello(hello)];
         messages.extend(digests.iter().map(release));
         // Its answer tells that all before it was heard.
-        messages.push(Incoming::KeepAlive(KeepAlive { number: 1 }));
+        messages.push(Incoming::KeepAlive(KeepAlive { number: 1, uploaded: 0 }));
         let messages: Vec<_> =
             messages.into_iter().map(|body| CoordinatorMessage { body: Some(body) }).collect();
         let address = format!("http://{}", self.address);
@@ -144,14 +147,44 @@ impl Drop for Server {
 /// What a fake says to a job, if anything.
 type Answer = dyn Fn(&RowJob) -> Option<Body> + Send + Sync;
 
+/// What a fake does with a replica.
+type Load = dyn Fn(&ReplicaHeader) -> Result<(), Status> + Send + Sync;
+
+fn takes_all() -> Arc<Load> {
+    Arc::new(|_| Ok(()))
+}
+
 #[derive(Clone)]
-struct Fake {
+pub struct Fake {
     protocol_version: u32,
     row_version: u32,
     /// Whether it takes messages in.
     hears: bool,
     instance: u64,
     answer: Arc<Answer>,
+    load: Arc<Load>,
+}
+
+impl Fake {
+    /// One that answers jobs and takes replicas as it pleases.
+    pub fn new(
+        answer: impl Fn(&RowJob) -> Option<Body> + Send + Sync + 'static,
+        load: impl Fn(&ReplicaHeader) -> Result<(), Status> + Send + Sync + 'static,
+    ) -> Self {
+        Self {
+            protocol_version: PROTOCOL_VERSION,
+            row_version: ROW_VERSION,
+            hears: true,
+            instance: Settings::random_instance(),
+            answer: Arc::new(answer),
+            load: Arc::new(load),
+        }
+    }
+
+    /// The same, of this version of the protocol.
+    pub fn of_version(self, protocol_version: u32) -> Self {
+        Self { protocol_version, ..self }
+    }
 }
 
 #[tonic::async_trait]
@@ -173,6 +206,7 @@ impl Worker for Fake {
                 software_version: "0".into(),
                 instance: fake.instance,
                 row_version: fake.row_version,
+                largest_replica: 0,
             };
             let send = async |body| outbound.send(Ok(WorkerMessage { body: Some(body) })).await;
             let _ = send(Body::Hello(hello)).await;
@@ -193,13 +227,14 @@ impl Worker for Fake {
         Ok(Response::new(ReceiverStream::new(answers)))
     }
 
-    /// Holds everything already.
+    /// Holds everything already that it takes.
     async fn load_replica(
         &self,
         request: Request<Streaming<ReplicaChunk>>,
     ) -> Result<Response<LoadReplicaReply>, Status> {
         let first = request.into_inner().message().await?;
         let Some(Chunk::Header(header)) = first.and_then(|chunk| chunk.body) else { panic!("no header") };
+        (self.load)(&header)?;
         Ok(Response::new(LoadReplicaReply { already_held: true, digest: header.digest }))
     }
 }

@@ -15,7 +15,7 @@ use scene::Scene;
 use super::preview::{Preview, PreviewSource};
 use super::world::World;
 use crate::pipes::Outlet;
-use crate::pipes::messages::{BakeProgress, Word};
+use crate::pipes::messages::Word;
 
 /// Least time between two reports of a phase: rows come by the ten thousand.
 const INTERVAL: Duration = Duration::from_millis(50);
@@ -52,15 +52,7 @@ impl<W: Write> Observer for Reporter<W> {
             return;
         }
         self.told = Some((now, progress.phase));
-        self.outlet.say(Word::Progress(BakeProgress {
-            phase: api_phase(progress.phase).into(),
-            unshot: progress.unshot,
-            error: progress.error,
-            rows: progress.rows,
-            rows_needed: progress.rows_needed,
-            rays: progress.rays,
-            vertices: progress.vertices as u64,
-        }));
+        self.outlet.say(Word::Progress(progress.into()));
     }
 
     fn wants_preview(&mut self) -> bool {
@@ -84,16 +76,5 @@ impl<W: Write> RunObserver for Reporter<W> {
 
     fn exporting(&mut self) {
         self.enter(api::Phase::Export);
-    }
-}
-
-fn api_phase(phase: Phase) -> api::Phase {
-    match phase {
-        Phase::Light => api::Phase::Light,
-        Phase::Shoot => api::Phase::Shoot,
-        Phase::Refine => api::Phase::Refine,
-        Phase::Measure => api::Phase::Measure,
-        Phase::FinalSolve => api::Phase::FinalSolve,
-        Phase::Groups => api::Phase::Groups,
     }
 }

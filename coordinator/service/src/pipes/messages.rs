@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use bake::Progress;
 use bytes::Bytes;
 use cluster::WorkerPart;
 use kernel::messages::{Finished, ReplicaKind, RowJob};
@@ -223,6 +224,47 @@ pub struct Exported {
     /// Why it cannot be written, if so.
     #[prost(string, tag = "3")]
     pub failure: String,
+}
+
+impl From<&Progress> for BakeProgress {
+    fn from(progress: &Progress) -> Self {
+        Self {
+            phase: api_phase(progress.phase).into(),
+            unshot: progress.unshot,
+            error: progress.error,
+            rows: progress.rows,
+            rows_needed: progress.rows_needed,
+            rays: progress.rays,
+            vertices: progress.vertices as u64,
+        }
+    }
+}
+
+impl BakeProgress {
+    /// As the bake reported it; `None` outside of a bake.
+    pub fn of_bake(&self) -> Option<Progress> {
+        let phase = bake::Phase::ALL.into_iter().find(|phase| api_phase(*phase) == self.phase())?;
+        Some(Progress {
+            phase,
+            unshot: self.unshot,
+            error: self.error,
+            rows: self.rows,
+            rows_needed: self.rows_needed,
+            rays: self.rays,
+            vertices: self.vertices as usize,
+        })
+    }
+}
+
+fn api_phase(phase: bake::Phase) -> Phase {
+    match phase {
+        bake::Phase::Light => Phase::Light,
+        bake::Phase::Shoot => Phase::Shoot,
+        bake::Phase::Refine => Phase::Refine,
+        bake::Phase::Measure => Phase::Measure,
+        bake::Phase::FinalSolve => Phase::FinalSolve,
+        bake::Phase::Groups => Phase::Groups,
+    }
 }
 
 impl From<FinishedJob> for Order {

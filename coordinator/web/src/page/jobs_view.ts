@@ -86,6 +86,7 @@ function parts(job: Job): (string | false | undefined)[] {
       progress.unshot > 0 && `${percent(progress.unshot)} unshot`,
       progress.error !== undefined && `error ${percent(progress.error)}`,
       progress.vertices > 0n && `${count(progress.vertices)} vertices`,
+      progress.rowsPerSecond > 0 && `${short(progress.rowsPerSecond)} rows/s`,
       progress.raysPerSecond > 0 && `${short(progress.raysPerSecond)} rays/s`,
       progress.workers > 0 && `${count(progress.workers)} ${progress.workers === 1 ? 'worker' : 'workers'}`,
       progress.timeLeft && `${duration(progress.timeLeft)} left`,

@@ -1,3 +1,4 @@
+use std::io::IsTerminal;
 use std::str::FromStr;
 
 use tracing_subscriber::layer::SubscriberExt;
@@ -61,6 +62,11 @@ pub enum LoggingError {
     Spans(String),
 }
 
+/// Whether lines are coloured: only a terminal shows colours, and <https://no-color.org> turns them off.
+fn wants_colours() -> bool {
+    std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty())
+}
+
 /// Logs and spans of this program. Hold it until the end: dropping it sends the remaining spans to the collector.
 pub struct Logging {
     #[cfg(feature = "otlp")]
@@ -75,7 +81,7 @@ impl Logging {
     pub fn start(settings: &LoggingSettings) -> Result<Self, LoggingError> {
         let filter =
             EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(settings.default_filter));
-        let lines = fmt::layer::<Registry>().with_writer(std::io::stderr);
+        let lines = fmt::layer::<Registry>().with_writer(std::io::stderr).with_ansi(wants_colours());
         let lines = match (settings.format, settings.times) {
             (LogFormat::Text, true) => lines.boxed(),
             (LogFormat::Text, false) => lines.without_time().boxed(),

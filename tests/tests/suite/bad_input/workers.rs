@@ -74,6 +74,7 @@ impl Worker for FutureWorker {
             software_version: "99".into(),
             instance: 99,
             row_version: 99,
+            largest_replica: 0,
         };
         let messages = tokio_stream::once(Ok(WorkerMessage { body: Some(Body::Hello(hello)) }));
         Ok(Response::new(Box::pin(messages.chain(tokio_stream::pending()))))

@@ -103,6 +103,7 @@ impl Service {
             software_version: "0".into(),
             instance: self.instance,
             row_version: ROW_VERSION,
+            largest_replica: 0,
         }));
         while let Ok(Some(message)) = inbound.message().await {
             match message.body {

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use glam::{DMat4, DVec3};
 use rustix::process::{Pid, Signal, kill_process};
 use tests::builder::{Material, SceneBuilder};
+use tests::programs::WorkerProcess;
 use tests::service::ServiceProcess;
 
 use super::{QUICK, Room, cornell, wait_for};
@@ -52,6 +53,25 @@ fn many_triangles(room: &Room, number: usize) -> PathBuf {
     let scene =
         scene.point_light(DVec3::new(1.0, 5.0, 1.0), 100.0).all_placed(DMat4::from_scale(DVec3::splat(0.1)));
     room.file("many.glb", &scene.glb())
+}
+
+/// A job with a scene that no worker takes fails with the cure, and the next is done by the same worker.
+#[test]
+fn a_job_that_is_too_large_for_the_workers_fails_alone() {
+    let room = Room::new();
+    let worker = WorkerProcess::start_at("127.0.0.1:0", 2, &["--replica-bytes", "1600000"]);
+    let service = room.start(&["--workers", &worker.address, "--jobs", "2"]);
+    let large = service.submit(&many_triangles(&room, 20_000), &["--mesh-error", "1"]);
+    let small = service.submit(&cornell(), &QUICK);
+    let failed = service.ask(&["watch", &large]);
+    assert!(!failed.success);
+    assert!(
+        failed.errors.contains("--replica-bytes") && failed.errors.contains("400000"),
+        "{}",
+        failed.errors
+    );
+    assert!(!service.result(&small).is_empty());
+    assert!(!service.result(&service.submit(&cornell(), &QUICK)).is_empty());
 }
 
 /// A job that takes more memory than it may fails with the cure, and the next is done by the same service.

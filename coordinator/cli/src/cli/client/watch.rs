@@ -3,7 +3,7 @@ use clap::Args;
 use protocol::api::{Job, Phase, State, WatchJobRequest};
 
 use super::super::console::say;
-use super::super::progress::{ProgressLine, short};
+use super::super::progress::{ProgressLine, rate};
 use super::{Connection, ServerArgument, Trouble, wait};
 
 #[derive(Args)]
@@ -61,11 +61,11 @@ fn show(line: &ProgressLine, job: &Job) {
     let error = progress.error.map(|error| format!(" · error {:.2} %", error * 100.0)).unwrap_or_default();
     line.show_step(step(progress.phase()), (progress.rows, progress.rows_needed), |_| {
         format!(
-            "unshot {:.2} %{error} · rows {}/{} · {} rays/s · {} vertices · {} workers{left}",
+            "unshot {:.2} %{error} · rows {}/{} · {} · {} vertices · {} workers{left}",
             progress.unshot * 100.0,
             progress.rows,
             progress.rows_needed,
-            short(progress.rays_per_second),
+            rate([progress.rows_per_second, progress.rays_per_second]),
             progress.vertices,
             progress.workers,
         )

@@ -2,6 +2,7 @@
 
 mod copies;
 mod random;
+mod refused;
 mod sequences;
 mod suspects;
 

@@ -45,9 +45,8 @@ impl World {
                 Action::Abandon { job, why } => {
                     *self.ended.entry(job).or_default() += 1;
                     let [_, alone] = self.losses.get(&job).copied().unwrap_or_default();
-                    assert_eq!(
-                        why == Abandonment::KillsWorkers,
-                        alone == MOST_LOSSES_ALONE,
+                    assert!(
+                        (why == Abandonment::KillsWorkers) == (alone == MOST_LOSSES_ALONE),
                         "{job:?} after {alone} losses"
                     );
                 }
@@ -113,6 +112,9 @@ impl World {
     /// A job or a replica comes to its end.
     fn ends(&mut self, action: Action, dice: u8) {
         match action {
+            Action::LoadReplica { worker, digest } if dice == 10 => {
+                self.happens(Event::ReplicaRefused { worker, digest });
+            }
             Action::LoadReplica { worker, digest } => self.happens(Event::ReplicaLoaded { worker, digest }),
             Action::Send { worker, job } => {
                 let is_first = self.alive.contains(&worker);
@@ -136,7 +138,8 @@ impl World {
                 // Its messages that are still under way then come late.
                 self.lose(WorkerId(pick.index(self.workers as usize) as u32 + 1), dice == 1);
             }
-            3 => self.happens(Event::Released { digest: digest(pick.index(3) as u8) }),
+            3 if pick.index(4) == 3 => self.happens(Event::GaveUpOnRefused),
+            3 => self.happens(Event::Released { digest: digest(pick.index(4) as u8) }),
             4..6 => {
                 let first = self.jobs;
                 self.jobs += pick.index(8) as u64;
@@ -183,6 +186,7 @@ impl World {
                 self.connect(2);
             }
             self.happens(Event::Tick);
+            self.happens(Event::GaveUpOnRefused);
             // Late news has had its time.
             let alive = &self.alive;
             self.under_way.retain(|action| match action {

@@ -16,17 +16,17 @@ fn with_suspects(jobs: impl IntoIterator<Item = u64>) -> Checked {
 #[test]
 fn a_job_that_breaks_every_worker_is_given_up() {
     let mut scheduler = with_suspects([1, 2]);
-    for worker in [3, 4].map(WorkerId) {
+    for worker in [3, 4, 5].map(WorkerId) {
         assert_eq!(scheduler.on(Event::WorkerConnected { worker, threads: 4 }), [load(worker)]);
         assert_eq!(scheduler.on(loaded(worker)), [send(worker, 1)], "alone");
         assert_eq!(scheduler.on(broken(worker)), []);
     }
-    let worker = WorkerId(5);
+    let worker = WorkerId(6);
     scheduler.on(Event::WorkerConnected { worker, threads: 4 });
     scheduler.on(loaded(worker));
     assert_eq!(scheduler.on(broken(worker)), [abandon(1, Abandonment::KillsWorkers)]);
     // The other one was only near.
-    let worker = WorkerId(6);
+    let worker = WorkerId(7);
     scheduler.on(Event::WorkerConnected { worker, threads: 4 });
     assert_eq!(scheduler.on(loaded(worker)), [send(worker, 2)]);
     assert_eq!(scheduler.on(finished(worker, 2)), [deliver(2)]);

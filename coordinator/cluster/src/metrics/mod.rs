@@ -1,19 +1,29 @@
-//! Metrics of the cluster and of a bake, for Prometheus.
+//! Metrics of the cluster, its workers and bakes, for Prometheus.
+//!
+//! | module | contents |
+//! |---|---|
+//! | `workers` | the connected workers, one by one |
+//! | `bakes` | progress of bakes |
+
+mod bakes;
+mod workers;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
-use prometheus_client::encoding::EncodeLabelSet;
 use prometheus_client::metrics::counter::Counter;
-use prometheus_client::metrics::family::Family;
 use prometheus_client::metrics::gauge::Gauge;
 use prometheus_client::registry::{Registry, Unit};
 use protocol::telemetry::Held;
 
-use bake::{Phase, Progress};
+use bakes::BakeValues;
+use workers::WorkerValues;
 
-/// Metrics of the cluster and of the progress of a bake. Clones share their values.
+pub use bakes::BakeMetrics;
+pub use workers::WorkerMetrics;
+
+/// Metrics of the cluster and of the progress of bakes. Clones share their values.
 #[derive(Debug, Clone, Default)]
 pub struct Metrics {
     values: Arc<Values>,
@@ -21,9 +31,10 @@ pub struct Metrics {
 
 #[derive(Debug, Default)]
 struct Values {
-    workers: Gauge,
+    workers: Arc<WorkerValues>,
     reconnections: Counter,
     lost_workers: Counter,
+    left_workers: Counter,
     jobs_in_flight: Gauge,
     jobs_waiting: Gauge,
     jobs: Counter,
@@ -35,16 +46,7 @@ struct Values {
     duplicates_sent: Counter,
     duplicates_dropped: Counter,
     ignored_answers: Counter,
-    phase: Family<PhaseLabel, Gauge>,
-    unshot: Gauge<f64, AtomicU64>,
-    vertices: Gauge,
-    rows_needed: Gauge,
-}
-
-/// A step of the bake: 1 for the one under way, 0 for the others.
-#[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
-struct PhaseLabel {
-    phase: &'static str,
+    bakes: Arc<BakeValues>,
 }
 
 impl Metrics {
@@ -54,6 +56,7 @@ impl Metrics {
             workers,
             reconnections,
             lost_workers,
+            left_workers,
             jobs_in_flight,
             jobs_waiting,
             jobs,
@@ -65,15 +68,13 @@ impl Metrics {
             duplicates_sent,
             duplicates_dropped,
             ignored_answers,
-            phase,
-            unshot,
-            vertices,
-            rows_needed,
+            bakes,
         } = self.values.as_ref();
         let registry = registry.sub_registry_with_prefix("halflight_coordinator");
-        registry.register("workers", "Workers connected", workers.clone());
+        workers.register(registry);
         registry.register("reconnections", "Workers that came back", reconnections.clone());
         registry.register("lost_workers", "Workers that were lost", lost_workers.clone());
+        registry.register("left_workers", "Workers that said goodbye", left_workers.clone());
         registry.register("jobs_in_flight", "Jobs that workers hold, duplicates too", jobs_in_flight.clone());
         registry.register("jobs_waiting", "Jobs that no worker holds", jobs_waiting.clone());
         registry.register("jobs", "Jobs finished", jobs.clone());
@@ -94,22 +95,19 @@ impl Metrics {
             duplicates_dropped.clone(),
         );
         registry.register("ignored_answers", "Answers that came late or twice", ignored_answers.clone());
-        registry.register("phase", "1 for the step under way", phase.clone());
-        registry.register("unshot_flux_ratio", "Unshot flux over reflected flux", unshot.clone());
-        registry.register("vertices", "Vertices of the mesh", vertices.clone());
-        registry.register("rows_needed", "Rows known to be needed so far", rows_needed.clone());
+        bakes.register(registry);
     }
 
-    /// Counts a connected worker until it is dropped.
+    /// Shows a connected worker, by its own name and its address, until it is dropped.
     #[must_use]
-    pub fn connected(&self) -> Held {
-        Held::new(&self.values.workers)
+    pub fn connected(&self, worker: &str, address: &str, threads: usize) -> WorkerMetrics {
+        WorkerMetrics::new(&self.values.workers, worker, address, threads)
     }
 
     /// Number of connected workers.
     #[must_use]
     pub fn workers(&self) -> usize {
-        usize::try_from(self.values.workers.get()).unwrap_or_default()
+        usize::try_from(self.values.workers.count()).unwrap_or_default()
     }
 
     /// Counts a worker that came back.
@@ -117,9 +115,9 @@ impl Metrics {
         self.values.reconnections.inc();
     }
 
-    /// Counts a lost worker.
-    pub fn lost(&self) {
-        self.values.lost_workers.inc();
+    /// Counts a lost worker; `orderly` if it said goodbye.
+    pub fn lost(&self, orderly: bool) {
+        if orderly { &self.values.left_workers } else { &self.values.lost_workers }.inc();
     }
 
     /// Counts a job that a worker holds until it is dropped.
@@ -159,20 +157,16 @@ impl Metrics {
         set(&self.values.ignored_answers, ignored_answers);
     }
 
-    /// Sets the progress of the bake.
-    pub fn progress(&self, progress: &Progress) {
-        for phase in Phase::ALL {
-            let is_on = i64::from(phase == progress.phase);
-            self.values.phase.get_or_create(&PhaseLabel { phase: phase.name() }).set(is_on);
-        }
-        self.values.unshot.set(progress.unshot);
-        self.values.vertices.set(progress.vertices as i64);
-        self.values.rows_needed.set(progress.rows_needed.try_into().unwrap_or(i64::MAX));
+    /// Shows the progress of one more bake until it is dropped.
+    #[must_use]
+    pub fn bake(&self) -> BakeMetrics {
+        BakeMetrics::new(&self.values.bakes)
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use bake::{Phase, Progress};
     use prometheus_client::encoding::text::encode;
 
     use super::*;
@@ -182,7 +176,10 @@ mod tests {
         let metrics = Metrics::default();
         let mut registry = Registry::default();
         metrics.register(&mut registry);
-        let workers = [metrics.connected(), metrics.connected()];
+        let workers =
+            [metrics.connected("a", "10.0.0.1:7070", 3), metrics.connected("b", "10.0.0.2:7070", 4)];
+        workers.iter().for_each(|worker| worker.answered(2, 10, Duration::from_millis(500)));
+        workers.iter().for_each(|worker| worker.round_trip(Duration::from_millis(250)));
         metrics.came_back();
         let jobs = [metrics.in_flight(), metrics.in_flight()];
         metrics.unfinished(5);
@@ -190,11 +187,13 @@ mod tests {
         metrics.answered(false, 2, 10, Duration::from_millis(500), 100);
         metrics.sent(7);
         metrics.scheduled(1, 1, 3);
-        metrics.lost();
+        metrics.lost(false);
+        metrics.lost(true);
+        metrics.lost(true);
         let [left, _stays] = workers;
         drop(left);
         drop(jobs);
-        metrics.progress(&Progress {
+        let progress = Progress {
             phase: Phase::Refine,
             unshot: 0.25,
             error: None,
@@ -202,7 +201,13 @@ mod tests {
             rows_needed: 20,
             rays: 1,
             vertices: 30,
-        });
+        };
+        let [first, second, over] = [metrics.bake(), metrics.bake(), metrics.bake()];
+        first.progress(&Progress { phase: Phase::Shoot, unshot: 0.5, ..progress });
+        first.progress(&progress);
+        second.progress(&Progress { unshot: 0.125, vertices: 7, ..progress });
+        over.progress(&Progress { phase: Phase::Shoot, unshot: 1.0, ..progress });
+        drop(over);
         let mut text = String::new();
         encode(&mut text, &registry).unwrap();
         for line in [
@@ -220,14 +225,23 @@ mod tests {
             "duplicates_sent_total 1",
             "duplicates_dropped_total 1",
             "ignored_answers_total 3",
-            "phase{phase=\"refine\"} 1",
+            "left_workers_total 2",
+            "threads 4",
+            "worker_threads{worker=\"b\",address=\"10.0.0.2:7070\"} 4",
+            "worker_jobs_total{worker=\"b\",address=\"10.0.0.2:7070\"} 1",
+            "worker_rows_total{worker=\"b\",address=\"10.0.0.2:7070\"} 2",
+            "worker_rays_total{worker=\"b\",address=\"10.0.0.2:7070\"} 10",
+            "worker_busy_seconds_total{worker=\"b\",address=\"10.0.0.2:7070\"} 0.5",
+            "worker_round_trip_seconds{worker=\"b\",address=\"10.0.0.2:7070\"} 0.25",
+            "phase{phase=\"refine\"} 2",
             "phase{phase=\"shoot\"} 0",
             "unshot_flux_ratio 0.25",
-            "vertices 30",
-            "rows_needed 20",
+            "vertices 37",
+            "rows_needed 40",
         ] {
             let line = format!("halflight_coordinator_{line}");
             assert!(text.lines().any(|found| found == line), "{line} is missing in:\n{text}");
         }
+        assert!(!text.contains("10.0.0.1:7070"), "one that is gone is not shown");
     }
 }
