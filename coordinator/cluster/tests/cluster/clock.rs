@@ -362,7 +362,9 @@ async fn one_that_answers_and_leaves_is_dialled_soon_and_then_more_rarely() {
         }),
     );
     sleep(Duration::from_secs(30)).await;
-    let times = dialled.lock().unwrap();
+    // Jobs and uploads have a connection each.
+    let mut times = dialled.lock().unwrap().clone();
+    times.dedup();
     let pauses: Vec<_> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
     assert!(pauses[0] < Duration::from_millis(700) && pauses.is_sorted(), "{pauses:?}");
     assert!(*pauses.last().unwrap() > Duration::from_secs(2), "{pauses:?}");

@@ -211,7 +211,11 @@ async fn a_worker_of_another_version_is_asked_again_once_it_may_be_replaced() {
     );
     let cluster = start(&wires, &[A, B]).await;
     tokio::time::sleep(Duration::from_secs(30)).await;
-    assert_eq!(counted.load(Ordering::Relaxed), 1, "it is asked once");
+    assert_eq!(
+        counted.load(Ordering::Relaxed),
+        2,
+        "it is asked once, with a connection for jobs and one for uploads"
+    );
     wires.set(B, Process::start(SOON).leak().plain_door());
     let began = Instant::now();
     until(&cluster, B, is_there).await;
