@@ -109,7 +109,7 @@ impl Solved {
         Ok(())
     }
 
-    /// Whether the leaves of the refined mesh can become the shares, and are so many more that it helps.
+    /// Whether the leaves of the refined mesh can become the shares, and enough were added for that to help.
     pub fn can_follow_mesh(&self) -> bool {
         let leaves = self.mesh.mesh.leaves().count();
         !self.rows.source.leaves_cost_rows() && leaves as f64 >= MORE_LEAVES * self.mesh.shares.len() as f64

@@ -150,7 +150,7 @@ fn held_after(bytes: usize, far: DuplexStream) -> DuplexStream {
     served
 }
 
-/// A way of so many bytes per second towards the worker.
+/// A link towards the worker that carries this number of bytes per second.
 fn throttled(far: DuplexStream, bytes_per_second: usize) -> DuplexStream {
     let (mut theirs, served) = duplex(BUFFER);
     let mut far = far;
