@@ -49,5 +49,5 @@ pub use light_parts::{LightGroup, LightPart};
 pub use observer::{Observer, Phase, Progress, Unobserved};
 pub use relight::{KeptLight, LightChange, NewLight, RelightError, RelightReport, Relit, relight};
 pub use run::{Baked, bake};
-pub use settings::{BakeSettings, RowStrategy};
+pub use settings::{BakeSettings, Quality, RowStrategy};
 pub use stages::{BakeReport, Model, check_groups, listed, occluders, shooting_mesh};

@@ -117,7 +117,9 @@ fn bake_can_be_compared_with_what_the_command_writes() {
     let [lit, csv] = ["lit.glb", "reference.csv"].map(|name| bench.path(name));
     bench.reference(&csv, &["--points", "200", "--paths", "256"]).assert().success();
     let coordinator = || Command::new(binary("coordinator"));
-    coordinator().arg("solve").arg(&bench.scene).arg("-o").arg(&lit).assert().success();
+    let mut solve = coordinator();
+    solve.arg("solve").arg(&bench.scene).arg("-o").arg(&lit).args(["--mesh-error", "0.005"]);
+    solve.assert().success();
     let mut compare = coordinator();
     compare.arg("compare").arg(&lit).arg("--reference").arg(&csv).arg("--scene").arg(&bench.scene);
     let score: Value = serde_json::from_slice(&compare.output().unwrap().stdout).unwrap();

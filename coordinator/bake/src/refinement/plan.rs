@@ -22,6 +22,8 @@ const NEW_VERTICES: usize = 5;
 pub struct Plan {
     /// Expected interpolation error at which refinement ends.
     pub limit: f64,
+    /// Expected contrast of errors at which refinement ends as well ([`MeshError::contrast`]); infinite where it does not count.
+    pub contrast: f64,
     /// Measured interpolation error over the predicted one.
     pub found_per_predicted: f64,
     /// Patches of this size are not divided.
@@ -74,20 +76,26 @@ impl Plan {
         noise: f64,
         may_divide: impl Fn(PatchId) -> bool,
     ) -> Step {
-        let error = self.found_per_predicted * without_noise(prediction.relative(), NOISE_SEEN * noise);
-        if error <= self.limit {
-            return Step::Done;
+        let found = |predicted| self.found_per_predicted * without_noise(predicted, NOISE_SEEN * noise);
+        let (error, contrast) = (found(prediction.relative()), found(prediction.contrast()));
+        // What is over its limit is so many times; what noise would hide is not looked at.
+        let over = [(error, self.limit), (contrast, self.contrast)]
+            .map(|(found, limit)| if found > limit.max(noise) { found / limit } else { 0.0 });
+        if over == [0.0; 2] {
+            return if error <= self.limit { Step::Done } else { Step::Stop(Obstacle::Noise) };
         }
-        if error <= noise {
-            return Step::Stop(Obstacle::Noise);
-        }
+        // Contrast alone is no reason to say that the error asked for cannot be met.
+        let stop = |obstacle| if error <= self.limit { Step::Done } else { Step::Stop(obstacle) };
         let room = room(mesh, self.max_vertices);
         if room == 0 {
-            return Step::Stop(Obstacle::MaxVertices);
+            return stop(Obstacle::MaxVertices);
         }
         let may_divide = |id: PatchId| mesh.size(id) > self.shortest_edge && may_divide(id);
-        let worst = prediction.worst_leaves(part_to_divide(error, self.limit), room, may_divide);
-        if worst.is_empty() { Step::Stop(Obstacle::SmallPatches) } else { Step::Divide(worst) }
+        let weights = [(over[0], self.limit), (over[1], self.contrast)]
+            .map(|(over, limit)| if over > 0.0 { limit.powi(-2) } else { 0.0 });
+        let part = part_to_divide(over[0].max(over[1]));
+        let worst = prediction.worst_leaves(weights, part, room, may_divide);
+        if worst.is_empty() { stop(Obstacle::SmallPatches) } else { Step::Divide(worst) }
     }
 }
 
@@ -103,10 +111,10 @@ fn room(mesh: &Mesh, max_vertices: usize) -> usize {
     max_vertices.saturating_sub(mesh.vertices.len()) / NEW_VERTICES
 }
 
-/// Part of the square error whose leaves are divided in one round. No more than brings the error under the limit, if dividing
-/// takes three quarters of a leaf's square error away; the last rounds then do not go past it.
-fn part_to_divide(error: f64, limit: f64) -> f64 {
-    let excess = 1.0 - (limit / error).powi(2);
+/// Part of the square error whose leaves are divided in one round, where the error is over its limit so many times. No more than
+/// brings it under the limit, if dividing takes three quarters of a leaf's square error away; the last rounds then do not go past it.
+fn part_to_divide(over: f64) -> f64 {
+    let excess = 1.0 - over.powi(-2);
     (excess / GAIN).clamp(LEAST_PER_ROUND, MOST_PER_ROUND)
 }
 
@@ -118,7 +126,13 @@ mod tests {
     use super::*;
     use crate::mesh::{Patch, Vertex, VertexId};
 
-    const PLAN: Plan = Plan { limit: 0.01, found_per_predicted: 1.0, shortest_edge: 0.5, max_vertices: 1000 };
+    const PLAN: Plan = Plan {
+        limit: 0.01,
+        contrast: f64::INFINITY,
+        found_per_predicted: 1.0,
+        shortest_edge: 0.5,
+        max_vertices: 1000,
+    };
 
     /// Squares apart from each other, with edges of these lengths.
     fn squares(edges: &[f64]) -> Mesh {
@@ -198,6 +212,26 @@ mod tests {
             ids(&[1]),
             "no more than brings it under the limit"
         );
+    }
+
+    /// An error that no one sees in bright light shows in the dark.
+    #[test]
+    fn contrast_divides_what_is_dark() {
+        let mesh = squares(&[1.0; 3]);
+        let errors = [0.1, 0.01, 0.01].map(DVec3::splat);
+        let found: Vec<_> = (0..).map(PatchId).zip(errors).collect();
+        let light = [10.0, 10.0, 1.0].map(|light| [DVec3::splat(light); 4]).concat();
+        let error = MeshError::predict(&mesh, &light, &[DVec3::ONE], &found);
+        let plan = |limit, contrast| Plan { limit, contrast, ..PLAN };
+        let (relative, contrast) = (error.relative(), error.contrast());
+        let bright = plan(0.5 * relative, f64::INFINITY).next(&mesh, &error, 0.0, |_| true);
+        assert_eq!(divided(bright), ids(&[0]));
+        let dark = plan(2.0 * relative, 0.9 * contrast).next(&mesh, &error, 0.0, |id| id != PatchId(0));
+        assert_eq!(divided(dark), ids(&[2]));
+        let met = plan(2.0 * relative, 2.0 * contrast).next(&mesh, &error, 0.0, |_| true);
+        assert!(matches!(met, Step::Done));
+        let small = plan(2.0 * relative, 0.5 * contrast).next(&mesh, &error, 0.0, |_| false);
+        assert!(matches!(small, Step::Done), "contrast is no obstacle to the error");
     }
 
     #[test]

@@ -20,12 +20,29 @@ pub const LEAST_WEIGHT: f64 = 0.05;
 /// Decay taken where only one level is known.
 const FIRST_DECAY: f64 = 0.25;
 
+/// Errors show relative to the light at their place, but to no less than this part of the root mean square of the radiosity.
+const DARK: f64 = 0.02;
+
 /// Predicted interpolation error of a mesh.
 pub struct MeshError {
     /// Per leaf: predicted square error, integrated over its area.
     leaves: Vec<(PatchId, f64)>,
+    /// Per leaf: the same relative to the light of the leaf.
+    contrasts: Vec<f64>,
     /// Square of the radiosity, integrated over the mesh.
     norm: f64,
+    /// Area of the mesh.
+    area: f64,
+}
+
+/// A leaf with what is summed over the mesh.
+struct Leaf {
+    id: PatchId,
+    /// Predicted square error, integrated over the area.
+    error: f64,
+    /// Square of the radiosity, integrated over the area.
+    square: f64,
+    area: f64,
 }
 
 impl MeshError {
@@ -71,12 +88,28 @@ impl MeshError {
                 None => spread(corners) / 16.0,
             };
             let error = error.max(measured.get(&id).copied().unwrap_or(0.0));
-            ((id, error * patch.area), square)
+            Leaf { id, error: error * patch.area, square, area: patch.area }
         };
         let is_leaf = |(_, patch): &(usize, &Patch)| patch.first_child.is_none();
         let patches = mesh.patches.par_iter().enumerate().with_min_len(1024).filter(is_leaf);
-        let (leaves, squares): (Vec<(PatchId, f64)>, Vec<f64>) = patches.map(of_leaf).unzip();
-        Self { leaves, norm: squares.into_iter().sum() }
+        let leaves: Vec<Leaf> = patches.map(of_leaf).collect();
+        let norm: f64 = leaves.iter().map(|leaf| leaf.square).sum();
+        let area: f64 = leaves.iter().map(|leaf| leaf.area).sum();
+        let dark = DARK * DARK * norm / area;
+        let contrast = |leaf: &Leaf| {
+            let light = (leaf.square / leaf.area).max(dark);
+            if light > 0.0 { leaf.error / light } else { 0.0 }
+        };
+        let contrasts = leaves.iter().map(contrast).collect();
+        Self { leaves: leaves.into_iter().map(|leaf| (leaf.id, leaf.error)).collect(), contrasts, norm, area }
+    }
+
+    /// Root mean square over the area of the error relative to the light at its place. In a dark corner an error shows that is
+    /// nothing beside the light of the room.
+    #[must_use]
+    pub fn contrast(&self) -> f64 {
+        let total: f64 = self.contrasts.iter().sum();
+        if self.area > 0.0 { (total / self.area).sqrt() } else { 0.0 }
     }
 
     /// Predicted square error of each leaf, integrated over its area.
@@ -92,16 +125,21 @@ impl MeshError {
         if self.norm > 0.0 { (total / self.norm).sqrt() } else { 0.0 }
     }
 
-    /// The leaves that hold this part of the square error, by falling error, at most `limit` of them.
+    /// The leaves that hold this part of the error, the worst first, at most `limit` of them. The error is the sum of the relative
+    /// square error and the square of the contrast, with these weights.
     #[must_use]
     pub fn worst_leaves(
         &self,
+        weights: [f64; 2],
         part: f64,
         limit: usize,
         may_divide: impl Fn(PatchId) -> bool,
     ) -> Vec<PatchId> {
-        let mut leaves: Vec<_> =
-            self.leaves.iter().copied().filter(|leaf| leaf.1 > 0.0 && may_divide(leaf.0)).collect();
+        let [of_error, of_contrast] = [weights[0] / self.norm, weights[1] / self.area];
+        let weighted =
+            |(leaf, contrast): (&(PatchId, f64), &f64)| (leaf.0, of_error * leaf.1 + of_contrast * contrast);
+        let leaves = self.leaves.iter().zip(&self.contrasts).map(weighted);
+        let mut leaves: Vec<_> = leaves.filter(|leaf| leaf.1 > 0.0 && may_divide(leaf.0)).collect();
         leaves.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
         let total: f64 = leaves.iter().map(|leaf| leaf.1).sum();
         let mut held = 0.0;

@@ -16,12 +16,13 @@ pub struct Refined {
 }
 
 impl Solved {
-    /// Divides patches where interpolation is wrong, round by round, until its error is expected to be under `limit`. Then
-    /// solves again.
+    /// Divides patches where interpolation is wrong, round by round, until its error is expected to be under `limit`, and
+    /// its contrast under that of the settings. Then solves again.
     #[tracing::instrument(skip_all)]
     pub fn refine(mut self, cx: &mut Context, limit: f64) -> Result<Refined> {
         let plan = Plan {
             limit,
+            contrast: cx.settings.contrast.unwrap_or(f64::INFINITY),
             found_per_predicted: self.found_per_predicted,
             shortest_edge: cx.extent() * 2.0_f64.powi(-(cx.settings.max_level as i32)),
             max_vertices: cx.settings.most_vertices(cx.scene),

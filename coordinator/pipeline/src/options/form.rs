@@ -55,8 +55,11 @@ mod tests {
         let form = form();
         let fields: Vec<_> =
             form.as_array().unwrap().iter().map(|field| field["path"].as_str().unwrap()).collect();
-        assert_eq!(fields, ["bake.error", "bake.max_vertices", "scene.light_unit", "priority"]);
-        assert_eq!(form[1]["default"], "200000, or twice those of the scene where that is more");
+        assert_eq!(
+            fields,
+            ["bake.quality", "bake.error", "bake.max_vertices", "scene.light_unit", "priority"]
+        );
+        assert_eq!(form[2]["default"], "200000, or twice those of the scene where that is more");
     }
 
     #[test]

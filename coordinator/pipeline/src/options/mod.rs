@@ -193,6 +193,8 @@ pub fn wanted(header: &api::SubmitSceneHeader, wrong: &mut Violations) -> Wanted
 
 #[cfg(test)]
 mod tests {
+    use bake::Quality;
+
     use super::*;
 
     fn fields(header: &api::SubmitSceneHeader) -> Vec<String> {
@@ -208,9 +210,39 @@ mod tests {
     fn what_is_not_said_is_as_it_is_by_default() {
         let mut wrong = Violations::default();
         let wanted = wanted(&api::SubmitSceneHeader::default(), &mut wrong);
-        assert_eq!(wanted.bake, BakeSettings::default());
+        assert_eq!(wanted.bake, BakeSettings::for_quality(Quality::Preview));
         assert_eq!(wanted.export.unit, "W/m^2");
         assert!(wrong.check().is_ok());
+    }
+
+    fn baked_with(bake: api::BakeOptions) -> (BakeSettings, Result<(), InvalidOptions>) {
+        let mut wrong = Violations::default();
+        let settings = bake_settings(&bake, &mut wrong);
+        (settings, wrong.check())
+    }
+
+    #[test]
+    fn a_quality_chooses_what_others_may_change() {
+        let bake = api::BakeOptions { rays: Some(64), ..api::BakeOptions::default() };
+        let of = |quality: api::Quality| api::BakeOptions { quality: quality.into(), ..bake };
+        let expected = |quality| BakeSettings::for_quality(quality).with_rays(64.0);
+        assert_eq!(baked_with(bake), (expected(Quality::Preview), Ok(())));
+        assert_eq!(baked_with(of(api::Quality::Draft)), (expected(Quality::Draft), Ok(())));
+        assert_eq!(baked_with(of(api::Quality::Final)), (expected(Quality::Final), Ok(())));
+    }
+
+    #[test]
+    fn other_errors_exclude_a_quality() {
+        let quality = api::Quality::Final.into();
+        let error = api::BakeOptions { error: Some(0.1), ..api::BakeOptions::default() };
+        let mesh = api::BakeOptions { mesh_error: Some(0.1), ..api::BakeOptions::default() };
+        assert_eq!(baked_with(error).0, BakeSettings::for_error(0.1));
+        assert_eq!(baked_with(mesh).0, BakeSettings { mesh_error: 0.1, ..BakeSettings::default() });
+        for (other, field) in [(error, "bake.error"), (mesh, "bake.mesh_error")] {
+            let (_, checked) = baked_with(api::BakeOptions { quality, ..other });
+            let text = checked.unwrap_err().to_string();
+            assert_eq!(text, format!("bake.quality cannot be combined with {field}, which it chooses"));
+        }
     }
 
     #[test]

@@ -12,6 +12,11 @@ pub trait Options: Default + Clone + 'static {
     /// The settings.
     type Settings: Default + 'static;
 
+    /// The settings where no option is applied.
+    fn start(&self) -> Self::Settings {
+        Self::Settings::default()
+    }
+
     /// Heading on the command line.
     const HEADING: &'static str;
 
@@ -159,5 +164,5 @@ impl<M: Options> Knob<M> {
 /// The settings that a message asks for; notes what is wrong with it.
 pub(super) fn settings<M: Options>(message: &M, wrong: &mut Violations) -> M::Settings {
     let mut message = message.clone();
-    M::KNOBS.iter().fold(M::Settings::default(), |settings, knob| knob.apply(&mut message, settings, wrong))
+    M::KNOBS.iter().fold(message.start(), |settings, knob| knob.apply(&mut message, settings, wrong))
 }

@@ -3,7 +3,7 @@
 use glam::DVec3;
 use protocol::api;
 
-use bake::{LightPart, RowStrategy};
+use bake::{LightPart, Quality, RowStrategy};
 use output::export::Domain;
 use scene::LightUnit;
 
@@ -123,6 +123,7 @@ macro_rules! choices {
 
 choices! {
     RowStrategy, api::RowsOf: Automatic = Unspecified, Exact = Shooters, Gather = Receivers;
+    Quality, api::Quality: Draft = Draft, Preview = Preview, Final = Final;
     LightUnit, api::LightUnit: Candela = Candela, Watt = Watt;
     LightPart, api::Part: All = All, Direct = Direct, Indirect = Indirect;
     Domain, api::Domain: Vertex = Vertex, Corner = Corner;

@@ -2,7 +2,7 @@
 
 use protocol::api::{self, BakeOptions, OutputOptions, SceneOptions, SubmitSceneHeader};
 
-use bake::{BakeSettings, LightPart};
+use bake::{BakeSettings, LightPart, Quality};
 use output::export::ExportSettings;
 use scene::ImportOptions;
 
@@ -51,18 +51,46 @@ const ROWS: &[Choice] = &[
     },
 ];
 
+const QUALITIES: &[Choice] = &[
+    choice("draft", api::Quality::Draft as i32, "draft: to see where light falls, 10 % error"),
+    choice("preview", api::Quality::Preview as i32, "preview: to work with, 5 % error"),
+    choice("final", api::Quality::Final as i32, "final: to publish, 0.75 % error, smooth in the dark too"),
+];
+
+fn quality(number: f64) -> Quality {
+    match api::Quality::try_from(number as i32) {
+        Ok(api::Quality::Draft) => Quality::Draft,
+        Ok(api::Quality::Final) => Quality::Final,
+        _ => Quality::Preview,
+    }
+}
+
 impl Options for BakeOptions {
     type Settings = BakeSettings;
+
+    /// Those of a preview, unless the options say how exact the bake is.
+    fn start(&self) -> BakeSettings {
+        let is_said = self.error.is_some() || self.mesh_error.is_some() || self.shooter_edge.is_some();
+        if is_said { BakeSettings::default() } else { BakeSettings::for_quality(Quality::default()) }
+    }
 
     const HEADING: &'static str = "Quality";
 
     const KNOBS: &'static [Knob<Self>] = &[
-        // First: it chooses settings that those below change.
+        // The first two choose settings that those below change.
+        knob!("bake." + quality -> quality, "quality", Kind::Choice(QUALITIES))
+            .value_name("QUALITY")
+            .help("Quality of a picture of the lit scene; chooses error, mesh, rays and threshold")
+            .details("Each has an error, and a bound for its contrast, so that streaks do not show in the dark.")
+            .label("Quality")
+            .default("preview, unless --error, --mesh-error or --shooter-edge is given")
+            .excludes(&["error", "mesh-error", "shooter-edge"])
+            .change(|_, number| BakeSettings::for_quality(quality(number))),
         knob!("bake." + error -> error, "error", Kind::Fraction(1e-4..=0.5))
             .help("Target error, relative L2 of the radiosity; chooses mesh, rays and threshold")
             .details("0.02 is 2 %. The bake refines until its own estimate meets this error.")
             .label("Target error")
-            .default("none; the options below decide")
+            .default("that of --quality")
             .excludes(&["mesh-error", "shooter-edge"])
             .change(|_, error| BakeSettings::for_error(error)),
         knob!("bake." + rows -> rows, "rows", Kind::Choice(ROWS))
@@ -81,16 +109,18 @@ impl Options for BakeOptions {
             .default("none"),
         knob!("bake." + mesh_error -> mesh_error, "mesh-error", Kind::Number(POSITIVE))
             .help("Interpolation error at which refinement ends, relative L2")
+            .default("what --quality or --error needs; {} with --shooter-edge alone")
             .advanced(),
         knob!("bake." + shooter_edge -> shooter_edge, "shooter-edge", Kind::Number(1e-3..=1.0))
             .help("Longest edge of a shooting patch, relative to the scene's extent")
+            .default("what --quality or --error needs; {} with --mesh-error alone")
             .advanced(),
         knob!("bake." + threshold -> threshold, "threshold", Kind::Number(POSITIVE))
             .help("Unshot part of the reflected flux at which the solution ends")
             .details(
             "The solution ends when rho / (1 - rho) x unshot flux is below this part of the reflected flux.",
         )
-            .default("{}; a hundredth of --error")
+            .default("a hundredth of the error; {} with --mesh-error or --shooter-edge alone")
             .advanced(),
         knob!("bake." + window -> window, "window", Kind::Whole(1..=u32::MAX as i128))
             .value_name("WINDOW")
@@ -102,7 +132,7 @@ impl Options for BakeOptions {
             .advanced(),
         knob!("bake." + rays -> rays_per_hemisphere, "rays", Kind::Whole(4..=262_144))
             .help("Rays per hemisphere where visibility is sampled")
-            .default("{}; what --error needs")
+            .default("what --quality or --error needs; {} with --mesh-error or --shooter-edge alone")
             .change(|settings, rays| settings.with_rays(rays))
             .advanced(),
         knob!("bake." + form_factor_error -> form_factor_error, "form-factor-error", Kind::Number(0.0..=0.5))
