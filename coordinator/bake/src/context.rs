@@ -3,8 +3,10 @@
 use std::time::Instant;
 
 use kernel::geometry::Bounds;
+use kernel::row::Precision;
 
 use crate::channels::Channels;
+use crate::error_budget::most_rounding;
 use crate::jobs::RowClient;
 use crate::settings::BakeSettings;
 use scene::{Facet, Scene};
@@ -48,8 +50,18 @@ impl<'a, 'b> Context<'a, 'b> {
         work: Work,
         clock: Instant,
     ) -> Self {
-        client.set_precision(settings.precision());
-        Self { scene, settings, channels: Channels::needed(scene), client, work, clock }
+        let mut cx = Self { scene, settings, channels: Channels::needed(scene), client, work, clock };
+        cx.set_precision(settings.precision());
+        cx
+    }
+
+    /// Sets the precision of rows submitted from now on. What rounding adds to a row comes back 1 / (1 - rho) times, so factors are
+    /// rounded by less than is allowed where that would show in the error asked for.
+    pub fn set_precision(&mut self, precision: Precision) {
+        let reflectances = self.scene.surfaces.iter().map(|surface| surface.reflectance.max_element());
+        let most = most_rounding(self.settings.asked_error(), reflectances.fold(0.0, f64::max));
+        let factor_rounding = precision.factor_rounding.min(most);
+        self.client.set_precision(Precision { factor_rounding, ..precision });
     }
 
     /// Adds the time since the last step to a step.

@@ -41,6 +41,16 @@ pub fn rounding_error(factor_rounding: f64) -> f64 {
     STORED.max(ROUNDED * factor_rounding)
 }
 
+/// Part of the error asked for that rounded factors may take.
+const PART_OF_ROUNDING: f64 = 0.1;
+
+/// Rounding of factors at which a scene of this largest reflectance keeps to its part of an error, at light that stays between few
+/// shares. Elsewhere rounding errors cancel.
+#[must_use]
+pub fn most_rounding(error: f64, reflectance: f64) -> f64 {
+    PART_OF_ROUNDING * error * (1.0 - reflectance) / ROUNDED
+}
+
 impl ErrorBudget {
     /// Adds up the parts.
     #[must_use]

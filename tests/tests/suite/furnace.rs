@@ -37,7 +37,8 @@ const FURNACES: [(&str, f64); 4] = [("D01", 0.5), ("D02", 0.9), ("D03", 0.99), (
 /// within 2e-5.
 const TOLERANCE: f64 = 1e-4;
 
-/// The same with factors rounded as they usually are: errors of 1e-5 in the row sums, on both sides of 0. All are within 8e-4.
+/// The same with factors rounded as they usually are: by less where much light is reflected, so that it adds up to no more than a
+/// part of what is asked for.
 const ROUNDED_TOLERANCE: f64 = 1e-3;
 
 /// Heats these parts in every furnace.

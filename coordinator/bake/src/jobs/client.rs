@@ -171,6 +171,11 @@ impl<'a> RowClient<'a> {
         }
     }
 
+    /// Precision of rows submitted from now on.
+    pub fn precision(&self) -> Precision {
+        self.precision
+    }
+
     /// Sets the precision of rows submitted from now on.
     pub fn set_precision(&mut self, precision: Precision) {
         self.precision = precision;

@@ -63,7 +63,8 @@ impl Refined {
             Some(shooters) => shooters,
             None => solved.error_of_shooters(cx, &validation, &fitted)?,
         };
-        let form_factors = cx.client.monitor.factor_error() + rounding_error(cx.settings.factor_rounding);
+        let form_factors =
+            cx.client.monitor.factor_error() + rounding_error(cx.client.precision().factor_rounding);
         let visibility = noise * INTERPOLATED_NOISE.sqrt();
         let unshot = solved.solution.residual / (1.0 - RETURNING * reflectance);
         let error = ErrorBudget::new(unshot, visibility, form_factors, receivers, shooters);

@@ -81,9 +81,9 @@ impl Options for BakeOptions {
         knob!("bake." + quality -> quality, "quality", Kind::Choice(QUALITIES))
             .value_name("QUALITY")
             .help("Quality of a picture of the lit scene; chooses error, mesh, rays and threshold")
-            .details("Each has an error, and a bound for its contrast, so that streaks do not show in the dark.")
+            .details("Each has an error, and a bound for its contrast, so that streaks do not show in the dark. With --error, --mesh-error or --shooter-edge there is no quality.")
             .label("Quality")
-            .default("preview, unless --error, --mesh-error or --shooter-edge is given")
+            .default("preview")
             .excludes(&["error", "mesh-error", "shooter-edge"])
             .change(|_, number| BakeSettings::for_quality(quality(number))),
         knob!("bake." + error -> error, "error", Kind::Fraction(1e-4..=0.5))
@@ -109,18 +109,18 @@ impl Options for BakeOptions {
             .default("none"),
         knob!("bake." + mesh_error -> mesh_error, "mesh-error", Kind::Number(POSITIVE))
             .help("Interpolation error at which refinement ends, relative L2")
-            .default("what --quality or --error needs; {} with --shooter-edge alone")
+            .default("what --quality needs; {} with --shooter-edge")
             .advanced(),
         knob!("bake." + shooter_edge -> shooter_edge, "shooter-edge", Kind::Number(1e-3..=1.0))
             .help("Longest edge of a shooting patch, relative to the scene's extent")
-            .default("what --quality or --error needs; {} with --mesh-error alone")
+            .default("of --quality; {} with --mesh-error")
             .advanced(),
         knob!("bake." + threshold -> threshold, "threshold", Kind::Number(POSITIVE))
             .help("Unshot part of the reflected flux at which the solution ends")
             .details(
             "The solution ends when rho / (1 - rho) x unshot flux is below this part of the reflected flux.",
         )
-            .default("a hundredth of the error; {} with --mesh-error or --shooter-edge alone")
+            .default("a hundredth of --error; {} with --mesh-error")
             .advanced(),
         knob!("bake." + window -> window, "window", Kind::Whole(1..=u32::MAX as i128))
             .value_name("WINDOW")
@@ -132,7 +132,7 @@ impl Options for BakeOptions {
             .advanced(),
         knob!("bake." + rays -> rays_per_hemisphere, "rays", Kind::Whole(4..=262_144))
             .help("Rays per hemisphere where visibility is sampled")
-            .default("what --quality or --error needs; {} with --mesh-error or --shooter-edge alone")
+            .default("what --quality needs; {} with --mesh-error")
             .change(|settings, rays| settings.with_rays(rays))
             .advanced(),
         knob!("bake." + form_factor_error -> form_factor_error, "form-factor-error", Kind::Number(0.0..=0.5))

@@ -41,7 +41,8 @@ async fn the_form_of_the_page_has_its_options() {
     let options = ask("/options.json", &[]).await;
     assert_eq!(options.headers()[CONTENT_TYPE], "application/json");
     let options: serde_json::Value = serde_json::from_str(&text(options).await).unwrap();
-    assert_eq!((&options[0]["path"], &options[0]["range"][1]), (&"bake.error".into(), &0.5.into()));
+    assert_eq!(options[0]["path"], "bake.quality");
+    assert_eq!((&options[1]["path"], &options[1]["range"][1]), (&"bake.error".into(), &0.5.into()));
 }
 
 #[tokio::test]
