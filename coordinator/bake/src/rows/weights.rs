@@ -20,8 +20,10 @@ pub fn mean_weights(mesh: &Mesh, share: &Share, exposed: &[bool]) -> Vec<(usize,
         let id = own[0].0;
         if mesh.patch(id).first_child.is_some() {
             own.iter().for_each(|(_, corner)| add_leaves(mesh, id, *corner, &mut weights));
+        } else if own.len() == mesh.patch(id).corners.len() {
+            add_whole(mesh, id, 1.0, &mut weights);
         } else {
-            add_undivided(mesh, id, own, &mut weights);
+            own.iter().for_each(|(_, corner)| add_quarter(mesh, id, *corner, 1.0, &mut weights));
         }
     }
     for &(patch, polygon) in &share.overlaps {
@@ -47,27 +49,6 @@ pub fn mean_weights(mesh: &Mesh, share: &Share, exposed: &[bool]) -> Vec<(usize,
     }
     weights.iter_mut().for_each(|(_, weight)| *weight /= total);
     weights
-}
-
-/// Adds the quarters of an undivided patch at some of its corners. Where it was never refined, it has a parent still if the shooting
-/// mesh was divided.
-fn add_undivided(mesh: &Mesh, id: PatchId, own: &[(PatchId, usize)], weights: &mut Vec<(usize, f64)>) {
-    let parent = mesh.patch(id).parent;
-    let part = if parent.is_some() { 1.0 - PARENT } else { 1.0 };
-    let place = |parent| mesh.children(parent).position(|child| child == id);
-    if own.len() == mesh.patch(id).corners.len() {
-        add_whole(mesh, id, part, weights);
-        if let Some((parent, place)) = parent.and_then(|parent| Some((parent, place(parent)?))) {
-            add_quarter(mesh, parent, place, PARENT, weights);
-        }
-        return;
-    }
-    for (_, corner) in own {
-        add_quarter(mesh, id, *corner, part, weights);
-        if let Some(parent) = parent {
-            add_part(mesh, parent, &mesh.corner_quad(id, *corner), PARENT, weights);
-        }
-    }
 }
 
 /// Adds the leaves of a divided patch's child.
