@@ -84,7 +84,10 @@ fn quick_study_writes_its_three_files() {
     let answer = bench.study(&output).args(["--threads", "2", "--seeds", "2"]).output().unwrap();
     let said = String::from_utf8(answer.stderr).unwrap();
     assert!(answer.status.success(), "{said}");
-    assert!(said.contains("13/13 seeds, --exact-occluders 0 --rays 256 --seed 1: "), "{said}");
+    assert!(
+        said.contains("13/13 seeds, --exact-occluders 0 --rays 256 --mesh-error 0.005 --seed 1: "),
+        "{said}"
+    );
     let mut files: Vec<_> = fs::read_dir(&output).unwrap().map(|entry| entry.unwrap().file_name()).collect();
     files.sort();
     assert_eq!(files, ["study.csv", "study.md", "study.svg"]);

@@ -1,4 +1,4 @@
-use super::prediction::MeshError;
+use super::prediction::{Measure, MeshError};
 use crate::error_budget::without_noise;
 use crate::mesh::{Mesh, PatchId};
 
@@ -78,12 +78,15 @@ impl Plan {
     ) -> Step {
         let found = |predicted| self.found_per_predicted * without_noise(predicted, NOISE_SEEN * noise);
         let (error, contrast) = (found(prediction.relative()), found(prediction.contrast()));
-        // What is over its limit is so many times; what noise would hide is not looked at.
-        let over = [(error, self.limit), (contrast, self.contrast)]
-            .map(|(found, limit)| if found > limit.max(noise) { found / limit } else { 0.0 });
-        if over == [0.0; 2] {
+        let is_over = |found: f64, limit: f64| found > limit.max(noise);
+        // Contrast comes second: what it adds takes nothing from what the error needs.
+        let (measure, over) = if is_over(error, self.limit) {
+            (Measure::Error, error / self.limit)
+        } else if is_over(contrast, self.contrast) {
+            (Measure::Contrast, contrast / self.contrast)
+        } else {
             return if error <= self.limit { Step::Done } else { Step::Stop(Obstacle::Noise) };
-        }
+        };
         // Contrast alone is no reason to say that the error asked for cannot be met.
         let stop = |obstacle| if error <= self.limit { Step::Done } else { Step::Stop(obstacle) };
         let room = room(mesh, self.max_vertices);
@@ -91,10 +94,7 @@ impl Plan {
             return stop(Obstacle::MaxVertices);
         }
         let may_divide = |id: PatchId| mesh.size(id) > self.shortest_edge && may_divide(id);
-        let weights = [(over[0], self.limit), (over[1], self.contrast)]
-            .map(|(over, limit)| if over > 0.0 { limit.powi(-2) } else { 0.0 });
-        let part = part_to_divide(over[0].max(over[1]));
-        let worst = prediction.worst_leaves(weights, part, room, may_divide);
+        let worst = prediction.worst_leaves(measure, part_to_divide(over), room, may_divide);
         if worst.is_empty() { stop(Obstacle::SmallPatches) } else { Step::Divide(worst) }
     }
 }

@@ -35,6 +35,15 @@ pub struct MeshError {
     area: f64,
 }
 
+/// How errors of leaves are compared.
+#[derive(Debug, Clone, Copy)]
+pub enum Measure {
+    /// By the square error, integrated over the area.
+    Error,
+    /// By the same relative to the light of the leaf.
+    Contrast,
+}
+
 /// A leaf with what is summed over the mesh.
 struct Leaf {
     id: PatchId,
@@ -125,20 +134,20 @@ impl MeshError {
         if self.norm > 0.0 { (total / self.norm).sqrt() } else { 0.0 }
     }
 
-    /// The leaves that hold this part of the error, the worst first, at most `limit` of them. The error is the sum of the relative
-    /// square error and the square of the contrast, with these weights.
+    /// The leaves that hold this part of the error, the worst first, at most `limit` of them.
     #[must_use]
     pub fn worst_leaves(
         &self,
-        weights: [f64; 2],
+        measure: Measure,
         part: f64,
         limit: usize,
         may_divide: impl Fn(PatchId) -> bool,
     ) -> Vec<PatchId> {
-        let [of_error, of_contrast] = [weights[0] / self.norm, weights[1] / self.area];
-        let weighted =
-            |(leaf, contrast): (&(PatchId, f64), &f64)| (leaf.0, of_error * leaf.1 + of_contrast * contrast);
-        let leaves = self.leaves.iter().zip(&self.contrasts).map(weighted);
+        let shown = |(leaf, contrast): (&(PatchId, f64), &f64)| match measure {
+            Measure::Error => *leaf,
+            Measure::Contrast => (leaf.0, *contrast),
+        };
+        let leaves = self.leaves.iter().zip(&self.contrasts).map(shown);
         let mut leaves: Vec<_> = leaves.filter(|leaf| leaf.1 > 0.0 && may_divide(leaf.0)).collect();
         leaves.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
         let total: f64 = leaves.iter().map(|leaf| leaf.1).sum();
