@@ -141,7 +141,7 @@ impl BakeSettings {
     /// Owen-scrambled rays falls as n^(-3/4).
     #[must_use]
     pub fn for_error(error: f64) -> Self {
-        let rays = 1024.0 * (0.01 / error).powf(4.0 / 3.0);
+        let rays = 2048.0 * (0.01 / error).powf(4.0 / 3.0);
         Self {
             error: Some(error),
             contrast: Some(CONTRAST * error),

@@ -22,6 +22,17 @@ pub struct Share {
     pub area: f64,
 }
 
+impl Share {
+    /// The leaf that it is the whole of.
+    #[must_use]
+    pub fn whole_leaf(&self, mesh: &Mesh) -> Option<PatchId> {
+        let (id, _) = *self.corners.first()?;
+        let patch = mesh.patch(id);
+        let is_whole = patch.first_child.is_none() && self.corners.len() == patch.corners.len();
+        (is_whole && self.corners.iter().all(|corner| corner.0 == id)).then_some(id)
+    }
+}
+
 impl Mesh {
     /// Each leaf as a share, in their order.
     #[must_use]

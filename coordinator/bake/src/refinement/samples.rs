@@ -189,8 +189,31 @@ impl SamplePoints {
             .then(|| Self { points: patches.iter().zip(numbers).map(point).collect(), ..Self::default() })
     }
 
+    /// Mean irradiance of a leaf, from the mean of its corners and the light in its middle, if it is known: exact where light is
+    /// quadratic (Simpson's rule). Corners of a room are darker than its walls. A middle inside of something else sees nothing, and
+    /// does not count. Only of points made as middles, of leaves by rising number.
+    pub fn mean(&self, mesh: &Mesh, leaf: PatchId, of_corners: DVec3) -> DVec3 {
+        let part = if mesh.patch(leaf).corners.len() == 3 { 0.75 } else { 2.0 / 3.0 };
+        let Ok(found) = self.points.binary_search_by_key(&leaf, |point| point.patch) else {
+            return of_corners;
+        };
+        match self.irradiance.get(found) {
+            Some(middle) if *middle != DVec3::ZERO => of_corners.lerp(*middle, part),
+            _ => of_corners,
+        }
+    }
+
     /// Compares interpolated with gathered light: the leaf under each point, and the error of its radiosity.
     pub fn compare(&self, mesh: &Mesh, irradiance: &[DVec3]) -> Vec<(PatchId, DVec3)> {
+        self.compare_with(mesh, irradiance, &self.irradiance)
+    }
+
+    /// The same with light straight from the sources.
+    pub fn compare_direct(&self, mesh: &Mesh, irradiance: &[DVec3]) -> Vec<(PatchId, DVec3)> {
+        self.compare_with(mesh, irradiance, &self.direct)
+    }
+
+    fn compare_with(&self, mesh: &Mesh, irradiance: &[DVec3], gathered: &[DVec3]) -> Vec<(PatchId, DVec3)> {
         let value = |vertex: VertexId| irradiance[vertex.index()];
         let found = |(point, gathered): (&SamplePoint, &DVec3)| {
             let leaf = mesh.leaf_at(point.patch, point.position);
@@ -198,7 +221,7 @@ impl SamplePoints {
             let interpolated: DVec3 = corners.iter().map(|(vertex, weight)| value(*vertex) * *weight).sum();
             (leaf, point.reflectance * (interpolated - *gathered))
         };
-        self.points.par_iter().zip(&self.irradiance).with_min_len(256).map(found).collect()
+        self.points.par_iter().zip(gathered).with_min_len(256).map(found).collect()
     }
 
     /// Relative interpolation error, given the mean reflectance and the relative noise of the light.

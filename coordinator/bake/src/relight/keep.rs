@@ -154,7 +154,7 @@ impl Solved {
             let direct = self.direct_of(cx, &sources)?;
             let tolerance = cx.settings.threshold * PART_TOLERANCE;
             let problem = Problem { mesh: &self.mesh, values: means, direct: &direct, tolerance };
-            let dark = self.dark();
+            let dark = self.dark(cx, &sources)?;
             let Rows { source, table } = &mut self.rows;
             let solution = source.solve(cx, table, &problem, columns, dark)?;
             (direct, solution)

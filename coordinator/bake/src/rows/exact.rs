@@ -17,6 +17,7 @@ use crate::context::Context;
 use crate::error::Result;
 use crate::jobs::{ReceiverSet, RowClient};
 use crate::mesh::{Mesh, Share, Surroundings};
+use crate::refinement::SamplePoints;
 use crate::settings::{BakeSettings, RowStrategy};
 use crate::solver::bounds::add_to_sums;
 use crate::solver::cache::{ColumnCache, SetId};
@@ -225,7 +226,7 @@ impl RowSource for ExactRows {
         cx: &mut Context,
         mesh: &ShareMesh,
         receivers: &Receivers,
-        (irradiance, _): (&[DVec3], &[bool]),
+        (irradiance, ..): (&[DVec3], &[bool], &SamplePoints),
     ) -> Result<LeafLight> {
         let (mut shooters, mut radiosities) = (vec![], vec![]);
         for (id, _) in mesh.mesh.leaves() {

@@ -12,6 +12,8 @@ pub struct Solution {
     pub irradiance: Vec<DVec3>,
     /// The refinement samples, with the light there.
     pub samples: SamplePoints,
+    /// Middles of large leaves, with the light there; none where each would cost a row.
+    pub middles: SamplePoints,
     /// Relative standard error of the irradiance at a point from the rays of hemispheres.
     pub ray_noise: f64,
     /// Flux not yet shot.
@@ -23,12 +25,13 @@ pub struct Solution {
 }
 
 impl Solution {
-    /// Darkness, with the direct light of the samples.
-    pub fn dark(shares: usize, samples: SamplePoints) -> Self {
+    /// Darkness, with the direct light of the samples and the middles.
+    pub fn dark(shares: usize, samples: SamplePoints, middles: SamplePoints) -> Self {
         Self {
             radiosity: vec![DVec3::ZERO; shares],
             irradiance: vec![],
             samples,
+            middles,
             ray_noise: 0.0,
             unshot: DVec3::ZERO,
             unshot_bound: 0.0,

@@ -11,6 +11,7 @@ use crate::context::Context;
 use crate::error::Result;
 use crate::jobs::{ReceiverSet, RowClient};
 use crate::mesh::{Mesh, Share, Surroundings, VertexId, VertexReceivers, receivers, shared_receivers};
+use crate::refinement::SamplePoints;
 use crate::settings::{BakeSettings, RowStrategy};
 use crate::solver::bounds::add_to_sums;
 use crate::solver::cache::{ColumnCache, SetId};
@@ -114,13 +115,13 @@ pub trait RowSource {
     fn leaves_cost_rows(&self) -> bool;
 
     /// Light that receivers get from the leaves of the refined mesh, each with its own mean radiosity, given the irradiance of the
-    /// vertices and whether each sees any surface.
+    /// vertices, whether each sees any surface, and the middles.
     fn light_of_leaves(
         &self,
         cx: &mut Context,
         mesh: &ShareMesh,
         receivers: &Receivers,
-        vertices: (&[DVec3], &[bool]),
+        light: (&[DVec3], &[bool], &SamplePoints),
     ) -> Result<LeafLight>;
 }
 

@@ -37,6 +37,8 @@ pub struct RowTable {
     pub bounds: Bounds,
     /// The refinement samples, if there are any.
     pub samples: Option<SetId>,
+    /// The middles of large leaves, if there are any.
+    pub middles: Option<SetId>,
     /// Bytes of the rows over the shooting mesh.
     pub coarse_bytes: usize,
     /// Most bytes of rows that were ever kept.
@@ -54,6 +56,7 @@ impl RowTable {
             vertices: VertexSets::default(),
             bounds: Bounds::default(),
             samples: None,
+            middles: None,
             coarse_bytes: 0,
             most_bytes: 0,
         }

@@ -21,7 +21,7 @@ impl Solved {
         let (mut emitted, mut absorbed, mut escaped) = (DVec3::ZERO, DVec3::ZERO, DVec3::ZERO);
         for (id, patch) in mesh.mesh.leaves() {
             let surface = &surfaces[patch.surface as usize];
-            let mean = mesh.mesh.mean(id, &solution.irradiance);
+            let mean = solution.middles.mean(&mesh.mesh, id, mesh.mesh.mean(id, &solution.irradiance));
             emitted += surface.exitance * patch.area;
             // The rest passes through.
             let material = mesh.patch_materials.of(cx.scene, &mesh.mesh, id);

@@ -53,6 +53,11 @@ impl Setup {
             let look = |_: &LightSource, _: &Row, variance| variances.push(variance);
             samples.set_direct(light::irradiance(&sources, table.set(id), cx.client, look)?);
         }
+        if middles.count() > 0 {
+            let id = source.add_receivers(cx, table, &middles.receivers(middles.count()), None)?;
+            table.middles = Some(id);
+            middles.set_direct(light::irradiance(&sources, table.set(id), cx.client, |_, _, _| ())?);
+        }
         // Nothing is known to be dark before the rows were looked at.
         let all_exposed = vec![true; mesh.mesh.vertices.len()];
         let values = LazyCell::new(|| source.first_values(&mesh, &all_exposed));
@@ -68,11 +73,6 @@ impl Setup {
             *if source.is_outside { &mut from_outside } else { &mut from_lights } += source.strength * flux;
         })?;
         let direct = vertices.of_coarse(direct);
-        if middles.count() > 0 {
-            let set = cx.client.publish_receivers(&middles.receivers(middles.count()));
-            middles.set_irradiance(light::irradiance(&sources, set, cx.client, |_, _, _| ())?);
-            cx.client.release(set);
-        }
         cx.end_step("light");
         mesh.preview(cx, &direct, || {
             let dark = vec![DVec3::ZERO; mesh.shares.len()];

@@ -116,7 +116,7 @@ impl Solved {
             } else {
                 let tolerance = cx.settings.threshold * PART_TOLERANCE;
                 let problem = Problem { mesh: &self.mesh, values: &means, direct: &direct, tolerance };
-                let dark = self.dark();
+                let dark = self.dark(cx, &sources)?;
                 let Rows { source, table } = &mut self.rows;
                 let solution = problem.solve(cx, source.as_mut(), table, dark)?;
                 cx.settings.only.of_all(&solution.irradiance, &direct)

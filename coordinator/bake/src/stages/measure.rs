@@ -132,8 +132,8 @@ impl Solved {
             return Ok([0.0; 2]);
         }
         let receivers = samples.receivers(count);
-        let light =
-            self.rows.source.light_of_leaves(cx, &self.mesh, &receivers, (irradiance, &self.exposed))?;
+        let light = (irradiance, &*self.exposed, &self.solution.middles);
+        let light = self.rows.source.light_of_leaves(cx, &self.mesh, &receivers, light)?;
         let differences = samples.differences(&light.irradiance);
         let at_least = samples.relative_at_least(&differences);
         let noise = light.rows.map_or(0.0, |rows| self.noise().hypot(samples.noise(rows.into_iter(), count)));

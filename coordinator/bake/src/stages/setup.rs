@@ -33,7 +33,7 @@ pub struct Setup {
     pub sources: Vec<LightSource>,
     /// Points that guide refinement.
     pub samples: SamplePoints,
-    /// Middles of large leaves: their direct light guides refinement, too.
+    /// Middles of large leaves.
     pub middles: SamplePoints,
 }
 

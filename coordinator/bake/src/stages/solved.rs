@@ -26,8 +26,6 @@ pub struct Solved {
     pub sources: Sources,
     /// Irradiance of the vertices from the light sources.
     pub direct: Vec<DVec3>,
-    /// Middles of leaves of the shooting mesh, with their direct light.
-    middles: SamplePoints,
     pub solution: Solution,
     /// Whether each vertex sees any surface.
     pub exposed: Vec<bool>,
@@ -68,7 +66,7 @@ impl Lit {
         let values = source.first_values(&mesh, &exposed);
         let tolerance = cx.settings.threshold.max(FIRST_TOLERANCE);
         let problem = Problem { mesh: &mesh, values: &values, direct: &direct, tolerance };
-        let solution = Solution { radiosity, ..Solution::dark(0, samples) };
+        let solution = Solution { radiosity, ..Solution::dark(0, samples, middles) };
         let solution = problem.solve(cx, source.as_mut(), table, solution)?;
         cx.end_step("shoot");
         Ok(Solved {
@@ -76,7 +74,6 @@ impl Lit {
             rows,
             sources,
             direct,
-            middles,
             solution,
             exposed,
             row_sums,
@@ -102,7 +99,8 @@ impl Solved {
         let means = self.means();
         let Self { mesh, rows: Rows { source, table }, direct, solution, .. } = self;
         let problem = Problem { mesh, values: &means, direct, tolerance: cx.settings.threshold };
-        let start = std::mem::replace(solution, Solution::dark(0, SamplePoints::default()));
+        let start =
+            std::mem::replace(solution, Solution::dark(0, SamplePoints::default(), SamplePoints::default()));
         *solution = problem.solve(cx, source.as_mut(), table, start)?;
         self.preview(cx);
         cx.end_step("final solve");
@@ -167,7 +165,7 @@ impl Solved {
         let (mesh, irradiance) = (&self.mesh.mesh, &self.solution.irradiance);
         let mut found = self.solution.samples.compare(mesh, &best_fit(mesh, irradiance));
         // A leaf whose corners are all in the dark, or all in the light, may be otherwise between them.
-        found.extend(self.middles.compare(mesh, &self.direct));
+        found.extend(self.solution.middles.compare_direct(mesh, &self.direct));
         let reflectance: Vec<DVec3> = cx.scene.surfaces.iter().map(|surface| surface.reflectance).collect();
         MeshError::predict(mesh, irradiance, &reflectance, &found)
     }
@@ -199,13 +197,18 @@ impl Solved {
         Ok(direct)
     }
 
-    /// A solution to start from for other light than the whole.
-    pub fn dark(&self) -> Solution {
-        Solution {
+    /// A solution to start from for these sources alone.
+    pub fn dark(&self, cx: &mut Context, sources: &[LightSource]) -> Result<Solution> {
+        let mut solution = Solution {
             radiosity: vec![DVec3::ZERO; self.mesh.shares.len()],
             irradiance: vec![],
             ..self.solution.clone()
+        };
+        if let Some(id) = self.rows.table.middles {
+            let set = self.rows.table.set(id);
+            solution.middles.set_direct(light::irradiance(sources, set, cx.client, |_, _, _| ())?);
         }
+        Ok(solution)
     }
 
     /// Reflected flux over incident flux.

@@ -39,6 +39,7 @@ use crate::context::Context;
 use crate::error::Result;
 use crate::jobs::{ReceiverSet, RowClient};
 use crate::mesh::{Mesh, PatchId, Share, Surroundings};
+use crate::refinement::SamplePoints;
 use crate::settings::{BakeSettings, RowStrategy};
 use crate::solver::acceleration::Acceleration;
 use crate::solver::cache::{ColumnCache, SetId};
@@ -274,7 +275,15 @@ impl RowSource for GatherRows {
             cx.client.monitor.check()?;
             let points = self.points.gather(&solution.radiosity);
             self.light_vertices(table, problem.direct, &points, &mut solution)?;
-            let incident = problem.values.of(energies, &solution.irradiance);
+            let mut incident = problem.values.of(energies, &solution.irradiance);
+            if let Some(set) = table.middles {
+                solution.middles.set_gathered(&self.at_set(set, &points));
+                for (share, incident) in problem.mesh.shares.iter().zip(&mut incident) {
+                    if let Some(leaf) = share.whole_leaf(&problem.mesh.mesh) {
+                        *incident = solution.middles.mean(&problem.mesh.mesh, leaf, *incident);
+                    }
+                }
+            }
             problem.mesh.preview(cx, problem.direct, || {
                 (solution.irradiance.clone(), problem.mesh.unshot(&incident, &solution.radiosity))
             });
@@ -321,13 +330,14 @@ impl RowSource for GatherRows {
         cx: &mut Context,
         mesh: &ShareMesh,
         receivers: &Receivers,
-        (irradiance, exposed): (&[DVec3], &[bool]),
+        (irradiance, exposed, middles): (&[DVec3], &[bool], &SamplePoints),
     ) -> Result<LeafLight> {
         let set = publish_leaves(cx, &mesh.mesh);
         let views = views(cx.client, set, &hemispheres(receivers, |_| measured_rays(cx.settings)))?;
         cx.client.release(set);
         let means = Means::new(&mesh.mesh, &mesh.mesh.leaf_shares(cx.scene), exposed).of(irradiance);
         let reflected = |((id, _), mean): ((PatchId, _), DVec3)| {
+            let mean = middles.mean(&mesh.mesh, id, mean);
             mesh.patch_materials.of(cx.scene, &mesh.mesh, id).reflectance * mean
         };
         let radiosity: Vec<DVec3> = mesh.mesh.leaves().zip(means).map(reflected).collect();
