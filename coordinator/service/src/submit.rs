@@ -189,8 +189,8 @@ impl Inner {
 
     async fn check_room(self: &Arc<Self>, size: u64) -> Result<(), Refusal> {
         let inner = Arc::clone(self);
-        let free = blocking(move || Ok(inner.store.free()?)).await?;
-        if free < self.limits.free_bytes.saturating_add(size) {
+        let (free, is_reserved) = blocking(move || Ok((inner.store.free()?, inner.store.reserve()))).await?;
+        if !is_reserved || free < self.limits.free_bytes.saturating_add(size) {
             return Err(Refusal::exhausted(
                 "disk",
                 "there is no room on the service's disk: delete jobs, or ask its operator",

@@ -39,6 +39,7 @@ use std::ffi::OsStr;
 use std::fs::{self, File, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 
 use output::files;
 use protocol::api::Format;
@@ -136,6 +137,8 @@ pub struct Store {
     _lock: Option<File>,
     /// Whether all records could be read: one that is damaged may refer to any scene and light.
     all_known: bool,
+    /// Held while room is made or spent: whether the log says that there is none.
+    lacks_room: Mutex<bool>,
 }
 
 /// An opened data folder and its contents.
@@ -194,7 +197,8 @@ impl Store {
         sync_folder(root).map_err(failed(root))?;
         // Last: with it, all folders are there.
         files::write(&layout, LAYOUT.as_bytes()).map_err(failed(&layout))?;
-        let store = Self { root: root.to_owned(), _lock: Some(lock), all_known: false };
+        let store =
+            Self { root: root.to_owned(), _lock: Some(lock), all_known: false, lacks_room: Mutex::default() };
         store.read_all()
     }
 
@@ -297,7 +301,7 @@ impl Store {
     /// The store of a folder that a service has opened, for the process of a job.
     #[must_use]
     pub fn within(root: &Path) -> Self {
-        Self { root: root.to_owned(), _lock: None, all_known: false }
+        Self { root: root.to_owned(), _lock: None, all_known: false, lacks_room: Mutex::default() }
     }
 
     /// The folder.

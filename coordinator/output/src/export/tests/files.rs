@@ -3,7 +3,7 @@
 use serde_json::json;
 
 use super::*;
-use document::Folder;
+use ::document::Folder;
 use fixtures::square;
 
 fn names(directory: &TempDir) -> Vec<String> {
