@@ -12,10 +12,10 @@ use crate::sync::lock;
 pub(super) const RESERVE: &str = "reserve";
 
 /// Bytes of the file.
-const BYTES: u64 = 1 << 20;
+const BYTES: u64 = 128 << 10;
 
 /// Bytes of it that a change takes: a record, and what a file system needs to write it.
-const SHARE: u64 = 64 << 10;
+const SHARE: u64 = 16 << 10;
 
 impl Store {
     /// Writes the changed record of a job, synced to disk; on a full disk, in the room kept for it.
