@@ -107,7 +107,7 @@ impl JobProcess<'_> {
             record: Store::encode(record),
             row_cache: self.limits.row_cache(),
             light_bytes: self.limits.light_bytes,
-            checkpoint_bytes: self.limits.checkpoint_bytes,
+            checkpoint_bytes: self.limits.checkpoint_bytes.min(self.store.room_for_rows(record.id)),
             memory: self.limits.memory,
             surroundings,
         });
