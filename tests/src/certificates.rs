@@ -4,6 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use protocol::security::TlsFiles;
+pub use rcgen::ExtendedKeyUsagePurpose;
 use rcgen::{BasicConstraints, CertificateParams, CertifiedIssuer, IsCa, KeyPair, date_time_ymd};
 use tempfile::TempDir;
 
@@ -46,6 +47,15 @@ impl Authority {
             parameters.not_before = date_time_ymd(2020, 1, 1);
             parameters.not_after = date_time_ymd(2020, 1, 2);
         })
+    }
+
+    /// The same for servers only, or for callers only.
+    ///
+    /// # Panics
+    /// As for [`Self::sign`].
+    #[must_use]
+    pub fn sign_for(&self, names: &[&str], purpose: ExtendedKeyUsagePurpose) -> TlsFiles {
+        self.sign_as(names, |parameters| parameters.extended_key_usages = vec![purpose])
     }
 
     fn sign_as(&self, names: &[&str], change: impl FnOnce(&mut CertificateParams)) -> TlsFiles {

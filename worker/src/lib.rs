@@ -68,6 +68,9 @@ const BOUNDS: ConnectionBounds = ConnectionBounds {
 /// How long a stopping worker waits for the jobs that it computes.
 const DRAIN: Duration = Duration::from_secs(20);
 
+/// Most threads that may be asked for: systems start no more than some thousands.
+pub const MOST_THREADS: usize = 1024;
+
 /// Settings of a worker.
 #[derive(Debug, Clone)]
 pub struct Settings {

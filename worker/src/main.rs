@@ -30,7 +30,8 @@ fn main() -> ExitCode {
     match start(Options::parse()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {error:#}");
+            // There is no other place to say it.
+            let _ = writeln!(std::io::stderr(), "error: {error:#}");
             ExitCode::FAILURE
         }
     }
@@ -59,7 +60,7 @@ async fn run(options: Options) -> anyhow::Result<()> {
     if let Some(address) = &options.health {
         return Ok(worker::health::check(address, SERVICE_NAME, &options.client()?).await?);
     }
-    let transport = options.transport()?;
+    let transport = options.listening()?;
     let token = options.token()?;
     transport.allows(options.listen).with_context(|| format!("cannot listen on {}", options.listen))?;
     let listener = TcpListener::bind(options.listen)
@@ -78,7 +79,8 @@ async fn run(options: Options) -> anyhow::Result<()> {
 
     // For scripts: from this line on, coordinators may call. Where nobody reads it, nobody misses it.
     let _ = writeln!(std::io::stdout(), "worker {name} listens on {address} with {threads} threads");
-    let incoming = incoming(listener, transport.tls().cloned(), ConnectionLimits::WORKER);
+    let limits = ConnectionLimits { token: token.is_some(), ..ConnectionLimits::WORKER };
+    let incoming = incoming(listener, transport.tls().cloned(), limits);
     let replica_bytes = options.replica_bytes.0.unwrap_or_else(Settings::default_replica_bytes);
     let settings = Settings { replica_bytes, token, metrics, ..Settings::new(&name, threads) };
     Ok(worker::serve(incoming, settings, shutdown).await?)

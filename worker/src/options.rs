@@ -9,6 +9,7 @@ use clap::builder::{FalseyValueParser, OsStringValueParser, TypedValueParser};
 use clap::{ArgAction, Parser};
 use protocol::security::{ClientSecurity, SecurityError, Token, Transport};
 use protocol::telemetry::{LogFormat, MetricsAddress};
+use worker::MOST_THREADS;
 
 /// Compute rows of form factors for a coordinator. Stateless: stop it at any time.
 #[derive(Parser)]
@@ -18,7 +19,7 @@ pub struct Options {
     #[arg(long, env = "WORKER_LISTEN", default_value = "127.0.0.1:7070")]
     pub listen: SocketAddr,
     /// Jobs computed at the same time [default: one for each core].
-    #[arg(long, env = "WORKER_THREADS")]
+    #[arg(long, env = "WORKER_THREADS", value_parser = threads)]
     pub threads: Option<NonZeroUsize>,
     /// Name in the coordinator's table [default: HOST:PORT of this machine].
     #[arg(long, env = "WORKER_NAME")]
@@ -41,6 +42,9 @@ pub struct Options {
     /// Private key of the certificate, PEM.
     #[arg(long, env = "WORKER_TLS_KEY", value_name = "FILE", value_parser = path())]
     tls_key: Option<PathBuf>,
+    /// Names of coordinators: only certificates that have one of them are taken [default: all of the authority].
+    #[arg(long, env = "WORKER_TLS_CALLERS", value_name = "NAME,...", value_delimiter = ',')]
+    tls_callers: Vec<String>,
     /// Serve other machines without encryption, in a trusted network.
     #[arg(long, env = "WORKER_PLAINTEXT", value_parser = FalseyValueParser::new(), action = ArgAction::SetTrue)]
     plaintext: bool,
@@ -62,6 +66,12 @@ pub struct Options {
 }
 
 impl Options {
+    /// Security of incoming connections.
+    pub fn listening(&self) -> Result<Transport, SecurityError> {
+        let names: Vec<String> = self.tls_callers.iter().filter(|name| !name.is_empty()).cloned().collect();
+        self.transport()?.accepting(&names)
+    }
+
     /// Transport security.
     pub fn transport(&self) -> Result<Transport, SecurityError> {
         let Self { tls_ca, tls_cert, tls_key, plaintext, .. } = self;
@@ -83,6 +93,13 @@ impl Options {
     pub fn metrics(&self) -> Option<SocketAddr> {
         self.metrics.and_then(|MetricsAddress(address)| address)
     }
+}
+
+/// A number of threads that a system can start.
+fn threads(text: &str) -> Result<NonZeroUsize, String> {
+    text.parse().ok().filter(|threads: &NonZeroUsize| threads.get() <= MOST_THREADS).ok_or_else(|| {
+        format!("must be a whole number from 1 to {MOST_THREADS}: more threads than cores gain nothing")
+    })
 }
 
 /// A number of bytes, or none if a variable of a compose file is empty.

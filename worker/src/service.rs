@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use protocol::security::Caller;
 use protocol::worker::worker_server::Worker;
 use protocol::worker::{
     CoordinatorMessage, LoadReplicaReply, ReplicaChunk, WorkerMessage, replica_chunk::Body,
@@ -95,7 +96,7 @@ impl Worker for WorkerService {
         if self.shared.shutdown.is_cancelled() {
             return Err(Status::unavailable("the worker was told to stop"));
         }
-        let coordinator = request.remote_addr();
+        let coordinator = request.extensions().get::<Caller>().and_then(Caller::address);
         let (outbound, answers) = mpsc::channel(ANSWERS_AHEAD);
         let worker = self.shared.clone();
         // The answers' stream goes back before anything is read: the coordinator's call returns with it.

@@ -77,10 +77,42 @@ pub fn check(
     if accessor.count() == 0 || accessor.sparse().is_some_and(|sparse| sparse.count() == 0) {
         return Err(ImportProblem::AccessorEmpty { place, accessor: index, attribute });
     }
-    if is_within_bounds(accessor, context) {
-        return Ok(());
+    check_bytes(accessor, &attribute, context)
+}
+
+/// Checks that all bytes of an accessor that has elements lie within its buffers, and the places of a sparse one in range.
+pub fn check_bytes(accessor: &Accessor, attribute: &str, context: &Context) -> Result<(), ImportProblem> {
+    let (place, attribute) = (context.place.to_owned(), attribute.to_owned());
+    if !is_within_bounds(accessor, context) {
+        return Err(ImportProblem::AccessorOutOfBounds { place, accessor: accessor.index(), attribute });
     }
-    Err(ImportProblem::AccessorOutOfBounds { place, accessor: index, attribute })
+    match misplaced(accessor, context) {
+        Some(index) => {
+            let (accessor, count) = (accessor.index(), accessor.count() as u64);
+            Err(ImportProblem::SparseIndex { place, accessor, attribute, index, count })
+        }
+        None => Ok(()),
+    }
+}
+
+/// The first place of a sparse accessor that is out of range, or not behind the one before.
+fn misplaced(accessor: &Accessor, context: &Context) -> Option<u64> {
+    let sparse = accessor.sparse()?;
+    let (indices, count) = (sparse.indices(), accessor.count() as u64);
+    let (view, size) = (indices.view(), indices.index_type().size());
+    let bytes = context.buffers.get(view.buffer().index())?;
+    let bytes = bytes.get(view.offset()..)?.get(indices.offset()..)?;
+    let rows = bytes.chunks(view.stride().unwrap_or(size)).take(sparse.count());
+    let places =
+        rows.map(|row| row.iter().take(size).rev().fold(0, |value, &byte| value << 8 | u64::from(byte)));
+    let mut next = 0;
+    for place in places {
+        if place < next || place >= count {
+            return Some(place);
+        }
+        next = place + 1;
+    }
+    None
 }
 
 /// Whether all bytes of an accessor that has elements lie within its buffers.

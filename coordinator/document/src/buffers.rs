@@ -1,15 +1,11 @@
 //! The bytes of every buffer: binary chunk, data URI, or a file next to the glTF.
 
-use std::fs::File;
-use std::io::{self, Read};
-use std::path::{Component, Path, PathBuf};
-
 use base64::Engine;
 use base64::alphabet;
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 use gltf::json::Root;
-use percent_encoding::percent_decode_str;
 
+use super::beside::{self, Folder, Unread};
 use super::error::ImportProblem;
 
 /// Padding is optional, because writers differ.
@@ -21,16 +17,6 @@ const BASE64: GeneralPurpose = GeneralPurpose::new(
 /// Characters of a URI that a message shows.
 const SHOWN_URI: usize = 80;
 
-/// Why documents from memory may not refer to files.
-const WITHOUT_FOLDER: &str = "a scene that did not come from a file may not refer to files";
-
-/// Reads a whole file; `None` if it is longer than `limit` bytes, which it never allocates.
-pub(crate) fn read_file(path: &Path, limit: u64) -> io::Result<Option<Vec<u8>>> {
-    let mut bytes = Vec::new();
-    File::open(path)?.take(limit.saturating_add(1)).read_to_end(&mut bytes)?;
-    Ok((bytes.len() as u64 <= limit).then_some(bytes))
-}
-
 /// Reads the buffers that are needed, each cut to its declared length; the others stay empty.
 ///
 /// Relative references start at `folder`; without one, references to files are refused. External files together may have
@@ -39,7 +25,7 @@ pub(crate) fn resolve(
     root: &Root,
     needed: impl Fn(usize) -> bool,
     mut blob: Option<Vec<u8>>,
-    folder: Option<&Path>,
+    folder: Option<&Folder>,
     mut budget: u64,
     limit: u64,
 ) -> Result<Vec<Vec<u8>>, ImportProblem> {
@@ -96,54 +82,31 @@ fn data_uri_bytes(data: &str) -> Result<Vec<u8>, &'static str> {
 /// Reads a file by its relative reference; `None` if it is larger than `budget`.
 fn read_external(
     uri: &str,
-    folder: Option<&Path>,
+    folder: Option<&Folder>,
     buffer: usize,
     budget: u64,
 ) -> Result<Option<Vec<u8>>, ImportProblem> {
-    let Some(folder) = folder else {
-        return Err(refuse(uri, buffer, WITHOUT_FOLDER));
-    };
-    let path = folder.join(relative_path(uri).map_err(|why| refuse(uri, buffer, why))?);
-    read_file(&path, budget).map_err(|error| ImportProblem::ExternalFile { buffer, uri: shorten(uri), error })
+    beside::read(uri, folder, budget).map_err(|unread| match unread {
+        Unread::Refused(why) => refuse(uri, buffer, why),
+        Unread::Failed(error) => ImportProblem::ExternalFile { buffer, uri: shorten(uri), error },
+    })
 }
 
-/// Reads what the URI of an image stands for: a data URI, or a file of at most `limit` bytes in this folder or below.
+/// Reads what the URI of an image stands for: a data URI, or a file of at most `limit` bytes.
 ///
 /// # Errors
 /// A reason, when the URI is damaged or refused, or the file cannot be read.
-pub fn read_uri(uri: &str, folder: Option<&Path>, limit: u64) -> Result<Vec<u8>, String> {
+pub fn read_uri(uri: &str, folder: Option<&Folder>, limit: u64) -> Result<Vec<u8>, String> {
     if let Some(data) = uri.strip_prefix("data:") {
         return data_uri_bytes(data).map_err(str::to_owned);
     }
-    let read = || {
-        let path = folder.ok_or(WITHOUT_FOLDER)?.join(relative_path(uri)?);
-        let bytes = read_file(&path, limit).map_err(|error| error.to_string())?;
-        bytes.ok_or_else(|| format!("it has more than {limit} bytes"))
+    let why = match beside::read(uri, folder, limit) {
+        Ok(Some(bytes)) => return Ok(bytes),
+        Ok(None) => format!("it has more than {limit} bytes"),
+        Err(Unread::Refused(why)) => why.to_owned(),
+        Err(Unread::Failed(error)) => error.to_string(),
     };
-    read().map_err(|why| format!("{}: {why}", shorten(uri)))
-}
-
-/// Files that a document in this folder has its buffers and images in.
-pub fn files_beside(root: &Root, folder: &Path) -> Vec<PathBuf> {
-    let buffers = root.buffers.iter().map(|buffer| &buffer.uri);
-    let uris = buffers.chain(root.images.iter().map(|image| &image.uri)).flatten();
-    let beside = uris.filter(|uri| !uri.starts_with("data:"));
-    beside.filter_map(|uri| Some(folder.join(relative_path(uri).ok()?))).collect()
-}
-
-/// The path that a relative reference names, never outside the folder of the glTF.
-fn relative_path(uri: &str) -> Result<PathBuf, &'static str> {
-    let decoded = percent_decode_str(uri).decode_utf8().map_err(|_| "it is not UTF-8")?;
-    if uri.split('/').next().is_some_and(|start| start.contains(':')) {
-        return Err("only files next to the glTF are read, no other scheme");
-    }
-    // A backslash separates folders on one system and belongs to the name on another.
-    if decoded.contains(['\\', '\0']) {
-        return Err("it contains a backslash or a zero byte");
-    }
-    let path = PathBuf::from(decoded.as_ref());
-    let inside = path.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
-    if inside { Ok(path) } else { Err("it leads outside the folder of the glTF") }
+    Err(format!("{}: {why}", shorten(uri)))
 }
 
 fn refuse(uri: &str, buffer: usize, why: &'static str) -> ImportProblem {

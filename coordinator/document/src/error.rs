@@ -225,6 +225,71 @@ pub enum ImportProblem {
         /// Index of the vertex.
         vertex: usize,
     },
+    /// NaN or infinity in an attribute that the output takes over.
+    #[error(
+        "{place}: vertex {vertex} has a {attribute} that is not finite; repair or remove the attribute and export again"
+    )]
+    NonFiniteAttribute {
+        /// Node and primitive.
+        place: String,
+        /// The attribute.
+        attribute: String,
+        /// Index of the vertex.
+        vertex: usize,
+    },
+    /// Places of a sparse accessor that are out of range or out of order.
+    #[error(
+        "{place}: accessor {accessor} ({attribute}) is sparse and replaces element {index} of {count}: its indices must be in range \
+         and in order; the file is damaged, export it again"
+    )]
+    SparseIndex {
+        /// Node and primitive.
+        place: String,
+        /// Index of the accessor.
+        accessor: usize,
+        /// Attribute in it.
+        attribute: String,
+        /// The index.
+        index: u64,
+        /// Number of elements.
+        count: u64,
+    },
+    /// JSON that is nested too deep.
+    #[error(
+        "{place}: objects and lists are nested more than {limit} deep; remove these extras or extensions and export again"
+    )]
+    NestedTooDeep {
+        /// Member of the document and its index.
+        place: String,
+        /// The limit.
+        limit: usize,
+    },
+    /// A surface that emits light and is next to nothing in its scene.
+    #[error(
+        "{place}: emits light and is {extent:.1e} across in a scene of {whole:.1e}, so all of its light would be lost; check the \
+         scales and places of its node and of {far}"
+    )]
+    TooSmall {
+        /// Node and primitive.
+        place: String,
+        /// Largest side of its bounding box, file units.
+        extent: f64,
+        /// That of the scene.
+        whole: f64,
+        /// Node and primitive that reach farthest from it.
+        far: String,
+    },
+    /// A light whose irradiance is out of the range of numbers.
+    #[error(
+        "{place}: gives an irradiance of about {value:.1e}, more than can be computed with; lower its intensity, or check the scales \
+         of the nodes"
+    )]
+    TooBright {
+        /// The light's node, or the material.
+        place: String,
+        /// The irradiance.
+        value: f64,
+    },
     /// More triangles than [`super::ReadOptions::max_triangles`].
     #[error(
         "{place}: the scene has more than {limit} triangles up to here; raise the limit or simplify the scene"

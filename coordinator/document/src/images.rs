@@ -86,7 +86,7 @@ fn bytes<'a>(
         return buffer.get(range.0..range.1).map(Cow::Borrowed).ok_or_else(outside);
     }
     let uri = image.uri.as_deref().ok_or_else(|| "it has neither a buffer view nor a uri".to_owned())?;
-    let bytes = read_uri(uri, file.folder.as_deref(), *budget)?;
+    let bytes = read_uri(uri, file.folder.as_ref(), *budget)?;
     if !uri.starts_with("data:") {
         *budget -= bytes.len() as u64;
     }

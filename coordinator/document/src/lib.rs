@@ -6,9 +6,10 @@
 //!
 //! | module | what lives there |
 //! |---|---|
-//! | `parse` | bytes to a validated document |
+//! | `parse`, `nesting` | bytes to a validated document |
 //! | `scene_choice` | one of its scenes chosen |
 //! | `buffers` | its buffers, from the file or next to it |
+//! | `beside` | files next to it |
 //! | `prepare` | compressed, quantized, instanced or posed geometry made plain |
 //! | [`placement`], [`nodes`] | world transforms of its nodes |
 //! | [`accessors`] | vertex data checked before it is read |
@@ -19,9 +20,11 @@
 //! Files are not trusted: whatever the bytes, the answer is a document or an [`ImportProblem`].
 
 pub mod accessors;
+mod beside;
 mod buffers;
 mod error;
 pub mod images;
+mod nesting;
 pub mod nodes;
 mod parse;
 pub mod placement;
@@ -30,12 +33,13 @@ mod scene_choice;
 pub mod sky;
 pub mod texture;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use gltf::Document;
 use serde::Serialize;
 
-pub use buffers::{files_beside, read_uri};
+pub use beside::{Folder, files_beside, files_beside_file};
+pub use buffers::read_uri;
 pub use error::{ImportError, ImportProblem};
 use parse::Parsed;
 pub use parse::{EXT_LIGHTS_AREA, require_again, warn_ignored_extensions};
@@ -63,11 +67,13 @@ pub struct ReadOptions {
     pub max_bytes: u64,
     /// Most triangles in the scene; a mesh counts once per node [default: 50 million].
     pub max_triangles: usize,
+    /// Whether files outside the folder of the file are read too: by `..`, absolute paths or links [default: no].
+    pub outside_files: bool,
 }
 
 impl Default for ReadOptions {
     fn default() -> Self {
-        Self { scene: None, max_bytes: 4 << 30, max_triangles: 50_000_000 }
+        Self { scene: None, max_bytes: 4 << 30, max_triangles: 50_000_000, outside_files: false }
     }
 }
 
@@ -78,7 +84,7 @@ pub struct PlainDocument {
     /// The bytes of its buffers.
     pub buffers: Vec<Vec<u8>>,
     /// Folder of the file, where relative references start; `None` for bytes that did not come from a file.
-    pub folder: Option<PathBuf>,
+    pub folder: Option<Folder>,
     /// Extensions that the file requires and the validation does not know: taken out of the document.
     pub required: Vec<String>,
     /// Warnings for the user.
@@ -89,16 +95,17 @@ pub struct PlainDocument {
     bytes_left: u64,
 }
 
-/// Reads a .glb or .gltf file. Files that it refers to are read from its folder or below, never from elsewhere.
+/// Reads a .glb or .gltf file. Files that it refers to are regular ones in its folder or below, unless
+/// [`ReadOptions::outside_files`] allows others.
 ///
 /// # Errors
 /// When the file cannot be read, or as [`read`].
 pub fn open(path: &Path, options: &ReadOptions) -> Result<PlainDocument, ImportError> {
     let limit = options.max_bytes;
-    let bytes = buffers::read_file(path, limit).map_err(ImportProblem::Unreadable);
+    let bytes = beside::read_file(path, limit).map_err(ImportProblem::Unreadable);
     bytes
         .and_then(|bytes| bytes.ok_or(ImportProblem::TooLarge { limit }))
-        .and_then(|bytes| read(&bytes, Some(path.parent().unwrap_or(Path::new(""))), options))
+        .and_then(|bytes| read(&bytes, Some(Folder::of(path, options.outside_files)), options))
         .map_err(|problem| ImportError::new(&path.display().to_string(), problem))
 }
 
@@ -108,7 +115,7 @@ pub fn open(path: &Path, options: &ReadOptions) -> Result<PlainDocument, ImportE
 /// When the bytes are not a glTF 2.0 file that can be read within the limits.
 pub fn read(
     bytes: &[u8],
-    folder: Option<&Path>,
+    folder: Option<Folder>,
     options: &ReadOptions,
 ) -> Result<PlainDocument, ImportProblem> {
     let max_bytes = options.max_bytes;
@@ -117,7 +124,7 @@ pub fn read(
     let Parsed { mut root, json, blob } = parse::parse(bytes)?;
     let extensions = Extensions::read(&root, &json, blob.is_some())?;
     let needed = |buffer: usize| !extensions.is_fallback(buffer);
-    let mut buffers = buffers::resolve(&root, needed, blob, folder, budget, max_bytes)?;
+    let mut buffers = buffers::resolve(&root, needed, blob, folder.as_ref(), budget, max_bytes)?;
     let held: u64 = buffers.iter().map(|bytes| bytes.len() as u64).sum();
     let limits =
         Limits { bytes: max_bytes.saturating_sub(held), max_bytes, max_triangles: options.max_triangles };
@@ -132,6 +139,5 @@ pub fn read(
     let mut warnings = Vec::new();
     let document = prepare::pose(document, &mut buffers, limits, &mut warnings)?;
     let bytes_left = budget.saturating_sub(buffers::bytes_beside(document.as_json(), &buffers));
-    let folder = folder.map(Path::to_owned);
     Ok(PlainDocument { document, buffers, folder, required, warnings, max_bytes, bytes_left })
 }

@@ -10,7 +10,7 @@ use serde_json::Value;
 
 use super::error::ImportProblem;
 use super::sky::EXT_LIGHTS_IMAGE_BASED;
-use super::{prepare, scene_choice};
+use super::{nesting, prepare, scene_choice};
 
 /// Extensions that are supported, or do not affect the light.
 const UNDERSTOOD: [&str; 9] = [
@@ -56,8 +56,10 @@ pub(crate) fn parse(bytes: &[u8]) -> Result<Parsed<'_>, ImportProblem> {
     } else {
         (Cow::Borrowed(bytes), None)
     };
+    nesting::check(&json)?;
     let root = json::Root::from_slice(&json).or_else(|error| read_otherwise(&json, error))?;
     check_version(&root.asset.version)?;
+    check_least_version(root.asset.min_version.as_deref())?;
     check_required_extensions(&root)?;
     Ok(Parsed { root, json, blob })
 }
@@ -141,6 +143,16 @@ fn check_version(version: &str) -> Result<(), ImportProblem> {
         return Ok(());
     }
     Err(ImportProblem::Version { version: version.to_owned() })
+}
+
+/// The version that a reader must know at least: what came after 2.0 is not read.
+fn check_least_version(least: Option<&str>) -> Result<(), ImportProblem> {
+    match least {
+        Some(version) if version != "2.0" && version != "2" => {
+            Err(ImportProblem::Version { version: format!("{version} at least") })
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Done before validation, which would only say "unsupported".

@@ -53,18 +53,19 @@ pub fn open(path: &Path) -> Result<AtomicWriteFile, FileError> {
     replace(path).map_err(|error| FileError::Write { path: path.to_owned(), error })
 }
 
-/// Opens a file that replaces the one at `path` when it is committed.
+/// Opens a file that replaces the one at `path` when it is committed. A link stays: the file that it leads to is replaced.
 ///
 /// # Errors
-/// When there is something that is no regular file, such as a device, or the operating system refuses.
+/// When there is something that is no regular file, such as a device or a link to nothing, or the operating system refuses.
 pub fn replace(path: &Path) -> io::Result<AtomicWriteFile> {
-    if fs::metadata(path).is_ok_and(|there| !there.is_file()) {
-        return Err(io::Error::new(
-            io::ErrorKind::InvalidInput,
-            "it exists and is no regular file: name another place",
-        ));
+    let refused = |why| Err(io::Error::new(io::ErrorKind::InvalidInput, why));
+    let is_link = fs::symlink_metadata(path).is_ok_and(|there| there.is_symlink());
+    match fs::metadata(path) {
+        Ok(there) if !there.is_file() => refused("it exists and is no regular file: name another place"),
+        Err(_) if is_link => refused("it is a link that leads nowhere: remove it, or name another place"),
+        Ok(_) if is_link => AtomicWriteFile::open(fs::canonicalize(path)?),
+        _ => AtomicWriteFile::open(path),
     }
-    AtomicWriteFile::open(path)
 }
 
 /// Checks that no output is a file that is read, or another output, by whatever spelling or link. Each comes with its name in words,

@@ -9,12 +9,13 @@
 //! | [`run`] | a bake, from file to file |
 //! | [`relight`] | a relight, from file to file |
 //! | [`options`] | options of the API, checked and turned into settings |
-//! | [`memory`] | memory of processes |
+//! | [`memory`], [`prediction`] | memory of processes, and of a scene before it is read |
 //! | [`summary`] | metrics of a run, and the extras of a lit file |
 
 mod files_beside;
 pub mod memory;
 pub mod options;
+pub mod prediction;
 pub mod relight;
 pub mod run;
 pub mod summary;

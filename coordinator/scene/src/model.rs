@@ -3,9 +3,9 @@
 //! Positions are in the *frame*: the scene centred and scaled by a power of two (see [`Frame`]), in f64. Colours are
 //! linear RGB.
 
-use std::path::PathBuf;
 use std::sync::Arc;
 
+use document::Folder;
 use foldhash::HashSet;
 use glam::DVec3;
 use kernel::geometry::PlaneId;
@@ -72,7 +72,7 @@ pub struct SourceDocument {
     /// The bytes of every buffer.
     pub buffers: Vec<Vec<u8>>,
     /// Folder of the file; `None` for a document from memory.
-    pub folder: Option<PathBuf>,
+    pub folder: Option<Folder>,
 }
 
 /// Which side of a primitive's triangles a surface is.

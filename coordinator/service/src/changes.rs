@@ -127,7 +127,7 @@ impl Inner {
                 let now = Record { crashes, ..now };
                 if crashes < MOST_CRASHES {
                     // Not counted where the disk fails.
-                    let _ = self.store.write(&now);
+                    let _ = self.store.change(&now);
                     lock(&self.ledger).change(record.id, |entry| entry.record.crashes = crashes);
                     return Err(why);
                 }
@@ -135,7 +135,7 @@ impl Inner {
             }
         };
         // If this fails, the job runs again, quickly: its rows are in the checkpoint.
-        self.store.write(&ended).map_err(|error| format!("its record cannot be written: {error}"))?;
+        self.store.change(&ended).map_err(|error| format!("its record cannot be written: {error}"))?;
         tracing::info!(job = %ended.id, state = ended.state.as_str_name(), failure = ended.failure, "ended");
         self.metrics.ended(ended.state);
         lock(&self.ledger).change(record.id, |entry| entry.record = ended);
@@ -146,15 +146,13 @@ impl Inner {
     }
 
     fn remove_files(&self, record: &Record) {
-        let mut gone = vec![self.store.checkpoint(record.id), self.store.result(record)];
         // Light that only this unfinished bake could have kept.
-        if record.relit.is_none() || !lock(&self.ledger).uses_light(record.light(), record.id) {
-            gone.push(self.store.light(record.light()));
-        }
-        for path in gone {
-            if let Err(error) = remove_file(&path) {
-                tracing::warn!(%error, "a file of a job that is gone cannot be removed");
-            }
+        let is_last = record.relit.is_none() || !lock(&self.ledger).uses_light(record.light(), record.id);
+        let light = if is_last { self.store.remove_light(record.light()) } else { Ok(()) };
+        let own =
+            [self.store.checkpoint(record.id), self.store.result(record)].map(|path| remove_file(&path));
+        for error in own.into_iter().chain([light]).filter_map(Result::err) {
+            tracing::warn!(%error, "a file of a job that is gone cannot be removed");
         }
         self.drop_scene(record);
     }
@@ -163,7 +161,7 @@ impl Inner {
     pub(super) fn drop_scene(&self, record: &Record) {
         if !lock(&self.ledger).has_any_of(record.scene) {
             // On failure, the next start sets it aside.
-            let _ = remove_file(&self.store.scene(record.scene));
+            let _ = self.store.remove_scene(record.scene);
         }
     }
 
@@ -175,7 +173,7 @@ impl Inner {
             return Ok(());
         }
         let cancelled = record.ended(State::Cancelled, String::new(), None);
-        self.store.write(&cancelled)?;
+        self.store.change(&cancelled)?;
         tracing::info!(job = %record.id, %client, "cancelled");
         self.metrics.ended(State::Cancelled);
         let actions = {
@@ -231,6 +229,7 @@ impl Inner {
     /// Deletes expired jobs.
     pub(super) fn tidy(self: &Arc<Self>) {
         let _changing = lock(&self.changing);
+        self.store.reserve();
         let room = match self.store.room() {
             Ok(room) => room,
             Err(error) => return tracing::warn!(%error, "cannot measure the free space"),

@@ -82,6 +82,12 @@ impl Clients {
         Ok(Self { known: Some(known) })
     }
 
+    /// Whether each client has a token.
+    #[must_use]
+    pub fn are_named(&self) -> bool {
+        self.known.is_some()
+    }
+
     /// Identifies the caller by the header `authorization`.
     ///
     /// # Errors

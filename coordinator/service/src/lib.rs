@@ -73,6 +73,7 @@ use cluster::Cluster;
 use ledger::Ledger;
 use queue::Event;
 use store::{Opened, Store, StoreError};
+use submit::Pace;
 use sync::lock;
 
 /// Time between two removals of expired jobs.
@@ -100,7 +101,7 @@ struct Inner {
     /// Never held during I/O.
     ledger: Mutex<Ledger>,
     /// Uploads in progress, by client.
-    uploads: Mutex<HashMap<ClientName, usize>>,
+    uploads: Mutex<HashMap<ClientName, Vec<Arc<Pace>>>>,
     /// Held while a preview is exported.
     previewing: Semaphore,
     ending: CancellationToken,

@@ -107,7 +107,8 @@ impl JobProcess<'_> {
             record: Store::encode(record),
             row_cache: self.limits.row_cache(),
             light_bytes: self.limits.light_bytes,
-            checkpoint_bytes: self.limits.checkpoint_bytes,
+            checkpoint_bytes: self.limits.checkpoint_bytes.min(self.store.room_for_rows(record.id)),
+            memory: self.limits.memory,
             surroundings,
         });
         // Where it is gone already, its output ends at once.
@@ -146,11 +147,7 @@ impl JobProcess<'_> {
                 return Ending::Stopped;
             }
             if resident_memory_bytes(child.id()).is_some_and(|bytes| bytes > self.limits.memory) {
-                return Ending::Failed(format!(
-                    "it needs more than the {} MiB of memory that a job may use here: submit a smaller scene or a larger \
-                     error, or start the service with a larger --memory-per-job",
-                    self.limits.memory / MIB
-                ));
+                return Ending::Failed(too_large(self.limits.memory));
             }
         }
     }
@@ -158,6 +155,15 @@ impl JobProcess<'_> {
     fn surroundings(&self, live: &Live) -> Surroundings {
         Surroundings { threads: self.workers.status().threads as u64, is_watched: live.wants_previews() }
     }
+}
+
+/// What to do about a job that needs too much memory.
+pub const TOO_LARGE: &str =
+    "submit a smaller scene or a larger error, or start the service with a larger --memory-per-job";
+
+/// Says that a job needs more memory than it may use, and the cure.
+fn too_large(limit: u64) -> String {
+    format!("it needs more than the {} MiB of memory that a job may use here: {TOO_LARGE}", limit / MIB)
 }
 
 /// Decides how a job ended whose process has closed its output without a last word.

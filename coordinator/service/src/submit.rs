@@ -1,12 +1,14 @@
 use std::collections::{HashSet, hash_map};
 use std::sync::Arc;
-use std::time::SystemTime;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{Duration, SystemTime};
 
 use bytes::{Bytes, BytesMut};
 use protocol::api::submit_scene_header::Source;
 use protocol::api::{Job, State, SubmitSceneHeader};
 use tokio::time::{Instant, timeout, timeout_at};
 use tokio_stream::{Stream, StreamExt};
+use tokio_util::sync::CancellationToken;
 
 use bake::{NewLight, listed};
 
@@ -19,6 +21,12 @@ use pipeline::options::{Violations, new_light, wanted};
 
 /// Least bytes written at once: chunks may be as short as a byte.
 const WRITE_BYTES: usize = 256 << 10;
+
+/// How long an upload may take to get going, whoever waits.
+const PATIENCE: Duration = Duration::from_secs(2);
+
+/// Seconds a kibibyte that an upload may take on the average, while others wait.
+const LEAST_PACE: f64 = 1.0 / 32.0;
 
 /// Most bytes of a header.
 const HEADER_BYTES: usize = 256 << 10;
@@ -163,11 +171,17 @@ impl Inner {
         let upload = if known {
             None
         } else {
-            let _counted = self.count_upload(&draft.client)?;
+            let counted = self.count_upload(&draft.client)?;
             let _shown = self.metrics.uploading();
             let took_too_long = Refusal::Broken("it took longer than this service allows".into());
-            let receiving = self.receive(draft.scene, size, chunks);
-            Some(timeout(self.limits.upload_time, receiving).await.unwrap_or(Err(took_too_long))?)
+            let receiving =
+                timeout(self.limits.upload_time, self.receive(draft.scene, size, chunks, &counted));
+            Some(tokio::select! {
+                received = receiving => received.unwrap_or(Err(took_too_long))?,
+                () = counted.pace.lost.cancelled() => {
+                    return Err(Refusal::Broken("it came too slowly while others waited: send it again".into()));
+                }
+            })
         };
         let inner = Arc::clone(self);
         blocking(move || inner.accept(draft, upload.as_ref())).await
@@ -175,8 +189,8 @@ impl Inner {
 
     async fn check_room(self: &Arc<Self>, size: u64) -> Result<(), Refusal> {
         let inner = Arc::clone(self);
-        let free = blocking(move || Ok(inner.store.free()?)).await?;
-        if free < self.limits.free_bytes.saturating_add(size) {
+        let (free, is_reserved) = blocking(move || Ok((inner.store.free()?, inner.store.reserve()))).await?;
+        if !is_reserved || free < self.limits.free_bytes.saturating_add(size) {
             return Err(Refusal::exhausted(
                 "disk",
                 "there is no room on the service's disk: delete jobs, or ask its operator",
@@ -186,7 +200,13 @@ impl Inner {
     }
 
     /// Receives a scene's bytes.
-    async fn receive<S>(self: &Arc<Self>, scene: SceneDigest, size: u64, chunks: S) -> Result<Upload, Refusal>
+    async fn receive<S>(
+        self: &Arc<Self>,
+        scene: SceneDigest,
+        size: u64,
+        chunks: S,
+        counted: &Counted,
+    ) -> Result<Upload, Refusal>
     where
         S: Stream<Item = Result<Bytes, Refusal>> + Send,
     {
@@ -204,7 +224,9 @@ impl Inner {
         loop {
             let chunk = next.transpose()?;
             let is_last = chunk.is_none();
-            gathered.extend_from_slice(&chunk.unwrap_or_default());
+            let chunk = chunk.unwrap_or_default();
+            counted.pace.bytes.fetch_add(chunk.len() as u64, Ordering::Relaxed);
+            gathered.extend_from_slice(&chunk);
             if upload.received() + gathered.len() as u64 > size {
                 return Err(Refusal::invalid(
                     "file.size",
@@ -239,18 +261,46 @@ impl Inner {
         Ok(upload)
     }
 
-    /// Counts an upload of this client while the result is held.
+    /// Counts an upload of this client while the result is held. Where it has as many as it may have, the slowest gives way.
     fn count_upload(self: &Arc<Self>, client: &ClientName) -> Result<Counted, Refusal> {
         let mut uploads = lock(&self.uploads);
-        let count = uploads.entry(client.clone()).or_default();
-        if *count >= self.limits.uploads_of_a_client {
-            let description = format!(
-                "{count} uploads of this client are under way, and it may have no more at the same time: try again"
-            );
-            return Err(Refusal::exhausted(format!("client:{client}"), description));
+        let paces = uploads.entry(client.clone()).or_default();
+        let count = paces.len();
+        if count >= self.limits.uploads_of_a_client {
+            let slow = paces.iter().enumerate().filter_map(|(index, pace)| Some((index, pace.slowness()?)));
+            let Some((slowest, _)) = slow.max_by(|a, b| a.1.total_cmp(&b.1)) else {
+                let description = format!(
+                    "{count} uploads of this client are under way, and it may have no more at the same time: try again"
+                );
+                return Err(Refusal::exhausted(format!("client:{client}"), description));
+            };
+            paces.remove(slowest).lost.cancel();
         }
-        *count += 1;
-        Ok(Counted { inner: Arc::clone(self), client: client.clone() })
+        let pace = Arc::new(Pace {
+            began: Instant::now(),
+            bytes: AtomicU64::new(0),
+            lost: CancellationToken::new(),
+        });
+        paces.push(Arc::clone(&pace));
+        Ok(Counted { inner: Arc::clone(self), client: client.clone(), pace })
+    }
+}
+
+/// How an upload comes along.
+#[derive(Debug)]
+pub(super) struct Pace {
+    began: Instant,
+    bytes: AtomicU64,
+    /// Cancelled when another upload has taken its place.
+    lost: CancellationToken,
+}
+
+impl Pace {
+    /// Seconds that a kibibyte takes, where that is so long that another upload may take its place.
+    fn slowness(&self) -> Option<f64> {
+        let (seconds, bytes) = (self.began.elapsed().as_secs_f64(), self.bytes.load(Ordering::Relaxed));
+        let slowness = seconds * 1024.0 / bytes.max(1) as f64;
+        (seconds >= PATIENCE.as_secs_f64() && slowness > LEAST_PACE).then_some(slowness)
     }
 }
 
@@ -258,14 +308,15 @@ impl Inner {
 struct Counted {
     inner: Arc<Inner>,
     client: ClientName,
+    pace: Arc<Pace>,
 }
 
 impl Drop for Counted {
     fn drop(&mut self) {
-        if let hash_map::Entry::Occupied(mut count) = lock(&self.inner.uploads).entry(self.client.clone()) {
-            *count.get_mut() -= 1;
-            if *count.get() == 0 {
-                count.remove();
+        if let hash_map::Entry::Occupied(mut paces) = lock(&self.inner.uploads).entry(self.client.clone()) {
+            paces.get_mut().retain(|pace| !Arc::ptr_eq(pace, &self.pace));
+            if paces.get().is_empty() {
+                paces.remove();
             }
         }
     }

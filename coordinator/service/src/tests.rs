@@ -98,6 +98,30 @@ async fn a_slow_watcher_skips_states() {
     assert_eq!(slow.next().await.unwrap().unwrap().revision, told.revision);
 }
 
+/// Uploads that stand still, or hardly move, give way to others.
+#[tokio::test(start_paused = true)]
+async fn slow_uploads_block_nobody() {
+    let folder = tempfile::tempdir().unwrap();
+    let service = service(&folder, Limits { uploads_of_a_client: 2, ..Limits::default() });
+    let file = SceneFile { sha256: vec![7; 32].into(), size: 1 << 30 };
+    let header = SubmitSceneHeader { source: Some(Source::File(file)), ..SubmitSceneHeader::default() };
+    let start = |bytes: usize| {
+        let (service, header) = (service.clone(), header.clone());
+        let chunks = tokio_stream::once(Ok(Bytes::from(vec![0; bytes]))).chain(tokio_stream::pending());
+        tokio::spawn(async move { service.submit(&everybody(), header, chunks).await })
+    };
+    let (quick, slow) = (start(1 << 20), start(1));
+    tokio::time::sleep(Duration::from_secs(1)).await;
+    let early = start(1).await.unwrap();
+    assert!(matches!(early, Err(Refusal::Exhausted { .. })), "{early:?}");
+    tokio::time::sleep(Duration::from_secs(2)).await;
+    let job = submit(&service).await;
+    assert_eq!(job.state(), State::Queued);
+    assert!(matches!(slow.await.unwrap(), Err(Refusal::Broken(_))));
+    assert!(!quick.is_finished(), "the quicker one goes on");
+    quick.abort();
+}
+
 #[tokio::test(start_paused = true)]
 async fn expired_jobs_are_deleted_while_the_service_runs() {
     let folder = tempfile::tempdir().unwrap();

@@ -56,6 +56,7 @@ mod occlusion;
 mod output_mesh;
 mod pictures;
 mod point_lights;
+mod promises;
 mod public_files;
 mod receiver_rows;
 mod reference;

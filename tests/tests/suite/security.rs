@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use protocol::security::TlsFiles;
 use tempfile::TempDir;
 use tests::builder::{Material, SceneBuilder};
-use tests::certificates::{Authority, arguments};
+use tests::certificates::{Authority, ExtendedKeyUsagePurpose, arguments};
 use tests::programs::{Solved, Solving, WorkerProcess, binary};
 use tests::shapes;
 
@@ -112,6 +112,64 @@ fn certificates_that_are_not_right_are_refused() {
 
     let after = bench.solve(&process.address, &arguments(&good));
     assert!(after.success, "the worker does not live on: {}", after.said);
+}
+
+/// A certificate of a client or a worker is none of a coordinator, where the operator says so: by name, or by purpose.
+#[test]
+fn certificates_have_roles() {
+    let (bench, authority) = (Bench::new(), Authority::new());
+    let worker = here(&authority);
+    let process = start(&[&arguments(&worker)[..], &["--tls-callers", "coordinator,other.example"]].concat());
+    let client = authority.sign(&["client"]);
+    bench.assert_refused(&process, &arguments(&client), &["--tls-callers"]);
+    bench.assert_refused(&process, &arguments(&worker), &["--tls-callers"]);
+    let baked = bench.solve(&process.address, &arguments(&authority.sign(&["coordinator"])));
+    assert!(baked.success, "{}", baked.said);
+
+    let server_only = authority.sign_for(&["127.0.0.1"], ExtendedKeyUsagePurpose::ServerAuth);
+    let caller_only = authority.sign_for(&["coordinator"], ExtendedKeyUsagePurpose::ClientAuth);
+    let process = start(&arguments(&server_only));
+    bench.assert_refused(&process, &arguments(&server_only), &["does not accept this end's certificate"]);
+    let baked = bench.solve(&process.address, &arguments(&caller_only));
+    assert!(baked.success, "{}", baked.said);
+
+    let mut command = Command::new(binary("worker"));
+    let refused = command.args(["--listen", "127.0.0.1:0", "--tls-callers", "coordinator"]).output().unwrap();
+    let said = String::from_utf8(refused.stderr).unwrap();
+    assert!(!refused.status.success() && said.contains("--tls-ca"), "{said}");
+}
+
+/// As many connections as a worker takes, which say nothing, and more: whoever shows the token gets a place.
+#[test]
+fn callers_that_show_nothing_shut_nobody_out() {
+    let (bench, authority) = (Bench::new(), Authority::new());
+    let token = bench.file("token", "0123456789abcdef");
+    let with_token = vec!["--token-file".to_owned(), token];
+    let files = |files| arguments(files).map(str::to_owned).to_vec();
+    let (worker, coordinator) = (here(&authority), authority.sign(&["coordinator"]));
+    for (worker, coordinator) in [(with_token.clone(), with_token), (files(&worker), files(&coordinator))] {
+        let words = |arguments: &[String]| arguments.iter().map(String::as_str).collect::<Vec<_>>().join(" ");
+        let (worker, coordinator) = (words(&worker), words(&coordinator));
+        let process = start(&worker.split(' ').collect::<Vec<_>>());
+        let mut strangers: Vec<TcpStream> =
+            (0..100).map(|_| TcpStream::connect(&process.address).unwrap()).collect();
+        // Some of them begin to speak.
+        for stranger in strangers.iter_mut().step_by(2) {
+            let _ = stranger.write_all(b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n");
+        }
+        let baked = bench.solve(&process.address, &coordinator.split(' ').collect::<Vec<_>>());
+        assert!(baked.success, "shut out: {}", baked.said);
+    }
+}
+
+#[test]
+fn threads_that_no_system_has_are_refused() {
+    let bench = Bench::new();
+    let solved = Solving::start(&bench.scene, &["--threads", "100000"]).finish();
+    assert!(!solved.success && solved.said.contains("from 1 to 1024"), "{}", solved.said);
+    let mut command = Command::new(binary("worker"));
+    let refused = command.args(["--threads", "100000"]).output().unwrap();
+    assert!(String::from_utf8(refused.stderr).unwrap().contains("from 1 to 1024"));
 }
 
 #[test]

@@ -3,13 +3,16 @@ use std::pin::Pin;
 use std::task::{Context, Poll, ready};
 use std::time::Duration;
 
+use protocol::security::Caller;
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::TcpStream;
-use tokio::sync::OwnedSemaphorePermit;
 use tokio::time::{Instant, Sleep, sleep};
 use tokio_rustls::server::TlsStream;
 use tokio_util::either::Either;
-use tonic::transport::server::{Connected, TcpConnectInfo};
+use tokio_util::sync::WaitForCancellationFutureOwned;
+use tonic::transport::server::Connected;
+
+use super::places::Place;
 
 /// Length of the words that every HTTP/2 connection begins with; no request of HTTP/1 is shorter.
 const PREFACE_BYTES: u64 = 24;
@@ -24,21 +27,19 @@ pub(super) type Bytes = Either<TcpStream, Box<TlsStream<TcpStream>>>;
 /// is dropped.
 pub struct Connection {
     bytes: Bytes,
-    info: TcpConnectInfo,
+    caller: Caller,
     received: u64,
     patience: Pin<Box<Sleep>>,
     silence: Duration,
-    _place: OwnedSemaphorePermit,
+    /// Ends when another caller has taken its place.
+    lost: Pin<Box<WaitForCancellationFutureOwned>>,
+    _place: Place,
 }
 
 impl Connection {
-    pub(super) fn new(
-        bytes: Bytes,
-        info: TcpConnectInfo,
-        place: OwnedSemaphorePermit,
-        silence: Duration,
-    ) -> Self {
-        Self { bytes, info, received: 0, patience: Box::pin(sleep(PREFACE)), silence, _place: place }
+    pub(super) fn new(bytes: Bytes, caller: Caller, place: Place, silence: Duration) -> Self {
+        let (patience, lost) = (Box::pin(sleep(PREFACE)), Box::pin(place.lost()));
+        Self { bytes, caller, received: 0, patience, silence, lost, _place: place }
     }
 
     /// Bytes went in one of the directions.
@@ -52,10 +53,10 @@ impl Connection {
 }
 
 impl Connected for Connection {
-    type ConnectInfo = TcpConnectInfo;
+    type ConnectInfo = Caller;
 
-    fn connect_info(&self) -> TcpConnectInfo {
-        self.info.clone()
+    fn connect_info(&self) -> Caller {
+        self.caller.clone()
     }
 }
 
@@ -65,6 +66,12 @@ impl AsyncRead for Connection {
         context: &mut Context<'_>,
         buffer: &mut ReadBuf<'_>,
     ) -> Poll<io::Result<()>> {
+        if self.lost.as_mut().poll(context).is_ready() {
+            return Poll::Ready(Err(io::Error::new(
+                io::ErrorKind::ConnectionAborted,
+                "others need its place",
+            )));
+        }
         let before = buffer.filled().len();
         match Pin::new(&mut self.bytes).poll_read(context, buffer) {
             Poll::Ready(outcome) => {

@@ -3,21 +3,23 @@
 //! | module | what lives there |
 //! |---|---|
 //! | `connection` | one connection, which ends by itself when nothing comes |
+//! | `places` | how many there may be, and who gives way |
 //!
-//! Until a connection has proved who it is, it costs a place and the few kilobytes of a handshake, for some seconds.
+//! Until a connection has proved who it is, it costs a place that it loses to the next who needs it, and the few kilobytes of a
+//! handshake, for some seconds.
 
 mod connection;
+mod places;
 
 use std::convert::Infallible;
 use std::io;
 use std::net::SocketAddr;
-use std::sync::Arc;
 use std::time::Duration;
 
-use protocol::security::Tls;
+use protocol::security::{Caller, Tls};
 use tokio::io::{AsyncWriteExt, copy, sink};
 use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::{OwnedSemaphorePermit, Semaphore, mpsc};
+use tokio::sync::mpsc;
 use tokio::task::spawn_blocking;
 use tokio::time::{sleep, timeout};
 use tokio_rustls::TlsAcceptor;
@@ -25,9 +27,9 @@ use tokio_rustls::server::TlsStream;
 use tokio_stream::Stream;
 use tokio_stream::wrappers::ReceiverStream;
 use tokio_util::either::Either;
-use tonic::transport::server::Connected;
 
 pub use connection::Connection;
+use places::{Place, Places};
 
 /// What connections may take, all of them together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -36,12 +38,14 @@ pub struct ConnectionLimits {
     pub connections: usize,
     /// How long one may be silent, in both directions.
     pub silence: Duration,
+    /// Whether callers show a token; else a certificate is enough, and without certificates all are trusted.
+    pub token: bool,
 }
 
 impl ConnectionLimits {
     /// Those of a worker. A coordinator has two connections, so this is more than a worker is ever shared by; and the server asks for
     /// a sign of life three times while one is silent.
-    pub const WORKER: Self = Self { connections: 32, silence: Duration::from_secs(30) };
+    pub const WORKER: Self = Self { connections: 32, silence: Duration::from_secs(30), token: false };
 }
 
 /// How long a caller may take to prove who it is.
@@ -71,23 +75,33 @@ pub fn incoming(
 type Admitted = mpsc::Sender<Result<Connection, Infallible>>;
 
 async fn accept(listener: TcpListener, tls: Option<Tls>, limits: ConnectionLimits, admitted: Admitted) {
-    let places = Arc::new(Semaphore::new(limits.connections));
+    let places = Places::new(limits.connections);
     loop {
         let accepted = tokio::select! {
             accepted = listener.accept() => accepted,
             () = admitted.closed() => return,
         };
         match accepted {
-            Ok((socket, peer)) => match Arc::clone(&places).try_acquire_owned() {
-                Ok(place) => {
-                    let (tls, admitted) = (tls.clone(), admitted.clone());
-                    tokio::spawn(admit(socket, peer, tls, place, limits.silence, admitted));
+            Ok((socket, peer)) => {
+                let caller = Caller::new(Some(peer));
+                if tls.is_none() && !limits.token {
+                    caller.trust();
                 }
                 // Closing it tells the caller sooner than letting it wait.
-                Err(_) => {
-                    tracing::warn!(%peer, most = limits.connections, "too many connections: refused one")
-                }
-            },
+                let Some(place) = places.take(&caller) else {
+                    tracing::warn!(%peer, most = limits.connections, "too many connections: refused one");
+                    continue;
+                };
+                let (tls, admitted) = (tls.clone(), admitted.clone());
+                let lost = place.lost();
+                let arrival = Arrival { socket, peer, caller, place };
+                tokio::spawn(async move {
+                    tokio::select! {
+                        () = admit(arrival, tls, limits, admitted) => {}
+                        () = lost => tracing::warn!(%peer, "refused a connection: others need its place"),
+                    }
+                });
+            }
             Err(error) => {
                 tracing::warn!(%error, "cannot take a connection");
                 sleep(PAUSE).await;
@@ -96,21 +110,27 @@ async fn accept(listener: TcpListener, tls: Option<Tls>, limits: ConnectionLimit
     }
 }
 
-async fn admit(
+/// A connection of which nothing has been read.
+struct Arrival {
     socket: TcpStream,
     peer: SocketAddr,
-    tls: Option<Tls>,
-    place: OwnedSemaphorePermit,
-    silence: Duration,
-    admitted: Admitted,
-) {
+    caller: Caller,
+    place: Place,
+}
+
+async fn admit(arrival: Arrival, tls: Option<Tls>, limits: ConnectionLimits, admitted: Admitted) {
+    let Arrival { socket, peer, caller, place } = arrival;
     // Without it messages wait for each other; a socket that refuses is about to end.
     let _ = socket.set_nodelay(true);
-    let info = socket.connect_info();
     let bytes = match tls {
         None => Either::Left(socket),
         Some(tls) => match timeout(HANDSHAKE, shake_hands(tls, socket)).await {
-            Ok(Ok(encrypted)) => Either::Right(Box::new(encrypted)),
+            Ok(Ok(encrypted)) => {
+                if !limits.token {
+                    caller.trust();
+                }
+                Either::Right(Box::new(encrypted))
+            }
             Ok(Err((error, socket))) => {
                 let reason = protocol::security::explain(&error).unwrap_or_else(|| error.to_string());
                 tracing::warn!(%peer, reason, "refused a connection");
@@ -120,7 +140,7 @@ async fn admit(
         },
     };
     // Nobody takes it where the worker has stopped meanwhile.
-    let _ = admitted.send(Ok(Connection::new(bytes, info, place, silence))).await;
+    let _ = admitted.send(Ok(Connection::new(bytes, caller, place, limits.silence))).await;
 }
 
 /// Encrypts a connection with the certificates as their files have them now.

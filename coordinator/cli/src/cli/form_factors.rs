@@ -16,7 +16,7 @@ use super::options::Unused;
 use super::outputs::{check_distinct, write_output};
 use super::progress::ProgressLine;
 use super::report::new_table;
-use super::scene_options::SceneOptions;
+use super::scene_options::{BesideOptions, SceneOptions};
 use super::workers::ThreadArguments;
 
 /// Most points that a pair of polygons may be given for a form factor of 1.
@@ -53,6 +53,8 @@ pub struct FormFactorArguments {
     pub threads: ThreadArguments,
     #[command(flatten)]
     options: SceneOptions<OfLight>,
+    #[command(flatten)]
+    beside: BesideOptions,
 }
 
 /// View factors do not depend on light.
@@ -66,7 +68,8 @@ impl Unused for OfLight {
 pub fn run(arguments: &FormFactorArguments, threads: NonZeroUsize) -> anyhow::Result<()> {
     let clock = Instant::now();
     check_outputs(arguments)?;
-    let options = ImportOptions { needs_light: false, ..arguments.options.import_options()? };
+    let options = arguments.beside.allow(arguments.options.import_options()?);
+    let options = ImportOptions { needs_light: false, ..options };
     let line = ProgressLine::new("import");
     let scene = import(&arguments.scene, &options)?;
     for warning in &scene.warnings {

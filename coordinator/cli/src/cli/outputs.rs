@@ -1,20 +1,36 @@
 //! The files that a command writes.
 
+use std::fs;
 use std::io::{self, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context;
+use document::files_beside_file;
 use output::files::{self, AtomicWriteFile, FileError};
+
+/// Buffers and images of a glTF, in words.
+const BESIDE: &str = "buffer or image of the scene";
 
 /// Files with their names in words; those that the user did not ask for are none.
 type Named<'a> = [(&'static str, Option<&'a Path>)];
 
-/// Checks that nothing is written over a file that is read, or over another output.
+/// Checks that nothing is written over a file that is read, over the buffers and images beside it where it is a glTF, or over
+/// another output.
 pub fn check_distinct(read: &Named, written: &Named) -> Result<(), FileError> {
     fn given<'a>(files: &Named<'a>) -> Vec<(&'static str, &'a Path)> {
         files.iter().filter_map(|(name, path)| Some((*name, (*path)?))).collect()
     }
-    files::check_distinct(&given(read), &given(written))
+    let mut read = given(read);
+    let beside: Vec<PathBuf> = read.iter().flat_map(|(_, path)| files_beside_file(path)).collect();
+    read.extend(beside.iter().map(|path| (BESIDE, &**path)));
+    files::check_distinct(&read, &given(written))
+}
+
+/// Checks that a file which is kept and extended is a regular one, if it is there.
+pub fn check_regular(path: &Path, name: &str, option: &str) -> anyhow::Result<()> {
+    let is_other = fs::metadata(path).is_ok_and(|there| !there.is_file());
+    anyhow::ensure!(!is_other, "{name} {} is no regular file: choose another {option}", path.display());
+    Ok(())
 }
 
 /// Checks that a report can be written.

@@ -7,6 +7,7 @@ use std::time::Instant;
 use anyhow::Context;
 use clap::Args;
 use output::files;
+use scene::ReadOptions;
 use serde_json::json;
 use verify::plain::{PlainOptions, PlainScene};
 use verify::reference::{
@@ -18,7 +19,7 @@ use super::console::print;
 use super::options::Unused;
 use super::outputs::{check_distinct, write_output};
 use super::progress::ProgressLine;
-use super::scene_options::SceneOptions;
+use super::scene_options::{BesideOptions, SceneOptions};
 use super::workers::ThreadArguments;
 
 #[derive(Args)]
@@ -45,6 +46,8 @@ pub struct ReferenceArguments {
     pub threads: ThreadArguments,
     #[command(flatten)]
     options: SceneOptions<Weld>,
+    #[command(flatten)]
+    beside: BesideOptions,
 }
 
 /// Paths are traced between the triangles of the file.
@@ -64,7 +67,7 @@ pub fn run(arguments: &ReferenceArguments, threads: NonZeroUsize) -> anyhow::Res
     check_output(arguments)?;
     let options = arguments.options.import_options()?;
     let options = PlainOptions {
-        scene: options.read.scene,
+        read: ReadOptions { outside_files: arguments.beside.outside_files, ..options.read },
         light_unit: options.light_unit,
         sky: options.sky,
         sky_image: arguments.options.sky_image()?.map(Arc::new),

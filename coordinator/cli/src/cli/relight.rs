@@ -11,7 +11,7 @@ use super::console::print;
 use super::output_options::OutputOptions;
 use super::outputs::{check_distinct, check_report};
 use super::progress::Shown;
-use super::scene_options::{SceneOptions, radiance};
+use super::scene_options::{BesideOptions, SceneOptions, radiance};
 
 #[derive(Args)]
 pub struct RelightArguments {
@@ -35,6 +35,8 @@ pub struct RelightArguments {
     #[command(flatten)]
     options: SceneOptions,
     #[command(flatten)]
+    beside: BesideOptions,
+    #[command(flatten)]
     written: OutputOptions,
 }
 
@@ -52,7 +54,7 @@ pub fn run(arguments: &RelightArguments) -> anyhow::Result<()> {
         arguments.written.settings(&arguments.options.options(), BakeSettings::default())?;
     let request = RelightRequest {
         scene: SceneSource::File(&arguments.scene),
-        import: arguments.options.import_options()?,
+        import: arguments.beside.allow(arguments.options.import_options()?),
         kept_light: &arguments.kept,
         light: NewLight {
             changes: arguments.lights.clone(),

@@ -18,6 +18,7 @@ use super::options::positive;
 use super::outputs::{check_distinct, write_output};
 use super::progress::{ProgressLine, short};
 use super::report::new_table;
+use super::scene_options::BesideOptions;
 use super::telemetry::TelemetryArguments;
 use super::workers::WorkerArguments;
 
@@ -57,6 +58,8 @@ pub struct RenderArguments {
     /// Scene of the file [default: the file's default scene, or its first]
     #[arg(long, value_name = "INDEX|NAME")]
     scene: Option<String>,
+    #[command(flatten)]
+    beside: BesideOptions,
     #[command(flatten)]
     pub workers: WorkerArguments,
     #[command(flatten)]
@@ -126,7 +129,8 @@ pub fn run(arguments: &RenderArguments, workers: &ClusterSettings) -> anyhow::Re
         .with_context(|| format!("output {} must end in .png or .exr", arguments.output.display()))?;
     check_distinct(&[("lit file", Some(&arguments.file))], &[("output", Some(&arguments.output))])?;
     files::check(&arguments.output)?;
-    let options = ReadOptions { scene: arguments.scene.clone(), ..ReadOptions::default() };
+    let outside_files = arguments.beside.outside_files;
+    let options = ReadOptions { scene: arguments.scene.clone(), outside_files, ..ReadOptions::default() };
     let line = ProgressLine::new("import");
     let file = read_lit(&arguments.file, &options)?;
     for warning in &file.warnings {

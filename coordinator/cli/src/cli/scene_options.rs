@@ -82,6 +82,24 @@ impl<U: Unused> SceneOptions<U> {
     }
 }
 
+/// Which files beside a scene are read.
+#[derive(Args)]
+pub struct BesideOptions {
+    /// Also read buffers and images outside the scene's folder: by `..`, absolute paths or links
+    ///
+    /// For scenes that you trust: the output holds what was read.
+    #[arg(long, help_heading = "Scene")]
+    pub outside_files: bool,
+}
+
+impl BesideOptions {
+    /// The options of an import that may read these files.
+    pub fn allow(&self, mut options: ImportOptions) -> ImportOptions {
+        options.read.outside_files = self.outside_files;
+        options
+    }
+}
+
 /// A sky image in place of a colour.
 struct SkyFile<U> {
     path: Option<PathBuf>,

@@ -26,7 +26,7 @@ const NETWORK_THREADS: usize = 2;
 
 /// Connections of clients. One that is quiet for so long has been forgotten by its client: those of gRPC show signs of life.
 const CONNECTIONS: ConnectionLimits =
-    ConnectionLimits { connections: 1024, silence: Duration::from_secs(600) };
+    ConnectionLimits { connections: 1024, silence: Duration::from_secs(600), token: false };
 
 /// A mebibyte in bytes.
 const MIB: u64 = 1 << 20;
@@ -77,6 +77,9 @@ struct AccessArguments {
     /// Private key of --listen-tls-cert, PEM
     #[arg(long, env = "COORDINATOR_LISTEN_TLS_KEY", value_name = "FILE", value_parser = path())]
     listen_tls_key: Option<PathBuf>,
+    /// Names of clients: only certificates that have one of them are taken [default: all of the authority]
+    #[arg(long, env = "COORDINATOR_LISTEN_TLS_CALLERS", value_name = "NAME,...", value_delimiter = ',')]
+    listen_tls_callers: Vec<String>,
     /// Listen for other machines without encryption, in trusted networks only
     #[arg(long, env = "COORDINATOR_LISTEN_PLAINTEXT", value_parser = FalseyValueParser::new(), action = ArgAction::SetTrue)]
     listen_plaintext: bool,
@@ -169,6 +172,10 @@ impl ServeArguments {
             key.clone(),
             self.access.listen_plaintext,
         )
+        .and_then(|transport| {
+            let names = self.access.listen_tls_callers.iter().filter(|name| !name.is_empty());
+            transport.accepting(&names.cloned().collect::<Vec<_>>())
+        })
         .context("the options --listen-tls-ca, --listen-tls-cert, --listen-tls-key and --listen-plaintext")?;
         transport.allows(self.listen).with_context(|| {
             format!("cannot listen on {}: give the --listen-tls files, or --listen-plaintext", self.listen)
@@ -211,7 +218,8 @@ async fn serve(arguments: &ServeArguments, workers: ClusterSettings, metrics: Me
     let address = listener.local_addr().context("cannot tell the address")?;
     // For scripts: from this line on, clients may call. Where nobody reads it, nobody misses it.
     let _ = print(format_args!("coordinator serves on {address}, data in {}", arguments.data.display()));
-    let incoming = incoming(listener, transport.tls().cloned(), CONNECTIONS);
+    let limits = ConnectionLimits { token: clients.are_named(), ..CONNECTIONS };
+    let incoming = incoming(listener, transport.tls().cloned(), limits);
     let is_open = arguments.access.clients.is_none() && transport == Transport::default();
     let names = match &arguments.access.listen_names {
         Some(names) => Names::These(names.clone()),

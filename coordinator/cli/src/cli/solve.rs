@@ -11,10 +11,10 @@ use protocol::api::BakeOptions;
 
 use super::options::Given;
 use super::output_options::OutputOptions;
-use super::outputs::{check_distinct, check_place, check_report};
+use super::outputs::{check_distinct, check_place, check_regular, check_report};
 use super::progress::Shown;
 use super::report::Tables;
-use super::scene_options::SceneOptions;
+use super::scene_options::{BesideOptions, SceneOptions};
 use super::telemetry::TelemetryArguments;
 use super::workers::WorkerArguments;
 
@@ -35,6 +35,8 @@ pub struct SolveArguments {
     knobs: Knobs,
     #[command(flatten)]
     options: SceneOptions,
+    #[command(flatten)]
+    beside: BesideOptions,
     #[command(flatten)]
     written: OutputOptions,
     #[command(flatten)]
@@ -111,6 +113,9 @@ pub fn run(arguments: &SolveArguments, workers: &ClusterSettings) -> anyhow::Res
     ];
     let read = [("scene", Some(&*arguments.scene)), ("sky", arguments.options.sky_path())];
     check_distinct(&read, &written)?;
+    if let Some(checkpoint) = checkpoint {
+        check_regular(checkpoint, "checkpoint", "--checkpoint")?;
+    }
     if let Some(kept) = &arguments.keep_light {
         check_place(kept, "kept light", "--keep-light")?;
     }
@@ -119,7 +124,7 @@ pub fn run(arguments: &SolveArguments, workers: &ClusterSettings) -> anyhow::Res
         arguments.written.settings(&arguments.options.options(), arguments.knobs.settings()?)?;
     let request = BakeRequest {
         scene: SceneSource::File(&arguments.scene),
-        import: arguments.options.with_sky()?,
+        import: arguments.beside.allow(arguments.options.with_sky()?),
         bake: BakeSettings { keep_light: arguments.keep_light.is_some().then_some(u64::MAX), ..settings },
         export,
         output: &arguments.output,

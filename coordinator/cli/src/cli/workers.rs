@@ -43,7 +43,7 @@ pub struct WorkerArguments {
 #[derive(Args)]
 pub struct ThreadArguments {
     /// Threads of this process that compute [default: one per core]
-    #[arg(long, env = "COORDINATOR_THREADS", value_name = "N")]
+    #[arg(long, env = "COORDINATOR_THREADS", value_name = "N", value_parser = threads)]
     threads: Option<NonZeroUsize>,
 }
 
@@ -55,6 +55,18 @@ impl ThreadArguments {
             None => std::thread::available_parallelism().context("cannot count the cores: give --threads"),
         }
     }
+}
+
+/// A number of threads that a system can start.
+fn threads(text: &str) -> Result<NonZeroUsize, String> {
+    text.parse().ok().filter(|threads: &NonZeroUsize| threads.get() <= worker::MOST_THREADS).ok_or_else(
+        || {
+            format!(
+                "must be a whole number from 1 to {}: more threads than cores gain nothing",
+                worker::MOST_THREADS
+            )
+        },
+    )
 }
 
 /// Encryption and authentication of connections to workers, or to a service.

@@ -13,6 +13,12 @@ use super::extensions::{CompressedPrimitive, Extensions};
 use super::storage::Storage;
 use crate::error::ImportProblem;
 
+/// Most triangles that one encoded byte can stand for: entropy coding lets those of a regular mesh take next to nothing.
+const FACES_PER_BYTE: u64 = 1024;
+
+/// Most bytes of attributes of a triangle: three vertices with all that a vertex may have.
+const BYTES_PER_FACE: u64 = 3 * 256;
+
 /// Decodes every compressed primitive.
 pub(super) fn decode(storage: &mut Storage, extensions: &Extensions) -> Result<(), ImportProblem> {
     // Primitives that share their data share their accessors too; each is decoded once.
@@ -43,10 +49,11 @@ fn decode_view(
     let bytes = storage.root.buffer_views.get(view).and_then(|view| storage.view(view)).ok_or_else(|| {
         damaged(format!("buffer view {view} is not in the file, or reaches outside its buffer"))
     })?;
+    let most = (storage.limits.max_triangles as u64).min(bytes.len() as u64 * FACES_PER_BYTE);
     let limits = DecodeLimits::default()
-        .with_max_points(3 * storage.limits.max_triangles as u64)
-        .with_max_faces(storage.limits.max_triangles as u64)
-        .with_max_decoded_bytes(storage.limits.bytes);
+        .with_max_points(3 * most)
+        .with_max_faces(most)
+        .with_max_decoded_bytes(storage.limits.bytes.min(most * BYTES_PER_FACE));
     let mut mesh = Mesh::new();
     MeshDecoder::new()
         .decode(&mut DecoderBuffer::new(bytes).with_limits(limits), &mut mesh)

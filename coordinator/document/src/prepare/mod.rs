@@ -39,6 +39,10 @@ pub(crate) const UNDONE: [&str; 5] = [
     "EXT_mesh_gpu_instancing",
 ];
 
+/// Bytes that the matrices of skins may take in any file, and more for each byte of its buffers.
+const LEAST_ROOM: u64 = 64 << 20;
+const ROOM_PER_BYTE: u64 = 64;
+
 /// Limits of decoding.
 #[derive(Clone, Copy)]
 pub(crate) struct Limits {
@@ -84,7 +88,9 @@ pub(crate) fn pose(
     limits: Limits,
     warnings: &mut Vec<String>,
 ) -> Result<Document, ImportProblem> {
-    let posed = pose::find(&document, warnings)?;
+    let held: u64 = buffers.iter().map(|bytes| bytes.len() as u64).sum();
+    let room = limits.bytes.min(LEAST_ROOM + held.saturating_mul(ROOM_PER_BYTE));
+    let posed = pose::find(&document, room, warnings)?;
     if posed.is_empty() {
         return Ok(document);
     }

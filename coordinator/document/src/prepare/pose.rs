@@ -32,7 +32,13 @@ struct PosedSkin {
 }
 
 /// The nodes of the default scene that have a pose, and a warning each for morph targets and skins.
-pub(super) fn find(document: &Document, warnings: &mut Vec<String>) -> Result<Vec<PosedNode>, ImportProblem> {
+///
+/// `room` are the bytes that their matrices may take: many nodes may share a skin of many joints.
+pub(super) fn find(
+    document: &Document,
+    mut room: u64,
+    warnings: &mut Vec<String>,
+) -> Result<Vec<PosedNode>, ImportProblem> {
     // The walk costs little, but most files have neither.
     let morphs = |mesh: gltf::Mesh| mesh.primitives().any(|primitive| primitive.morph_targets().len() > 0);
     if document.skins().len() == 0 && !document.meshes().any(morphs) {
@@ -58,6 +64,11 @@ pub(super) fn find(document: &Document, warnings: &mut Vec<String>) -> Result<Ve
         if skin.is_some() && !inverse.is_finite() {
             return Err(ImportProblem::FlatNode { primitive: label });
         }
+        let matrices = skin.iter().map(|skin| (skin.joints().count() * size_of::<DMat4>()) as u64).sum();
+        room = room.checked_sub(matrices).ok_or_else(|| ImportProblem::Undecodable {
+            place: label.clone(),
+            detail: "all skins together have more joints than a file of this length can need".to_owned(),
+        })?;
         let skin = skin.map(|skin| PosedSkin {
             inverse_bind_matrices: skin
                 .inverse_bind_matrices()
@@ -221,6 +232,9 @@ fn skin_matrices(
             let at = 4 * vertex..4 * vertex + 4;
             for (&index, &weight) in indices.numbers[at.clone()].iter().zip(&weights.numbers[at]) {
                 let (joint, weight) = (index as usize, f64::from(weight));
+                if !weight.is_finite() {
+                    return Err(wrong(format!("vertex {vertex} has a weight of {weight}")));
+                }
                 let matrix = joints.get(joint).ok_or_else(|| {
                     wrong(format!("vertex {vertex} hangs on joint {joint} of {}", joints.len()))
                 })?;

@@ -10,7 +10,7 @@ use glam::DQuat;
 use image::{ImageFormat, ImageReader, Limits};
 
 use super::{MOST_WIDTH, Projection, SkyError, SkyImage};
-use crate::buffers::read_file;
+use crate::beside::read_file;
 
 /// Most bytes of a file: four floats for each texel, and as much around them.
 const MOST_BYTES: u64 = 32 * (MOST_WIDTH * MOST_WIDTH / 2) as u64;

@@ -98,6 +98,8 @@ struct Assembler<'a> {
     root: Root,
     new: NewData,
     materials: LitMaterials,
+    /// Nodes with a back side that is lit, by primitive.
+    two_sided: BTreeSet<(usize, usize)>,
     /// Meshes of the input whose places are not free.
     taken_meshes: BTreeSet<usize>,
     vertices: usize,
@@ -119,6 +121,10 @@ impl<'a> Assembler<'a> {
             new: NewData::new(scene.source.buffers.len()),
             root,
             materials: LitMaterials::default(),
+            two_sided: {
+                let backs = scene.surfaces.iter().filter(|surface| surface.side == Side::Back);
+                backs.map(|surface| (surface.node, surface.primitive)).collect()
+            },
             taken_meshes: BTreeSet::new(),
             vertices: 0,
             triangles: 0,
@@ -203,9 +209,7 @@ impl<'a> Assembler<'a> {
         let refined = refine(surface, triangles, self.lit, &self.parts, &placement, show, &attributes)?;
         self.vertices += refined.positions.len();
         self.triangles += triangles.len();
-        let one_side = self.scene.surfaces.iter().any(|other| {
-            other.side == Side::Back && (other.node, other.primitive) == (surface.node, surface.primitive)
-        });
+        let one_side = self.two_sided.contains(&(surface.node, surface.primitive));
         let material = self.materials.lit(&mut self.root, original.material, one_side, glows)?;
         Ok(self.store(refined, Primitive { material: Some(material), ..original.clone() }))
     }
@@ -246,11 +250,16 @@ impl<'a> Assembler<'a> {
             .filter_map(|p| p.material.as_mut())
             .collect();
         let mut taken: BTreeSet<usize> = used.iter().map(|index| index.value()).collect();
+        let mut moved: BTreeMap<usize, usize> = BTreeMap::new();
         for (original, lit) in self.materials.lit_counterparts() {
             if taken.insert(original) {
-                let lit_ones = used.iter_mut().filter(|index| index.value() == lit.value());
-                lit_ones.for_each(|index| **index = Index::new(original as u32));
+                moved.insert(lit.value(), original);
                 root.materials.swap(original, lit.value());
+            }
+        }
+        for index in &mut used {
+            if let Some(&original) = moved.get(&index.value()) {
+                **index = Index::new(original as u32);
             }
         }
         let materials = mem::take(&mut root.materials);

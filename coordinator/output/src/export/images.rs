@@ -36,7 +36,7 @@ pub(super) fn embed(
     let is_binary = output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("glb"));
     let moves =
         |folder: &Path| is_binary || !is_same_folder(folder, output.parent().unwrap_or(Path::new("")));
-    let folder = source.folder.as_deref().filter(|folder| moves(folder));
+    let folder = source.folder.as_ref().filter(|folder| moves(folder.path()));
     for index in 0..root.images.len() {
         let Some(uri) = root.images[index].uri.clone() else { continue };
         let of_data = uri.strip_prefix("data:").and_then(|data| data.split([';', ',']).next());

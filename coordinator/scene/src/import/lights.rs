@@ -4,6 +4,7 @@
 //! [`AreaEntry`] may change, and so may the rule that the largest scale of a node, whichever axis it belongs to, scales the light
 //! evenly. A light that states no `type` or another one is an error: earlier drafts had `shape`, `width`, `height` and `radius`.
 
+use std::collections::BTreeSet;
 use std::f64::consts::PI;
 
 use glam::{DAffine3, DVec3};
@@ -32,6 +33,11 @@ fn intensity_factor(unit: LightUnit, kind: &Kind) -> f64 {
 pub(super) struct WorldLight(Light);
 
 impl WorldLight {
+    /// The light with its numbers in the world.
+    pub(super) fn inner(&self) -> &Light {
+        &self.0
+    }
+
     /// The light in the frame; `None`, with a warning, where its numbers leave nothing of it there.
     pub(super) fn place(self, frame: &Frame, warnings: &mut Vec<String>) -> Option<Light> {
         let light = Light { kind: self.0.kind.to_frame(frame), ..self.0 };
@@ -44,15 +50,17 @@ impl WorldLight {
     }
 }
 
-/// The lights at a node: one of each extension at most.
+/// The lights at a node: one of each extension at most. `ranged` are those that were warned about.
 pub(super) fn read(
     document: &Document,
     placed: &PlacedNode,
     unit: LightUnit,
+    ranged: &mut BTreeSet<usize>,
     warnings: &mut Vec<String>,
 ) -> Result<impl Iterator<Item = WorldLight> + use<>, ImportProblem> {
     let name = node_label(&placed.node);
-    let punctual = placed.node.light().map(|light| punctual(&light, placed, unit, warnings)).transpose()?;
+    let punctual =
+        placed.node.light().map(|light| punctual(&light, placed, unit, ranged, warnings)).transpose()?;
     let area = placed.node.extension_value(EXT_LIGHTS_AREA);
     let area = area.map(|reference| area_light(document, reference, placed)).transpose()?;
     let node = placed.node.index();
@@ -104,19 +112,18 @@ fn punctual(
     light: &gltf::khr_lights_punctual::Light,
     placed: &PlacedNode,
     unit: LightUnit,
+    ranged: &mut BTreeSet<usize>,
     warnings: &mut Vec<String>,
 ) -> Result<Found, ImportProblem> {
     let kind = light.kind();
     let intensity = intensity(placed, light.intensity(), light.color(), intensity_factor(unit, &kind))?;
-    if light.range().is_some() {
+    if light.range().is_some() && ranged.insert(light.index()) {
         let which = light
             .name()
             .map_or_else(|| format!("light {}", light.index()), |name| format!("light \"{name}\""));
-        let warning =
-            format!("{which}: range ignored, light falls off with the square of the distance and has no end");
-        if !warnings.contains(&warning) {
-            warnings.push(warning);
-        }
+        warnings.push(format!(
+            "{which}: range ignored, light falls off with the square of the distance and has no end"
+        ));
     }
     let position = placed.world.translation;
     let along = axis(&placed.world);

@@ -17,6 +17,7 @@ use glam::DVec3;
 use gltf::Material;
 use gltf::material::AlphaMode;
 
+use super::extremes::MOST;
 use super::tally::Tally;
 use crate::appearance::{Layer, MAX_REFLECTANCE, Pattern};
 use crate::means::{AreaMeans, Composed, Dimming, Opacity};
@@ -269,6 +270,9 @@ impl Factors {
         let strength = material.emissive_strength().unwrap_or(1.0);
         let strength = factor("emissiveStrength", strength, f32::MAX, "finite and not negative")?;
         let emission = PI * strength * colour("emissiveFactor", material.emissive_factor())?;
+        if emission.max_element() > MOST {
+            return Err(ImportProblem::TooBright { place: label, value: emission.max_element() });
+        }
         let exitance = if inputs.emits { emission } else { DVec3::ZERO };
         let opacity = match material.alpha_mode() {
             AlphaMode::Opaque => Opacity::Opaque,

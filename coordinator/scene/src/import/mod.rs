@@ -5,6 +5,7 @@
 //! | `primitives` | vertex data and triangles of each primitive |
 //! | `materials`, `lights` | reflectance, exitance, intensity |
 //! | `weld` | merges nearby vertices, on request |
+//! | `extremes` | parts too small and lights too bright for the scene |
 //! | `frame`, `triangles` | triangles in the frame, without duplicates |
 //! | `facets` | flat convex pieces |
 //! | `averaged` | materials averaged over surfaces, with textures and vertex colours |
@@ -16,6 +17,7 @@
 //! Files are not trusted: whatever the bytes, the answer is a scene or an [`ImportError`].
 
 mod averaged;
+mod extremes;
 mod facets;
 mod frame;
 mod layers;
@@ -45,6 +47,7 @@ use rayon::prelude::*;
 
 pub use self::lit::{LitDocument, LitPrimitive, import_lit};
 
+use self::extremes::Extents;
 use self::lights::WorldLight;
 use self::materials::Materials;
 use self::primitives::Geometry;
@@ -150,6 +153,8 @@ struct PlacedPrimitive {
 struct Content {
     primitives: Vec<PlacedPrimitive>,
     lights: Vec<WorldLight>,
+    /// Lights of the file whose range was ignored, with a warning.
+    ranged: BTreeSet<usize>,
     sky: DVec3,
     sky_pattern: Option<Arc<SkyPattern>>,
     warnings: Vec<String>,
@@ -166,6 +171,7 @@ impl Content {
                 &file.document,
                 &placed,
                 options.light_unit,
+                &mut self.ranged,
                 &mut self.warnings,
             )?);
             let Some(mesh) = placed.node.mesh() else { continue };
@@ -228,7 +234,7 @@ impl Content {
     }
 
     fn into_scene(self, source: SourceDocument, options: &ImportOptions) -> Result<Scene, ImportProblem> {
-        let Self { mut primitives, lights, sky, sky_pattern, mut warnings, tally } = self;
+        let Self { mut primitives, lights, sky, sky_pattern, mut warnings, tally, .. } = self;
         if primitives.iter().all(|placed| placed.geometry.triangles.is_empty()) {
             return Err(ImportProblem::NoTriangles);
         }
@@ -236,7 +242,11 @@ impl Content {
             weld::weld(&mut primitives, distance);
         }
         // Not the lights: a lamp far away must not make the surfaces small.
-        let frame = frame::fit(primitives.par_iter().map(|placed| Bounds::around(placed.corners())))?;
+        let boxes: Vec<Bounds> =
+            primitives.par_iter().map(|placed| Bounds::around(placed.corners())).collect();
+        let frame = frame::fit(boxes.par_iter().copied())?;
+        Extents::new(&primitives, &boxes).check(&mut warnings)?;
+        lights.iter().try_for_each(|light| extremes::check_light(light, &frame))?;
 
         let mut surfaces = Vec::new();
         let (mut degenerate_triangles, mut rounding) = (0, 0f64);
@@ -351,6 +361,7 @@ fn read_geometries(
     buffers: &[Vec<u8>],
     options: &ImportOptions,
 ) -> Vec<Result<Geometry, ImportProblem>> {
+    let held = buffers.iter().map(Vec::len).sum();
     let mut triangles_left = Some(options.read.max_triangles);
     let primitives: Vec<(&PlacedNode, gltf::Primitive)> = all_placed
         .iter()
@@ -358,8 +369,10 @@ fn read_geometries(
         .flat_map(|(placed, mesh)| mesh.primitives().map(move |primitive| (placed, primitive)))
         .filter(|(_, primitive)| primitives::has_triangles(primitive))
         .take_while(|(_, primitive)| {
-            triangles_left =
-                triangles_left.and_then(|left| left.checked_sub(primitives::triangle_count(primitive)));
+            // Vertices that no triangle has take memory, too; those beyond the bytes of the file are refused when they are read.
+            let vertices = primitives::vertex_count(primitive).min(held);
+            let count = primitives::triangle_count(primitive).max(vertices / 3);
+            triangles_left = triangles_left.and_then(|left| left.checked_sub(count));
             triangles_left.is_some()
         })
         .collect();

@@ -1,10 +1,11 @@
 //! Primitives as triangle lists, with the vertex attributes that matter to facets.
 
+use gltf::accessor::{DataType, Dimensions, Iter};
 use gltf::mesh::Mode;
-use gltf::{Primitive, Semantic};
+use gltf::{Accessor, Primitive, Semantic};
 
 use document::ImportProblem;
-use document::accessors::{COLOUR, Context, INDICES, TEXTURE_COORDINATES, VECTOR, check};
+use document::accessors::{COLOUR, Context, INDICES, TEXTURE_COORDINATES, VECTOR, check, check_bytes};
 
 /// A primitive's geometry, in the node's coordinates.
 pub(super) struct Geometry {
@@ -26,11 +27,10 @@ impl Geometry {
         self.attributes.sets.iter().any(|(own, _)| *own == Semantic::Colors(0))
     }
 
-    /// COLOR_0 as a colour of the surface: linear, not negative, finite.
+    /// COLOR_0 as a colour of the surface: linear, not negative.
     pub(super) fn albedo(&self) -> Option<Vec<[f32; 4]>> {
-        let tame = |value: f32| if value.is_finite() { value.max(0.0) } else { 1.0 };
         let colours = self.attributes.set(Semantic::Colors(0)).filter(|_| !self.is_lit)?;
-        Some(colours.map(|colour| std::array::from_fn(|i| tame(colour[i]))).collect())
+        Some(colours.map(|colour| std::array::from_fn(|i| colour[i].max(0.0))).collect())
     }
 }
 
@@ -101,6 +101,11 @@ pub(super) fn triangle_count(primitive: &Primitive) -> usize {
     }
 }
 
+/// Number of vertices, without reading them.
+pub(super) fn vertex_count(primitive: &Primitive) -> usize {
+    primitive.get(&Semantic::Positions).map_or(0, |positions| positions.count())
+}
+
 /// Reads a primitive of triangles, checking every accessor first.
 pub(super) fn read(primitive: &Primitive, context: &Context) -> Result<Geometry, ImportProblem> {
     let reader = primitive.reader(|buffer| context.buffers.get(buffer.index()).map(Vec::as_slice));
@@ -134,15 +139,23 @@ pub(super) fn read(primitive: &Primitive, context: &Context) -> Result<Geometry,
                 check(&accessor, &name, &TEXTURE_COORDINATES, context)?;
                 check_count(&name, accessor.count(), positions.len(), context)?;
                 let values = reader.read_tex_coords(set).ok_or_else(|| missing(&name))?;
-                sets.push((semantic, values.into_f32().flatten().collect()));
+                let values: Vec<f32> = values.into_f32().flatten().collect();
+                check_finite(&values, 2, &name, context)?;
+                sets.push((semantic, values));
             }
             Semantic::Colors(set) => {
                 check(&accessor, &name, &COLOUR, context)?;
                 check_count(&name, accessor.count(), positions.len(), context)?;
                 let values = reader.read_colors(set).ok_or_else(|| missing(&name))?;
-                sets.push((semantic, values.into_rgba_f32().flatten().collect()));
+                let values: Vec<f32> = values.into_rgba_f32().flatten().collect();
+                check_finite(&values, 4, &name, context)?;
+                sets.push((semantic, values));
             }
-            _ => is_lit |= name == "_IRRADIANCE",
+            Semantic::Tangents | Semantic::Extras(_) => {
+                is_lit |= name == "_IRRADIANCE";
+                check_kept(&accessor, &name, positions.len(), context)?;
+            }
+            _ => {}
         }
     }
 
@@ -160,6 +173,47 @@ pub(super) fn read(primitive: &Primitive, context: &Context) -> Result<Geometry,
 
     let attributes = VertexAttributes::interleave(sets, positions.len());
     Ok(Geometry { triangles: triangles(primitive.mode(), &indices), positions, normals, attributes, is_lit })
+}
+
+/// Checks an attribute that the output takes over as it is. Light of an earlier bake is not, nor are matrices.
+fn check_kept(
+    accessor: &Accessor,
+    name: &str,
+    vertices: usize,
+    context: &Context,
+) -> Result<(), ImportProblem> {
+    let width = accessor.dimensions().multiplicity();
+    let is_made_anew = ["_IRRADIANCE", "_COLOR_0", "_UNSHOT"].iter().any(|own| name.starts_with(own));
+    if is_made_anew || width > 4 || accessor.dimensions() == Dimensions::Mat2 {
+        return Ok(());
+    }
+    if accessor.count() < vertices.max(1) {
+        return check_count(name, accessor.count(), vertices, context);
+    }
+    check_bytes(accessor, name, context)?;
+    if accessor.data_type() != DataType::F32 {
+        return Ok(());
+    }
+    let data = |buffer: gltf::Buffer<'_>| context.buffers.get(buffer.index()).map(Vec::as_slice);
+    let values: Option<Vec<f32>> = match width {
+        1 => Iter::<f32>::new(accessor.clone(), data).map(Iterator::collect),
+        2 => Iter::<[f32; 2]>::new(accessor.clone(), data).map(|rows| rows.flatten().collect()),
+        3 => Iter::<[f32; 3]>::new(accessor.clone(), data).map(|rows| rows.flatten().collect()),
+        _ => Iter::<[f32; 4]>::new(accessor.clone(), data).map(|rows| rows.flatten().collect()),
+    };
+    check_finite(&values.unwrap_or_default(), width, name, context)
+}
+
+/// Checks an attribute of `width` numbers per vertex.
+fn check_finite(values: &[f32], width: usize, name: &str, context: &Context) -> Result<(), ImportProblem> {
+    match values.iter().position(|value| !value.is_finite()) {
+        Some(index) => Err(ImportProblem::NonFiniteAttribute {
+            place: context.place.to_owned(),
+            attribute: name.to_owned(),
+            vertex: index / width,
+        }),
+        None => Ok(()),
+    }
 }
 
 pub(super) fn check_count(

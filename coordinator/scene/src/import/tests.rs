@@ -10,6 +10,7 @@ mod geometry;
 mod joining;
 mod lights;
 mod materials;
+mod numbers;
 mod planes;
 mod prepare;
 mod scene_choice;

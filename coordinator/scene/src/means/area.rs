@@ -149,6 +149,10 @@ impl<R: Raster> AreaMeans<R> {
         if area.abs() <= LEAST_HEIGHT * extent * extent.max(1.0) {
             return None;
         }
+        // The coarsest image has one texel, and nothing that is worth a walk over it millions of times.
+        if let Some(constant) = self.constant() {
+            return Some(constant);
+        }
         let walk = Walk { means: self, sampler, origin: low.x.floor() as i64 };
         let integral: DVec4 = edges().map(|(from, to)| walk.along(from, to)).sum();
         Some((integral / area).max(DVec4::ZERO))

@@ -17,6 +17,7 @@ use protocol::api::{
     CancelJobRequest, DeleteJobRequest, DeleteJobResponse, FetchResultRequest, FetchResultResponse,
     GetJobRequest, Job, ListJobsRequest, ListJobsResponse, SubmitSceneRequest, WatchJobRequest,
 };
+use protocol::security::Caller;
 use tokio::time::timeout;
 use tokio_stream::{Stream, StreamExt};
 use tonic::{Request, Response, Status, Streaming};
@@ -45,7 +46,11 @@ impl Api {
     /// Identifies the caller.
     fn client<T>(&self, request: &Request<T>) -> Result<ClientName, Refusal> {
         let header = request.metadata().get("authorization");
-        self.clients.identify(header.map(|header| header.as_bytes()))
+        let client = self.clients.identify(header.map(|header| header.as_bytes()))?;
+        if let Some(caller) = request.extensions().get::<Caller>() {
+            caller.trust();
+        }
+        Ok(client)
     }
 }
 

@@ -61,6 +61,7 @@ fn job_of(begin: &Begin) -> Option<Job> {
         row_cache: begin.row_cache as usize,
         light_bytes: begin.light_bytes,
         checkpoint_bytes: begin.checkpoint_bytes,
+        memory: begin.memory,
     })
 }
 

@@ -14,6 +14,7 @@ use output::files::FileError;
 use pipeline::options::{
     LONGEST_TEXT, MOST_NAMES, Violations, export_settings, import_options, irradiance_unit, new_light, wanted,
 };
+use pipeline::prediction::least_memory_bytes;
 use pipeline::relight::RelightRequest;
 use pipeline::run::{BakeRequest, CheckpointFile, RunError, SceneSource, SharedRows, Workers};
 use protocol::api::submit_scene_header::Source;
@@ -23,6 +24,7 @@ use sha2::{Digest, Sha256};
 use super::observer::Reporter;
 use super::rows::RowsError;
 use crate::job::Record;
+use crate::outside::TOO_LARGE;
 use crate::refusal::is_full;
 use crate::store::{Store, digest};
 
@@ -49,6 +51,8 @@ pub struct Job {
     pub light_bytes: u64,
     /// Bytes of the checkpoint.
     pub checkpoint_bytes: u64,
+    /// Bytes of memory that the job may take.
+    pub memory: u64,
 }
 
 /// Runs one job, and resumes from its checkpoint if there is one.
@@ -88,6 +92,14 @@ fn attempt<W: Write>(
         if *Sha256::digest(&bytes) != record.scene.0 {
             tracing::error!(scene = %record.scene, "a scene is not as it was submitted: the disk has changed it");
             return Err(failed("its scene was damaged on the service's disk: submit the file again"));
+        }
+        // Told from the file, before it takes any of it. Another scene than the default one may be smaller.
+        let least = least_memory_bytes(&bytes);
+        if wanted.import.read.scene.is_none() && least > job.memory {
+            let [least, most] = [least, job.memory].map(|bytes| bytes >> 20);
+            return Err(failed(format!(
+                "its triangles need {least} MiB of memory at least, and a job may use {most} MiB here: {TOO_LARGE}"
+            )));
         }
         Ok(SceneSource::Bytes(bytes))
     };

@@ -62,6 +62,9 @@ pub struct Begin {
     /// Bytes of the checkpoint.
     #[prost(uint64, tag = "6")]
     pub checkpoint_bytes: u64,
+    /// Bytes of memory that the job may take.
+    #[prost(uint64, tag = "8")]
+    pub memory: u64,
     /// As of now.
     #[prost(message, required, tag = "7")]
     pub surroundings: Surroundings,

@@ -29,7 +29,7 @@ pub fn check(root: &Path, mut look: impl FnMut(&Path)) -> Result<DataCheck, Stor
     if !Store::is_laid_out(root)? {
         return Err(StoreError::Foreign { path: root.to_owned() });
     }
-    let store = Store { root: root.to_owned(), _lock: None };
+    let store = Store::within(root);
     let mut found = DataCheck::default();
     let mut known = BTreeSet::new();
     for record in store.check_records(&mut found, &mut look)? {

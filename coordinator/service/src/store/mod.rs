@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `record` | a job as a file |
 //! | `check` | whether the files are as they were written |
+//! | `reserve` | room for changes of jobs on a full disk |
 //! | `upload` | a scene that is being uploaded |
 //! | `sweep` | files that no job refers to |
 //! | `room` | disk usage, and which jobs expire |
@@ -16,6 +17,7 @@
 //! DATA/results/ID.glb    lit files (or .ply)
 //! DATA/light/ID          the light of each source, for relights
 //! DATA/checkpoints/ID    finished rows of unfinished jobs
+//! DATA/reserve           room for changes of jobs when the disk is full
 //! DATA/passing/          temporary files: uploads in progress, previews
 //! DATA/unclaimed/        files that no job refers to
 //! ```
@@ -26,6 +28,7 @@
 
 mod check;
 mod record;
+mod reserve;
 mod room;
 mod sweep;
 #[cfg(test)]
@@ -36,6 +39,7 @@ use std::ffi::OsStr;
 use std::fs::{self, File, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 
 use output::files;
 use protocol::api::Format;
@@ -73,6 +77,12 @@ pub enum StoreError {
     /// Another service uses it.
     #[error("data folder {} is in use by another service: stop that one, or choose another --data", path.display())]
     InUse {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// Its lock cannot be one.
+    #[error("{} is a folder, where the service keeps the file that it locks: remove it, or choose another --data", path.display())]
+    LockIsFolder {
         /// The folder.
         path: PathBuf,
     },
@@ -125,6 +135,10 @@ pub struct Store {
     root: PathBuf,
     /// Held until the process ends; a check and a job need none.
     _lock: Option<File>,
+    /// Whether all records could be read: one that is damaged may refer to any scene and light.
+    all_known: bool,
+    /// Held while room is made or spent: whether the log says that there is none.
+    lacks_room: Mutex<bool>,
 }
 
 /// An opened data folder and its contents.
@@ -166,6 +180,9 @@ impl Store {
         }
         let layout = root.join("layout");
         let path = root.join("lock");
+        if path.is_dir() {
+            return Err(StoreError::LockIsFolder { path });
+        }
         let mut options = fs::OpenOptions::new();
         let options = options.read(true).write(true).create(true).truncate(false);
         let lock = options.open(&path).map_err(failed(&path))?;
@@ -180,7 +197,8 @@ impl Store {
         sync_folder(root).map_err(failed(root))?;
         // Last: with it, all folders are there.
         files::write(&layout, LAYOUT.as_bytes()).map_err(failed(&layout))?;
-        let store = Self { root: root.to_owned(), _lock: Some(lock) };
+        let store =
+            Self { root: root.to_owned(), _lock: Some(lock), all_known: false, lacks_room: Mutex::default() };
         store.read_all()
     }
 
@@ -201,7 +219,7 @@ impl Store {
         }
     }
 
-    fn read_all(self) -> Result<Opened, StoreError> {
+    fn read_all(mut self) -> Result<Opened, StoreError> {
         let failed = |path: &Path, error| StoreError::Io { path: path.to_owned(), error };
         let folder = self.root.join("jobs");
         let (mut records, mut damaged) = (vec![], vec![]);
@@ -226,9 +244,9 @@ impl Store {
             }
         }
         records.sort_by_key(|record| record.sequence);
-        // A damaged record may refer to any file.
-        let set_aside =
-            self.sweep(&records, damaged.is_empty()).map_err(|error| failed(&self.root, error))?;
+        self.all_known = damaged.is_empty();
+        let set_aside = self.sweep(&records).map_err(|error| failed(&self.root, error))?;
+        self.reserve();
         Ok(Opened { store: self, records, damaged, set_aside })
     }
 
@@ -250,15 +268,40 @@ impl Store {
         remove_file(&self.result(record))?;
         remove_file(&self.checkpoint(record.id))?;
         if !light_is_used {
-            remove_file(&self.light(record.light()))?;
+            self.remove_light(record.light())?;
         }
-        if scene_is_used { Ok(()) } else { remove_file(&self.scene(record.scene)) }
+        if scene_is_used { Ok(()) } else { self.remove_scene(record.scene) }
+    }
+
+    /// Removes a scene that no record refers to, if all records are known; else sets it aside.
+    ///
+    /// # Errors
+    /// The operating system's.
+    pub fn remove_scene(&self, scene: SceneDigest) -> io::Result<()> {
+        self.remove_shared("scenes", &self.scene(scene))
+    }
+
+    /// Removes the light of a bake that no record refers to, if all records are known; else sets it aside.
+    ///
+    /// # Errors
+    /// The operating system's.
+    pub fn remove_light(&self, baked: JobId) -> io::Result<()> {
+        self.remove_shared("light", &self.light(baked))
+    }
+
+    fn remove_shared(&self, folder: &str, path: &Path) -> io::Result<()> {
+        if self.all_known || !path.exists() {
+            return remove_file(path);
+        }
+        let place = self.set_aside(folder, path)?;
+        tracing::warn!(path = %place.display(), "set aside, since a damaged record may refer to it");
+        Ok(())
     }
 
     /// The store of a folder that a service has opened, for the process of a job.
     #[must_use]
     pub fn within(root: &Path) -> Self {
-        Self { root: root.to_owned(), _lock: None }
+        Self { root: root.to_owned(), _lock: None, all_known: false, lacks_room: Mutex::default() }
     }
 
     /// The folder.

@@ -37,6 +37,13 @@ impl Store {
         Ok(disk.f_bavail.saturating_mul(disk.f_frsize))
     }
 
+    /// Returns the bytes that the rows of a job may take: half of what the disk has for them. Its lit file must find room, or it would
+    /// wait for ever for what its own rows take.
+    #[must_use]
+    pub fn room_for_rows(&self, job: JobId) -> u64 {
+        self.free().map_or(u64::MAX, |free| free.saturating_add(size(&self.checkpoint(job))) / 2)
+    }
+
     /// Returns the bytes that deleting this job frees, without its scene, if no other job uses its light.
     #[must_use]
     pub fn size_of(&self, record: &Record) -> u64 {

@@ -16,10 +16,10 @@ const UNCLAIMED: &str = "unclaimed";
 
 impl Store {
     /// Removes temporary files, and sets files aside that no record refers to, if all records are known. Returns their new places.
-    pub(super) fn sweep(&self, records: &[Record], all_known: bool) -> io::Result<Vec<PathBuf>> {
+    pub(super) fn sweep(&self, records: &[Record]) -> io::Result<Vec<PathBuf>> {
         files_of(&self.root.join(PASSING))?.iter().try_for_each(fs::remove_file)?;
         let mut set_aside = vec![];
-        if !all_known {
+        if !self.all_known {
             return Ok(set_aside);
         }
         let mut named = BTreeSet::new();
@@ -52,7 +52,7 @@ impl Store {
     }
 
     /// Moves a file of one of the folders to `unclaimed/`. Returns its new place.
-    fn set_aside(&self, of: &str, path: &Path) -> io::Result<PathBuf> {
+    pub(super) fn set_aside(&self, of: &str, path: &Path) -> io::Result<PathBuf> {
         let folder = self.root.join(UNCLAIMED).join(of);
         fs::create_dir_all(&folder)?;
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();

@@ -215,6 +215,62 @@ fn a_damaged_record_costs_no_file() {
     assert_eq!(open(&folder).records, [whole, torn]);
 }
 
+/// While a record is damaged, nobody knows which scenes and lights it refers to.
+#[test]
+fn what_a_damaged_record_may_refer_to_is_set_aside() {
+    let folder = tempfile::tempdir().unwrap();
+    let Opened { store, .. } = open(&folder);
+    let (whole, torn) = (record(1, 1), record(2, 1));
+    [&whole, &torn].into_iter().for_each(|record| store.write(record).unwrap());
+    fs::write(store.scene(torn.scene), "scene").unwrap();
+    fs::write(store.light(whole.light()), "light").unwrap();
+    let (path, bytes) = (store.record(torn.id), fs::read(store.record(torn.id)).unwrap());
+    drop(store);
+    fs::write(&path, "torn").unwrap();
+    let Opened { store, .. } = open(&folder);
+    store.remove(&whole, false, false).unwrap();
+    let aside =
+        |of: &str, path: &Path| folder.path().join("unclaimed").join(of).join(path.file_name().unwrap());
+    let scene = aside("scenes", &store.scene(torn.scene));
+    assert_eq!(fs::read(&scene).unwrap(), b"scene");
+    assert_eq!(fs::read(aside("light", &store.light(whole.light()))).unwrap(), b"light");
+    // The record is put back, and the scene.
+    fs::write(&path, bytes).unwrap();
+    fs::rename(scene, store.scene(torn.scene)).unwrap();
+    drop(store);
+    let Opened { store, records, .. } = open(&folder);
+    assert_eq!(records, std::slice::from_ref(&torn));
+    store.remove(&torn, false, false).unwrap();
+    assert!(!exists(store.scene(torn.scene)));
+}
+
+#[test]
+fn a_folder_in_place_of_the_lock_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::create_dir(folder.path().join("lock")).unwrap();
+    let refused = Store::open(folder.path()).unwrap_err();
+    assert!(matches!(&refused, StoreError::LockIsFolder { path } if path.ends_with("lock")), "{refused}");
+}
+
+#[test]
+fn room_for_changes_is_kept_and_made_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let Opened { store, .. } = open(&folder);
+    let reserve = folder.path().join("reserve");
+    let kept = || fs::metadata(&reserve).unwrap().len();
+    let all = kept();
+    assert!(all > 0);
+    // As after changes on a full disk.
+    fs::File::options().write(true).open(&reserve).unwrap().set_len(all / 2).unwrap();
+    assert!(store.reserve());
+    assert_eq!(kept(), all);
+    drop(store);
+    // A backup has none.
+    fs::remove_file(&reserve).unwrap();
+    open(&folder);
+    assert_eq!(kept(), all);
+}
+
 #[test]
 fn a_record_of_a_release_to_come_stops_the_service() {
     let bytes = record::encode(&record(1, 1));

@@ -12,7 +12,7 @@ use super::source::{Geometry, PlainDocument, has_triangles, label};
 use super::{PlainError, PlainLight};
 use document::EXT_LIGHTS_AREA;
 use document::sky::{EXT_LIGHTS_IMAGE_BASED, SkyImage};
-use document::{ImportError, ImportProblem, LightUnit};
+use document::{ImportError, ImportProblem, LightUnit, ReadOptions};
 
 /// Height over longest edge below which a triangle has no area to speak of.
 const LEAST_HEIGHT: f64 = 1e-10;
@@ -62,8 +62,8 @@ impl PlainTriangle {
 /// How a scene is read.
 #[derive(Debug, Clone, Default)]
 pub struct PlainOptions {
-    /// Name or index of the scene [default: the file's default scene, or its first].
-    pub scene: Option<String>,
+    /// Which scene of the file, and which files beside it may be read.
+    pub read: ReadOptions,
     /// Unit of the file's light intensities.
     pub light_unit: LightUnit,
     /// Radiance of a uniform sky. Under an image, its factor.
@@ -86,7 +86,7 @@ impl PlainScene {
     /// # Errors
     /// As [`PlainScene::open`]; when there is no such scene.
     pub fn open_with(path: &Path, options: &PlainOptions) -> Result<Self, PlainError> {
-        let mut document = PlainDocument::open(path, options.scene.as_deref())?;
+        let mut document = PlainDocument::open(path, &options.read)?;
         let mut scene = Self { sky: options.sky, sky_image: options.sky_image.clone(), ..Self::default() };
         let mut appearances = Appearances::default();
         // Each is said once, in alphabetical order.

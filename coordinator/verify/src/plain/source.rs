@@ -11,11 +11,12 @@ use super::PlainError;
 use document::accessors::{Context, is_within_bounds};
 use document::placement::world_matrices;
 use document::sky::{SkyImage, sky_of};
-use document::{ImportError, ReadOptions, read_uri};
+use document::{Folder, ImportError, ReadOptions, read_uri};
 
 /// A document with its buffers.
 pub(crate) struct PlainDocument {
     path: PathBuf,
+    folder: Option<Folder>,
     pub(super) document: Document,
     buffers: Vec<Vec<u8>>,
     world: Vec<DMat4>,
@@ -34,16 +35,15 @@ pub(crate) struct Geometry {
 }
 
 impl PlainDocument {
-    /// Reads a .glb or .gltf file, of which `scene` is meant, or else the default scene.
-    pub(crate) fn open(path: &Path, scene: Option<&str>) -> Result<Self, PlainError> {
-        let options = ReadOptions { scene: scene.map(str::to_owned), ..ReadOptions::default() };
-        let file = document::open(path, &options)?;
+    /// Reads a .glb or .gltf file.
+    pub(crate) fn open(path: &Path, options: &ReadOptions) -> Result<Self, PlainError> {
+        let file = document::open(path, options)?;
         let mut warnings = vec![];
         let wrong = |problem| ImportError::new(&path.display().to_string(), problem);
         let sky = sky_of(&file, &mut warnings).map_err(wrong)?;
-        let document::PlainDocument { document, buffers, .. } = file;
+        let document::PlainDocument { document, buffers, folder, .. } = file;
         let world = world_matrices(&document);
-        Ok(Self { path: path.to_owned(), document, buffers, world, sky, warnings })
+        Ok(Self { path: path.to_owned(), folder, document, buffers, world, sky, warnings })
     }
 
     /// The file.
@@ -172,7 +172,7 @@ impl PlainDocument {
             }
             gltf::image::Source::Uri { uri, .. } => {
                 let limit = ReadOptions::default().max_bytes;
-                read_uri(uri, Some(self.path.parent().unwrap_or(Path::new(""))), limit).ok()
+                read_uri(uri, self.folder.as_ref(), limit).ok()
             }
         }
     }

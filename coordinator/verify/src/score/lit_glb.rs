@@ -5,6 +5,8 @@ use std::path::Path;
 use glam::DVec3;
 use gltf::Semantic;
 
+use document::ReadOptions;
+
 use super::ScoreError;
 use crate::plain::PlainError;
 use crate::plain::source::{PlainDocument, label};
@@ -22,7 +24,7 @@ pub(super) struct LitTriangles {
 
 /// Reads the triangles of a lit scene.
 pub(super) fn read(path: &Path) -> Result<LitTriangles, ScoreError> {
-    let document = PlainDocument::open(path, None)?;
+    let document = PlainDocument::open(path, &ReadOptions::default())?;
     let mut lit = LitTriangles::default();
     for (node, primitive) in document.primitives() {
         let accessor = primitive.get(&Semantic::Extras("IRRADIANCE".into()));

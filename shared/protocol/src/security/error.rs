@@ -11,6 +11,9 @@ pub enum SecurityError {
         /// The options that are not given.
         missing: Vec<&'static str>,
     },
+    /// Names of certificates without encryption.
+    #[error("names of callers are those in their certificates: give --tls-ca, --tls-cert and --tls-key, too")]
+    CallersWithoutTls,
     /// Encryption and plain text are both asked for.
     #[error("--plaintext and the --tls-* files contradict each other: give either")]
     Contradiction,

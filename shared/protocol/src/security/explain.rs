@@ -80,6 +80,12 @@ fn words(error: &TlsError) -> String {
             CertificateError::UnknownIssuer | CertificateError::BadSignature => {
                 "the other end's certificate is not of the authority in --tls-ca: both ends need certificates of one"
             }
+            CertificateError::InvalidPurpose | CertificateError::InvalidPurposeContext { .. } => {
+                "the other end's certificate is for another purpose: extendedKeyUsage is clientAuth at callers, serverAuth at servers"
+            }
+            CertificateError::ApplicationVerificationFailure => {
+                "the other end's certificate has none of the names in --tls-callers"
+            }
             _ => "the other end's certificate is not accepted",
         },
         TlsError::NoCertificatesPresented => {
@@ -91,6 +97,9 @@ fn words(error: &TlsError) -> String {
             }
             AlertDescription::UnknownCA | AlertDescription::DecryptError => {
                 "the other end does not accept this end's certificate: both ends need certificates of one authority"
+            }
+            AlertDescription::AccessDenied => {
+                "the other end does not accept callers with the names of this end's certificate: its --tls-callers says which"
             }
             AlertDescription::CertificateExpired => "this end's certificate has expired: make a new one",
             refusal if REFUSALS.contains(refusal) => "the other end does not accept this end's certificate",

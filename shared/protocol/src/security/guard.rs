@@ -1,7 +1,7 @@
 use tonic::service::Interceptor;
 use tonic::{Request, Status};
 
-use super::Token;
+use super::{Caller, Token};
 
 /// Refuses calls without the token, if one is demanded, before anything of them is read.
 #[derive(Debug, Clone, Default)]
@@ -21,7 +21,12 @@ impl Interceptor for Guard {
     fn call(&mut self, request: Request<()>) -> Result<Request<()>, Status> {
         let Some(token) = &self.token else { return Ok(request) };
         match request.metadata().get("authorization") {
-            Some(header) if token.is_in(header.as_bytes()) => Ok(request),
+            Some(header) if token.is_in(header.as_bytes()) => {
+                if let Some(caller) = request.extensions().get::<Caller>() {
+                    caller.trust();
+                }
+                Ok(request)
+            }
             Some(_) => Err(Status::unauthenticated(
                 "the token is not this worker's: give --token-file with the same token on both sides",
             )),

@@ -10,6 +10,7 @@ use rustls::{RootCertStore, ServerConfig};
 use tonic::transport::{Certificate, ClientTlsConfig, Identity};
 
 use super::SecurityError;
+use super::callers::NamedCallers;
 
 /// Name of HTTP/2 in a handshake.
 const HTTP2: &[u8] = b"h2";
@@ -31,8 +32,7 @@ impl TlsFiles {
     /// # Errors
     /// When a file cannot be read, is not the PEM that it should be, or the key is another certificate's.
     pub fn load(self) -> Result<Tls, SecurityError> {
-        let loaded = Arc::new(self.check(self.read()?)?);
-        Ok(Tls { files: self, state: Arc::new(Mutex::new(State { loaded, refused: None })) })
+        Tls::new(self, vec![])
     }
 
     fn read(&self) -> Result<Contents, SecurityError> {
@@ -42,7 +42,7 @@ impl TlsFiles {
         Ok(Contents { ca, certificate, key })
     }
 
-    fn check(&self, contents: Contents) -> Result<Loaded, SecurityError> {
+    fn check(&self, contents: Contents, callers: &[ServerName<'static>]) -> Result<Loaded, SecurityError> {
         let content = |option, path: &Path, expected, reason: String| SecurityError::Content {
             option,
             path: path.into(),
@@ -61,11 +61,12 @@ impl TlsFiles {
         let chain = certificates(&contents.certificate).map_err(not_certificate)?;
         let private = PrivateKeyDer::from_pem_slice(&contents.key).map_err(|error| not_key(pem(&error)))?;
         let provider = Arc::new(ring::default_provider());
-        let server = server(provider, roots, chain, private).map_err(|error| SecurityError::Mismatch {
-            certificate: self.certificate.clone(),
-            key: self.key.clone(),
-            reason: error.to_string(),
-        })?;
+        let server =
+            server(provider, (roots, callers), chain, private).map_err(|error| SecurityError::Mismatch {
+                certificate: self.certificate.clone(),
+                key: self.key.clone(),
+                reason: error.to_string(),
+            })?;
         Ok(Loaded { contents, server: Arc::new(server) })
     }
 }
@@ -95,10 +96,25 @@ struct State {
 #[derive(Clone)]
 pub struct Tls {
     files: TlsFiles,
+    /// Names that callers must have one of, if any.
+    callers: Vec<ServerName<'static>>,
     state: Arc<Mutex<State>>,
 }
 
 impl Tls {
+    fn new(files: TlsFiles, callers: Vec<ServerName<'static>>) -> Result<Self, SecurityError> {
+        let loaded = Arc::new(files.check(files.read()?, &callers)?);
+        Ok(Self { files, callers, state: Arc::new(Mutex::new(State { loaded, refused: None })) })
+    }
+
+    /// The same for a server that takes callers only whose certificate has one of these names.
+    pub(super) fn accepting(self, names: &[String]) -> Result<Self, SecurityError> {
+        let name = |name: &String| {
+            ServerName::try_from(name.clone()).map_err(|_| SecurityError::Name { name: name.clone() })
+        };
+        Self::new(self.files, names.iter().map(name).collect::<Result<_, _>>()?)
+    }
+
     /// Configuration of a server for its next connection: it demands a certificate of the authority. Reads the files.
     #[must_use]
     pub fn server(&self) -> Arc<ServerConfig> {
@@ -128,7 +144,7 @@ impl Tls {
         if read.as_ref().is_ok_and(|contents| *contents == state.loaded.contents) {
             state.refused = None;
         } else {
-            match read.and_then(|contents| self.files.check(contents)) {
+            match read.and_then(|contents| self.files.check(contents, &self.callers)) {
                 Ok(loaded) => {
                     tracing::info!(certificate = %self.files.certificate.display(), "read changed certificates");
                     *state = State { loaded: Arc::new(loaded), refused: None };
@@ -148,7 +164,7 @@ impl Tls {
 
 impl PartialEq for Tls {
     fn eq(&self, other: &Self) -> bool {
-        self.files == other.files
+        self.files == other.files && self.callers == other.callers
     }
 }
 
@@ -163,12 +179,15 @@ impl fmt::Debug for Tls {
 /// Versions of a server: TLS 1.3 alone, since both ends are of one release.
 fn server(
     provider: Arc<CryptoProvider>,
-    roots: RootCertStore,
+    (roots, callers): (RootCertStore, &[ServerName<'static>]),
     chain: Vec<CertificateDer<'static>>,
     key: PrivateKeyDer<'static>,
 ) -> Result<ServerConfig, Box<dyn std::error::Error>> {
-    let verifier =
+    let mut verifier =
         WebPkiClientVerifier::builder_with_provider(roots.into(), Arc::clone(&provider)).build()?;
+    if !callers.is_empty() {
+        verifier = Arc::new(NamedCallers { inner: verifier, names: callers.to_vec() });
+    }
     let mut config = ServerConfig::builder_with_provider(provider)
         .with_protocol_versions(&[&rustls::version::TLS13])?
         .with_client_cert_verifier(verifier)

@@ -50,6 +50,18 @@ impl Transport {
         }
     }
 
+    /// The same for a server that takes callers only whose certificate has one of these names; without names, all of the authority.
+    ///
+    /// # Errors
+    /// When a certificate cannot have such a name, or there are none.
+    pub fn accepting(self, names: &[String]) -> Result<Self, SecurityError> {
+        match self {
+            _ if names.is_empty() => Ok(self),
+            Self::Tls(tls) => Ok(Self::Tls(tls.accepting(names)?)),
+            Self::Plain { .. } => Err(SecurityError::CallersWithoutTls),
+        }
+    }
+
     /// Checks that this address may be listened on or dialled: plain text stays on this machine unless allowed explicitly. A token makes
     /// no difference: in plain text it can be read on the way.
     ///

@@ -66,13 +66,73 @@ fn a_buffer_of_the_scene_is_no_output() {
     }
 }
 
+/// Every command that reads a glTF keeps off the files beside it.
+#[test]
+fn no_command_writes_over_what_is_beside_its_scene() {
+    let (mut document, bytes) = good_scene().document();
+    document["buffers"][0]["uri"] = json!("room.bin");
+    let bench = Bench::new("apart.gltf", document.to_string().as_bytes());
+    let at = |name: &str| bench.folder.path().join(name).display().to_string();
+    let (buffer, link) = (at("room.bin"), at("link.bin"));
+    fs::write(&buffer, &bytes).unwrap();
+    symlink("room.bin", &link).unwrap();
+    let (scene, lit, reference) = (bench.input.display().to_string(), at("lit.gltf"), at("reference.csv"));
+    let run = |arguments: &[&str]| {
+        let run = Command::new(binary("coordinator")).args(arguments).output().unwrap();
+        (run.status.success(), String::from_utf8(run.stderr).unwrap())
+    };
+    for prepared in [
+        &["solve", &scene, "-o", &lit][..],
+        &["reference", &scene, "-o", &reference, "--points", "10", "--paths", "4"],
+    ] {
+        assert!(run(prepared).0, "{prepared:?}");
+    }
+    let lit_buffer = at("lit.bin");
+    let picture = at("picture.png");
+    symlink("lit.bin", &picture).unwrap();
+    for refused in [
+        &["form-factors", &scene, "-o", &buffer][..],
+        &["form-factors", &scene, "-o", &at("factors.csv"), "--areas", &link],
+        &["form-factors", &scene, "-o", &at("factors.csv"), "--report", &buffer],
+        &["reference", &scene, "-o", &link],
+        &["compare", &lit, "--reference", &reference, "--scene", &scene, "--points", &buffer],
+        &["compare", &lit, "--reference", &reference, "--scene", &scene, "--points", &lit_buffer],
+        &["render", &lit, "-o", &picture],
+        &["solve", &scene, "-o", &at("other.glb"), "--report", &link],
+    ] {
+        let (success, said) = run(refused);
+        assert!(
+            !success && said.contains("is the buffer or image of the scene itself"),
+            "{refused:?}: {said}"
+        );
+    }
+    assert_eq!(fs::read(&buffer).unwrap(), bytes);
+}
+
+/// A link that is an output stays one, and what it leads to is replaced.
+#[test]
+fn links_are_written_through() {
+    let bench = Bench::good();
+    let elsewhere = tempfile::tempdir().unwrap();
+    let (link, target) = (bench.folder.path().join("link.glb"), elsewhere.path().join("lit.glb"));
+    fs::write(&target, "old").unwrap();
+    symlink(&target, &link).unwrap();
+    assert!(bench.run(&link, &[]).success);
+    assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
+    assert!(fs::read(&target).unwrap().starts_with(b"glTF"));
+    fs::remove_file(&target).unwrap();
+    let refused = bench.run(&link, &[]);
+    assert!(!refused.success);
+    refused.assert_said(&["leads nowhere"]);
+}
+
 #[test]
 fn only_regular_files_are_replaced() {
     let bench = Bench::good();
     if !Path::new(FULL).exists() {
         return;
     }
-    for option in ["--report", "--keep-light"] {
+    for option in ["--report", "--keep-light", "--checkpoint"] {
         bench.assert_refused(&bench.output(), &[option, FULL], &[FULL, "no regular file"]);
     }
     assert!(!Path::new(FULL).is_file());

@@ -1,4 +1,5 @@
 use std::fs;
+use std::io::Write;
 use std::process::Command;
 
 use tests::service::ServiceProcess;
@@ -63,6 +64,28 @@ fn a_full_disk_refuses_and_loses_nothing() {
     // The header is that of the command line in all that matters.
     assert!(service.result(&accepted) == expected, "the lit file differs");
     assert!(asker.submit(header(&scene), &[]).is_ok());
+}
+
+/// Not one byte is free, and jobs can be cancelled, and stay so.
+#[test]
+fn jobs_are_cancelled_on_a_full_disk() {
+    let room = Room::new();
+    let Some(_mounted) = Small::mount(&room, "4m") else { return };
+    let small = room.folder.path().join("small");
+    // Without workers the jobs wait.
+    let service = ServiceProcess::start(&small.join("data"), &["--workers", "127.0.0.1:1", "--jobs", "1"]);
+    let jobs: Vec<String> = (0..3).map(|_| service.submit(&cornell(), &QUICK)).collect();
+    let ballast = small.join("ballast");
+    // Down to single bytes: whole blocks first.
+    let mut file = fs::File::create(&ballast).unwrap();
+    while file.write(&[1; 4096]).is_ok_and(|written| written > 0) {}
+    for job in &jobs {
+        let cancelled = service.ask(&["cancel", job]);
+        assert!(cancelled.success, "{}", cancelled.errors);
+    }
+    drop(service);
+    let service = ServiceProcess::start(&small.join("data"), &["--workers", "127.0.0.1:1"]);
+    assert_eq!(service.ask(&["jobs"]).text.matches("cancelled").count(), jobs.len());
 }
 
 /// No file may grow beyond a limit that is less than the scene: the same, without a file system of its own.

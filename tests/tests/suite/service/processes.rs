@@ -3,7 +3,8 @@ use std::path::PathBuf;
 
 use glam::{DMat4, DVec3};
 use rustix::process::{Pid, Signal, kill_process};
-use tests::builder::{Material, SceneBuilder};
+use serde_json::json;
+use tests::builder::{Material, SceneBuilder, pack};
 use tests::programs::WorkerProcess;
 use tests::service::ServiceProcess;
 
@@ -90,6 +91,22 @@ fn a_job_that_needs_too_much_memory_fails_alone() {
     );
     assert!(!service.result(&small).is_empty());
     wait_for("all processes of jobs have ended", || children(service.id()).is_empty());
+}
+
+/// Three hundred kilobytes that show a mesh of six thousand triangles four thousand times: told from the file.
+#[test]
+fn a_job_whose_file_tells_that_it_is_too_large_is_not_begun() {
+    let room = Room::new();
+    let service = room.start(&["--memory-per-job", "200"]);
+    let triangle = [DVec3::ZERO, DVec3::X, DVec3::Y].to_vec();
+    let scene = SceneBuilder::new().part("tiles", &vec![triangle; 6000], Material::grey(0.5).emitting(1.0));
+    let (mut document, binary) = scene.document();
+    let nodes: Vec<_> = (0..4000).map(|x| json!({ "mesh": 0, "translation": [x, 0, 0] })).collect();
+    document["scenes"][0]["nodes"] = (0..nodes.len()).collect();
+    document["nodes"] = nodes.into();
+    let job = service.submit(&room.file("many.glb", &pack(&document, &binary)), &[]);
+    let failed = service.ask(&["watch", &job]);
+    assert!(!failed.success && failed.errors.contains("MiB of memory at least"), "{}", failed.errors);
 }
 
 /// Whoever kills a job's process, the job resumes; after three times it is given up, with the reason.

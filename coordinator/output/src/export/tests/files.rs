@@ -3,6 +3,7 @@
 use serde_json::json;
 
 use super::*;
+use ::document::Folder;
 use fixtures::square;
 
 fn names(directory: &TempDir) -> Vec<String> {
@@ -76,7 +77,7 @@ fn images_beside_the_input_are_in_the_output_byte_for_byte() {
     fs::create_dir(input.path().join("maps")).unwrap();
     fs::write(input.path().join("maps/oak 1.png"), &png).unwrap();
     fs::write(input.path().join("notes.txt"), "no image").unwrap();
-    scene.source.folder = Some(input.path().to_owned());
+    scene.source.folder = Some(Folder::of(&input.path().join("scene.gltf"), false));
     let image = |uri: &str| gltf::json::deserialize::from_value(json!({ "uri": uri })).unwrap();
     let uris = ["maps/oak%201.png", "gone.png", "notes.txt", "../up.png", "data:image/png;base64,AA=="];
     scene.source.root.images = uris.map(image).to_vec();

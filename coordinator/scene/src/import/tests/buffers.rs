@@ -25,9 +25,12 @@ fn folder_with(uri: &str) -> tempfile::TempDir {
 }
 
 fn import_from(folder: &Path) -> Result<(), ImportProblem> {
-    import(&folder.join("scenes/scene.gltf"), &ImportOptions::default())
-        .map(drop)
-        .map_err(|error| *error.problem)
+    import_within(folder, false)
+}
+
+fn import_within(folder: &Path, outside_files: bool) -> Result<(), ImportProblem> {
+    let options = test_document::limited(ReadOptions { outside_files, ..ReadOptions::default() });
+    import(&folder.join("scenes/scene.gltf"), &options).map(drop).map_err(|error| *error.problem)
 }
 
 #[test]
@@ -58,6 +61,66 @@ fn nothing_outside_the_folder_is_read() {
         let folder = folder_with(uri);
         let problem = import_from(folder.path()).unwrap_err();
         assert!(matches!(problem, ImportProblem::RefusedUri { buffer: 0, .. }), "{uri}: {problem}");
+    }
+}
+
+/// Links are resolved before it is asked where a file lies.
+#[cfg(unix)]
+#[test]
+fn links_lead_out_of_the_folder_only_where_that_is_allowed() {
+    use std::os::unix::fs::symlink;
+    let folder = folder_with("link.bin");
+    let link = folder.path().join("scenes/link.bin");
+    let outside = folder.path().join("outside.bin");
+    symlink("data/buffer.bin", &link).unwrap();
+    import_from(folder.path()).unwrap();
+    for target in [Path::new("../outside.bin"), &outside] {
+        fs::remove_file(&link).unwrap();
+        symlink(target, &link).unwrap();
+        let problem = import_from(folder.path()).unwrap_err();
+        assert!(matches!(problem, ImportProblem::RefusedUri { .. }), "{problem}");
+        assert!(problem.to_string().contains("--outside-files"), "{problem}");
+        import_within(folder.path(), true).unwrap();
+    }
+    // Through a folder that is a link.
+    let folder = folder_with("elsewhere/outside.bin");
+    symlink(folder.path(), folder.path().join("scenes/elsewhere")).unwrap();
+    assert!(matches!(import_from(folder.path()).unwrap_err(), ImportProblem::RefusedUri { .. }));
+    import_within(folder.path(), true).unwrap();
+    // The scene itself may lie behind a link: its folder is that of the name that was given.
+    let folder = folder_with("data/buffer.bin");
+    symlink(folder.path().join("scenes"), folder.path().join("shelf")).unwrap();
+    import(&folder.path().join("shelf/scene.gltf"), &ImportOptions::default()).unwrap();
+}
+
+#[test]
+fn files_elsewhere_are_read_where_that_is_allowed() {
+    let other = folder_with("");
+    let absolute = other.path().join("outside.bin");
+    for (uri, is_read) in [
+        ("../outside.bin", true),
+        (absolute.to_str().unwrap(), true),
+        ("file:///etc/hostname", false),
+        ("..\\outside.bin", false),
+    ] {
+        let folder = folder_with(uri);
+        assert_eq!(import_within(folder.path(), true).is_ok(), is_read, "{uri}");
+    }
+}
+
+/// None of these has an end: they would be read for ever.
+#[cfg(unix)]
+#[test]
+fn only_regular_files_are_read() {
+    let folder = folder_with("pipe.bin");
+    let pipe = folder.path().join("scenes/pipe.bin");
+    assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    let device = folder_with("/dev/zero");
+    let directory = folder_with("data");
+    for folder in [folder, device, directory] {
+        let problem = import_within(folder.path(), true).unwrap_err();
+        assert!(matches!(problem, ImportProblem::RefusedUri { .. }), "{problem}");
+        assert!(problem.to_string().contains("no regular file"), "{problem}");
     }
 }
 

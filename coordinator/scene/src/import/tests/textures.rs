@@ -176,7 +176,7 @@ fn vertex_colours_are_colours_of_the_surface() {
     assert_eq!(scene.import_report.modelled[0], "1 primitive with vertex colours");
 
     let mut textured = Textured::new();
-    textured.colours(&SQUARE.map(|[x, _, _]| [x, 1.0, f32::NAN, 1.0]));
+    textured.colours(&SQUARE.map(|[x, _, _]| [x, 1.0, 1.0, 1.0]));
     let scene = textured.scene(material);
     assert_near(cloth(&scene).reflectance, DVec3::new(0.25, 0.5, 0.5));
     let right = cloth(&scene).mean_reflectance(0, &part(&scene, [0.5, 0.0], [1.0, 1.0]));

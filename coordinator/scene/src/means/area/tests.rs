@@ -228,3 +228,38 @@ fn images_of_one_colour_say_so() {
     values[3].w = 0.5;
     assert_eq!(AreaMeans::new(grid(values)).constant(), None);
 }
+
+/// Counts how often its texels are asked for.
+struct Counting(Grid, std::sync::atomic::AtomicUsize);
+
+impl Raster for Counting {
+    fn size(&self) -> [u32; 2] {
+        self.0.size()
+    }
+
+    fn texel(&self, column: u32, row: u32) -> DVec4 {
+        self.1.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+        self.0.texel(column, row)
+    }
+}
+
+/// An image repeated a million times costs no more than one repeated a thousand times, and has the mean of the whole.
+#[test]
+fn huge_coordinates_cost_nothing() {
+    let grid = random_grid(&mut SmallRng::seed_from_u64(7), [64, 32]);
+    let mean = grid.values.iter().sum::<DVec4>() / grid.values.len() as f64;
+    let means = AreaMeans::new(Counting(grid, Default::default()));
+    for filter in [Filter::Nearest, Filter::Linear] {
+        for wrap in [Wrap::Repeat, Wrap::Mirror] {
+            let sampler = Sampler { wrap_u: wrap, wrap_v: wrap, filter };
+            for scale in [1e3, 1e6, 1e8] {
+                let polygon = [DVec2::ZERO, DVec2::new(scale, 0.25 * scale), DVec2::new(0.5 * scale, scale)];
+                means.raster().1.store(0, std::sync::atomic::Ordering::Relaxed);
+                let over = means.over(&polygon, &sampler).unwrap();
+                assert!((over - mean).abs().max_element() < 0.01, "{scale} {over} {mean}");
+                let asked = means.raster().1.load(std::sync::atomic::Ordering::Relaxed);
+                assert!(asked < 1 << 20, "{asked} texels at {scale}");
+            }
+        }
+    }
+}

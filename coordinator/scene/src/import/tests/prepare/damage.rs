@@ -122,3 +122,21 @@ fn zeros_are_no_more_than_the_bytes_of_the_file() {
     let claimed = displaced.problem().to_string();
     assert!(claimed.contains("more elements than the file has bytes"), "{claimed}");
 }
+
+/// Forty million triangles in twenty bytes: refused before there is room for them.
+#[test]
+fn draco_data_are_not_taken_at_their_word() {
+    let mut document = TestDocument::square();
+    require(&mut document, "KHR_draco_mesh_compression");
+    // Version 2.2, a mesh, of the edge breaker, no flags; then its kind, numbers of vertices and faces, no further attributes,
+    // numbers of symbols and splits.
+    const FORTY_MILLION: [u8; 4] = [0x80, 0xb4, 0x89, 0x13];
+    let mut data = b"DRACO\x02\x02\x01\x01\x00\x00".to_vec();
+    data.extend([&[0][..], &FORTY_MILLION, &FORTY_MILLION, &[0], &FORTY_MILLION, &[0; 8]].concat());
+    let compressed = document.accessor(&data, 5121, "SCALAR", data.len());
+    let view = document.root["accessors"][compressed]["bufferView"].clone();
+    primitive(&mut document)["extensions"]["KHR_draco_mesh_compression"] =
+        json!({ "bufferView": view, "attributes": { "POSITION": 0 } });
+    let message = document.problem().to_string();
+    assert!(message.contains("faces") && message.contains("ceiling"), "{message}");
+}

@@ -137,3 +137,30 @@ fn faults_are_named() {
     document.root["meshes"][0]["weights"] = json!([1.0]);
     assert!(document.problem().to_string().contains("a morph target"));
 }
+
+#[test]
+fn weights_are_finite() {
+    for wrong in [f32::NAN, f32::INFINITY] {
+        let mut document = skinned();
+        let weights = document.floats("VEC4", &[[1.0, 0.0, wrong, 0.0]; 4]);
+        primitive(&mut document)["attributes"]["WEIGHTS_0"] = weights.into();
+        let message = document.problem().to_string();
+        assert!(message.contains("node \"thing\"") && message.contains("has a weight of"), "{message}");
+    }
+}
+
+/// Nodes times joints is far more than the file has of either.
+#[test]
+fn many_nodes_with_a_skin_of_many_joints_are_refused_before_they_are_placed() {
+    let mut document = skinned();
+    let first = document.root["nodes"].as_array().unwrap().len();
+    for _ in 0..3000 {
+        document.root_node(json!({}));
+    }
+    document.root["skins"] = json!([{ "joints": (first..first + 3000).collect::<Vec<_>>() }]);
+    for _ in 0..3000 {
+        document.root_node(json!({ "name": "again", "mesh": 0, "skin": 0 }));
+    }
+    let message = document.problem().to_string();
+    assert!(message.contains("more joints than a file of this length can need"), "{message}");
+}
