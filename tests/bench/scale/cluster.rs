@@ -323,6 +323,10 @@ impl RowService for Simulated<'_> {
         self.model.workers.len()
     }
 
+    fn jobs_ahead(&self) -> usize {
+        4 * self.model.workers.len() + self.ahead
+    }
+
     fn withdraw(&mut self) {
         self.submitted.clear();
     }

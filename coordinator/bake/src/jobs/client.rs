@@ -13,9 +13,11 @@ use super::sizes::Pace;
 use crate::error::{BakeError, Result};
 use crate::observer::Observer;
 
-/// Most jobs under way where rows are requested in bulk: enough for a hundred threads, few enough that rows which wait for
-/// their turn take little memory.
-const MOST_UNDER_WAY: usize = 256;
+/// Least jobs under way where rows are requested in bulk, however few threads there are.
+const LEAST_UNDER_WAY: usize = 64;
+
+/// Most pairs under way where rows are requested in bulk: rows that wait for their turn take half a gigabyte at most.
+const MOST_PAIRS_UNDER_WAY: usize = 1 << 27;
 
 /// Cost of a ray of a hemisphere, in pairs.
 const PAIRS_PER_RAY: usize = 4;
@@ -49,6 +51,10 @@ pub trait RowService {
     fn threads(&self) -> usize {
         1
     }
+    /// Returns how many jobs keep all threads busy: those computed, those that wait there, and those on their way.
+    fn jobs_ahead(&self) -> usize {
+        4 * self.threads()
+    }
     /// Waits for the next finished job, in any order. `None` where there is none within about `patience`.
     ///
     /// # Errors
@@ -75,6 +81,10 @@ impl<S: RowService + ?Sized> RowService for &mut S {
 
     fn threads(&self) -> usize {
         (**self).threads()
+    }
+
+    fn jobs_ahead(&self) -> usize {
+        (**self).jobs_ahead()
     }
 
     fn next(&mut self, patience: Duration) -> Result<Option<FinishedJob>, BakeError> {
@@ -125,6 +135,13 @@ pub struct RowBatch {
     pub set: ReceiverSet,
     /// Which of these rows were made before: they do not count as what the scene needs.
     pub again: Vec<bool>,
+}
+
+impl RowBatch {
+    /// Its cost, in pairs.
+    fn pairs(&self) -> usize {
+        self.shooters.len() * self.set.pairs
+    }
 }
 
 /// A job under way.
@@ -277,6 +294,11 @@ impl<'a> RowClient<'a> {
         self.service.threads().max(1)
     }
 
+    /// How many jobs keep all threads busy.
+    pub fn jobs_ahead(&self) -> usize {
+        self.service.jobs_ahead().max(1)
+    }
+
     /// Submits batches until there are no more, a bounded number at a time, and hands over the answers in the order of the
     /// batches, each with its tag. No other job may be under way.
     pub fn in_order<T>(
@@ -286,12 +308,17 @@ impl<'a> RowClient<'a> {
     ) -> Result<()> {
         let mut under_way = VecDeque::new();
         let mut arrived: BTreeMap<u64, FinishedJob> = BTreeMap::new();
-        let (mut submitted, mut taken) = (0, 0);
+        let (mut submitted, mut taken, mut pairs_under_way) = (0, 0, 0);
         loop {
-            while under_way.len() < MOST_UNDER_WAY
+            // Answers that wait for an earlier one keep no thread busy.
+            let most = self.jobs_ahead().max(LEAST_UNDER_WAY);
+            while under_way.len() - arrived.len() < most
+                && pairs_under_way < MOST_PAIRS_UNDER_WAY
                 && let Some((tag, batch)) = batches(self)
             {
-                under_way.push_back(tag);
+                let pairs = batch.pairs();
+                pairs_under_way += pairs;
+                under_way.push_back((tag, pairs));
                 self.submit(submitted, batch);
                 submitted += 1;
             }
@@ -301,8 +328,9 @@ impl<'a> RowClient<'a> {
             let (number, finished) = self.next()?;
             arrived.insert(number, finished);
             while let Some(finished) = arrived.remove(&taken)
-                && let Some(tag) = under_way.pop_front()
+                && let Some((tag, pairs)) = under_way.pop_front()
             {
+                pairs_under_way -= pairs;
                 take(tag, finished);
                 taken += 1;
             }
@@ -313,7 +341,7 @@ impl<'a> RowClient<'a> {
     pub fn submit(&mut self, tag: u64, batch: RowBatch) {
         let job = JobId(self.next_job);
         self.next_job += 1;
-        let pairs = batch.shooters.len() * batch.set.pairs;
+        let pairs = batch.pairs();
         self.jobs.insert(job, PendingJob { tag, again: batch.again, pairs });
         let request = RowRequest {
             scene: if batch.set.is_scene { batch.set.digest } else { self.scene },

@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
 
 use kernel::replica::{Digest, EncodedReplica};
 use protocol::telemetry::Held;
@@ -61,6 +62,8 @@ pub(super) enum News {
         /// The worker's words.
         message: String,
     },
+    /// A message to the worker and its answer took this long.
+    RoundTrip(Duration),
     /// The session is over; no news follows.
     Lost(LostWorkerReason),
 }
@@ -250,6 +253,7 @@ impl<T: Fn(News)> Session<T> {
             Some(Incoming::KeepAlive(answer)) => {
                 if let Some(time) = self.pulse.answered(answer, Instant::now(), is_uploading)? {
                     self.metrics.own.round_trip(time);
+                    (self.tell)(News::RoundTrip(time));
                 }
             }
             Some(Incoming::Goodbye(Goodbye { reason })) => return Err(LostWorkerReason::Left(reason)),
