@@ -12,6 +12,7 @@ use kernel::row::{Row, RowRequest, decode_row};
 use prost::Message;
 use protocol::worker::RowStatistics;
 use rayon::prelude::*;
+use rayon::{ThreadPool, ThreadPoolBuilder};
 use worker::job::Job;
 use worker::store::{Replica, ReplicaStore};
 
@@ -35,6 +36,8 @@ pub struct Recorded {
 pub struct Recorder {
     rows: HashMap<Digest, Arc<Recorded>>,
     replicas: HashMap<Digest, Published>,
+    /// Computes rows: the threads of the bake have one core, so that what they share can be told.
+    pool: ThreadPool,
     file: BufWriter<File>,
 }
 
@@ -60,7 +63,7 @@ impl Recorder {
             }
         }
         let file = BufWriter::new(OpenOptions::new().create(true).append(true).open(path)?);
-        Ok(Self { rows, replicas: HashMap::new(), file })
+        Ok(Self { rows, replicas: HashMap::new(), pool: ThreadPoolBuilder::new().build()?, file })
     }
 
     /// Makes a replica ready.
@@ -102,27 +105,29 @@ impl Recorder {
                 (key, request.receiver_count, job)
             })
             .collect();
-        let made: Vec<(Digest, Vec<u8>, Recorded)> = jobs
-            .into_par_iter()
-            .map(|(key, receivers, job)| {
-                let start = processor_time();
-                let finished = job.compute();
-                let computed = processor_time();
-                let row = decode_row(&finished.rows[0], receivers as usize)
-                    .expect("what was just encoded can be decoded");
-                let decode = processor_time() - computed;
-                let bytes = finished.rows[0].to_vec();
-                let statistics = finished.statistics[0];
-                let recorded = Recorded {
-                    row,
-                    statistics,
-                    bytes: bytes.len() as u64,
-                    compute: computed - start,
-                    decode,
-                };
-                (key, bytes, recorded)
-            })
-            .collect();
+        let compute = |jobs: Vec<(Digest, u32, Job)>| -> Vec<(Digest, Vec<u8>, Recorded)> {
+            jobs.into_par_iter()
+                .map(|(key, receivers, job)| {
+                    let start = processor_time();
+                    let finished = job.compute();
+                    let computed = processor_time();
+                    let row = decode_row(&finished.rows[0], receivers as usize)
+                        .expect("what was just encoded can be decoded");
+                    let decode = processor_time() - computed;
+                    let bytes = finished.rows[0].to_vec();
+                    let statistics = finished.statistics[0];
+                    let recorded = Recorded {
+                        row,
+                        statistics,
+                        bytes: bytes.len() as u64,
+                        compute: computed - start,
+                        decode,
+                    };
+                    (key, bytes, recorded)
+                })
+                .collect()
+        };
+        let made = self.pool.install(|| compute(jobs));
         for (key, bytes, recorded) in made {
             write(&mut self.file, key, &bytes, &recorded).expect("rows can be kept");
             self.rows.insert(key, Arc::new(recorded));

@@ -6,7 +6,8 @@ use std::time::Duration;
 
 use kernel::geometry::ConvexPolygon;
 use kernel::replica::{Digest, EncodedReplica, Receivers, encode_receivers, encode_translucent_scene};
-use kernel::row::{FinishedJob, JobId, Precision, Row, RowRequest, Shooter};
+use kernel::row::{FinishedJob, JobId, Precision, Row, RowRequest, Shape, Shooter};
+use kernel::visibility::MANY_POLYGONS;
 
 use super::monitor::Monitor;
 use super::sizes::Pace;
@@ -24,6 +25,9 @@ const PAIRS_PER_RAY: usize = 4;
 
 /// Receivers of a part of a row, where there are few rows: a multiple of the groups that receivers and factors come in.
 const RANGE: usize = 1 << 14;
+
+/// The same of rows whose shooters have many polygons, like the pieces of a sky: each pair takes some hundred times as long.
+const RANGE_OF_MANY: usize = 1 << 10;
 
 /// From this number of rows on, all threads have work without any row being cut.
 const FEW_ROWS: usize = 64;
@@ -111,10 +115,10 @@ impl ReceiverSet {
         self.count
     }
 
-    /// The set in consecutive parts.
-    fn parts(self) -> impl Iterator<Item = Self> {
-        (0..self.count).step_by(RANGE).map(move |first| {
-            let count = RANGE.min(self.count - first);
+    /// The set in consecutive parts of this many receivers.
+    fn parts(self, receivers: usize) -> impl Iterator<Item = Self> {
+        (0..self.count).step_by(receivers).map(move |first| {
+            let count = receivers.min(self.count - first);
             Self { first: self.first + first, count, pairs: count, ..self }
         })
     }
@@ -124,6 +128,15 @@ impl ReceiverSet {
     pub fn seen_by(self, rays: u32) -> Self {
         // A ray through the scene takes about as long as some pairs with little between.
         Self { pairs: PAIRS_PER_RAY * rays as usize, ..self }
+    }
+}
+
+/// Whether a shooter has so many polygons that rows are computed for all of them together.
+fn has_many_polygons(shooter: &Shooter) -> bool {
+    match &shooter.shape {
+        Shape::Polygons(polygons) => polygons.len() >= MANY_POLYGONS,
+        Shape::Weighted(_) => true,
+        _ => false,
     }
 }
 
@@ -232,8 +245,9 @@ impl<'a> RowClient<'a> {
         set: ReceiverSet,
         mut take: impl FnMut(usize, &Row, f64),
     ) -> Result<()> {
-        if !set.is_scene && set.count > RANGE && shooters.len() < FEW_ROWS {
-            return self.each_row_in_parts(shooters, set, take);
+        let range = if shooters.iter().any(has_many_polygons) { RANGE_OF_MANY } else { RANGE };
+        if !set.is_scene && set.count > range && shooters.len() < FEW_ROWS {
+            return self.each_row_in_parts(shooters, set, range, take);
         }
         self.monitor.expect_rows(shooters.len() as u64);
         let (mut asked, mut next) = (0, 0);
@@ -257,10 +271,11 @@ impl<'a> RowClient<'a> {
         &mut self,
         shooters: &[Shooter],
         set: ReceiverSet,
+        range: usize,
         mut take: impl FnMut(usize, &Row, f64),
     ) -> Result<()> {
-        let mut jobs = shooters.iter().flat_map(|shooter| set.parts().map(move |part| (shooter, part)));
-        let parts = set.count.div_ceil(RANGE);
+        let mut jobs = shooters.iter().flat_map(|shooter| set.parts(range).map(move |part| (shooter, part)));
+        let parts = set.count.div_ceil(range);
         self.monitor.expect_rows((shooters.len() * parts) as u64);
         let batches = |_: &Self| {
             let (shooter, set) = jobs.next()?;

@@ -26,6 +26,9 @@ use super::upload::{UploadFailure, upload};
 use crate::metrics::{Metrics, WorkerMetrics};
 use crate::scheduler::JobId;
 
+/// Jobs of more time than this are told of in the log: others may have waited for them.
+const LONG_JOB: Duration = Duration::from_millis(500);
+
 /// A command to a session.
 pub(super) enum Command {
     /// Send a job.
@@ -267,6 +270,9 @@ impl<T: Fn(News)> Session<T> {
     fn finished(&self, answer: Checked) {
         let work = &answer.work;
         self.metrics.own.answered(work.rows(), work.rays(), work.busy());
+        if work.busy() > LONG_JOB {
+            tracing::debug!(job = %work.job(), rows = work.rows(), busy = ?work.busy(), "a long job");
+        }
         (self.tell)(News::Finished(answer));
     }
 
