@@ -10,6 +10,7 @@ use std::sync::Arc;
 use kernel::replica::{Digest, EncodedReplica};
 use kernel::row::{Row, RowRequest, decode_row};
 use prost::Message;
+use protocol::packing::{packed, unpacked};
 use protocol::worker::RowStatistics;
 use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -45,6 +46,8 @@ pub struct Recorder {
 struct Published {
     encoded: EncodedReplica,
     replica: Replica,
+    /// Bytes that travel.
+    length: u64,
     prepare: Nanoseconds,
 }
 
@@ -68,18 +71,22 @@ impl Recorder {
 
     /// Makes a replica ready.
     pub fn publish(&mut self, encoded: EncodedReplica) {
+        let packed = packed(&encoded.bytes);
+        let length = packed.as_ref().map_or(encoded.bytes.len(), Vec::len) as u64;
         let start = processor_time();
-        let replica =
-            Replica::decode(encoded.kind, &encoded.bytes).expect("what was just encoded can be decoded");
+        let unpacked =
+            packed.map(|packed| unpacked(&packed, encoded.bytes.len() as u64).expect("it was packed"));
+        let bytes = unpacked.as_deref().unwrap_or(&encoded.bytes);
+        let replica = Replica::decode(encoded.kind, bytes).expect("what was just encoded can be decoded");
         let prepare = processor_time() - start;
-        self.replicas.insert(encoded.digest, Published { encoded, replica, prepare });
+        self.replicas.insert(encoded.digest, Published { encoded, replica, length, prepare });
     }
 
     /// Length of a replica, and the processor time to make it ready.
     #[must_use]
     pub fn replica(&self, digest: Digest) -> (u64, Nanoseconds) {
         let published = &self.replicas[&digest];
-        (published.encoded.bytes.len() as u64, published.prepare)
+        (published.length, published.prepare)
     }
 
     /// Computes all rows of these requests that are not known yet.

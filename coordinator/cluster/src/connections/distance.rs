@@ -87,13 +87,13 @@ mod tests {
         let mut distances = Distances::default();
         distances.joined(worker, 2);
         assert_eq!(distances.answered_after(worker, millis(200)), None, "nothing is known of its jobs");
-        assert_eq!(distances.computed(worker, millis(50)), Some(2 * (2 + 4) + 1));
+        assert_eq!(distances.computed(worker, millis(50)), Some(2 * (2 + 8) + 1));
         assert_eq!(distances.computed(worker, millis(50)), None, "as before");
-        assert_eq!(distances.ahead(), 8);
+        assert_eq!(distances.ahead(), 16);
         assert_eq!(distances.answered_after(worker, millis(210)), None, "as before");
         assert_eq!(
             distances.answered_after(worker, millis(40)),
-            Some(2 * (2 + 1) + 1),
+            Some(2 * (2 + 2) + 1),
             "the shortest counts"
         );
         distances.lost(worker);

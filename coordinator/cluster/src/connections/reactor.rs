@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicUsize;
 use std::sync::atomic::Ordering::Relaxed;
 
-use kernel::replica::{Digest, EncodedReplica};
+use kernel::replica::Digest;
 use protocol::worker::FailureReason;
 use tokio::sync::{mpsc, oneshot};
 use tokio::time::{Instant, Interval, interval, sleep_until};
@@ -22,6 +22,7 @@ use super::request::Request;
 use super::session::{Command, LostWorkerReason, News};
 use super::settings::{ClusterSettings, Schedule};
 use super::summary::{ClusterCounts, Delivery};
+use super::upload::Published;
 use super::waiting::{Ready, Waiting};
 use crate::scheduler::{Abandonment, Action, Event, JobId, Policy, Scheduler, WorkerId};
 
@@ -56,7 +57,7 @@ pub(super) struct Reactor<O> {
     settings: ClusterSettings,
     members: Arc<Members>,
     scheduler: Scheduler,
-    replicas: HashMap<Digest, EncodedReplica>,
+    replicas: HashMap<Digest, Arc<Published>>,
     requests: HashMap<JobId, Arc<Request>>,
     sessions: BTreeMap<WorkerId, mpsc::UnboundedSender<Command>>,
     accounts: Accounts,
@@ -173,7 +174,7 @@ impl<O: ReactorObserver> Reactor<O> {
     fn take(&mut self, message: Message) {
         match message {
             Message::Publish(replica) => {
-                self.replicas.insert(replica.digest, replica);
+                self.replicas.insert(replica.digest, Arc::new(Published::new(replica)));
             }
             Message::Release(digest) => {
                 self.replicas.remove(&digest);
@@ -388,8 +389,8 @@ impl<O: ReactorObserver> Reactor<O> {
                 Action::LoadReplica { worker, digest } => match self.replicas.get(&digest) {
                     Some(replica) => {
                         let place = (self.accounts.name(worker), self.accounts.address(worker));
-                        match self.refusals.sends(worker, place, replica) {
-                            Ok(()) => self.command(worker, Command::Load(replica.clone())),
+                        match self.refusals.sends(worker, place, &replica.replica) {
+                            Ok(()) => self.command(worker, Command::Load(Arc::clone(replica))),
                             Err(message) => refused.push((worker, digest, message)),
                         }
                     }
