@@ -95,7 +95,7 @@ mod tests {
     fn the_bits_are_those_of_one_row_after_the_other() {
         let receivers = 2 * RANGE + 77;
         let factor = |x: usize, a: usize| {
-            if (a / 100 + x) % 3 == 0 { 0.0 } else { 1.0 / (1 + (7 * x + 13 * a) % 1000) as f32 }
+            if (a / 100 + x).is_multiple_of(3) { 0.0 } else { 1.0 / (1 + (7 * x + 13 * a) % 1000) as f32 }
         };
         let rows: Vec<Row> =
             (0..ROWS).map(|x| Row::new(&(0..receivers).map(|a| factor(x, a)).collect::<Vec<_>>())).collect();
