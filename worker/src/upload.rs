@@ -1,6 +1,7 @@
 //! One replica on its way in: what a header may promise, and what the bytes must keep.
 
 use kernel::replica::{Digest, ReplicaError};
+use protocol::packing::unpacked;
 use protocol::worker::{ReplicaHeader, ReplicaKind};
 
 use crate::store::Replica;
@@ -22,6 +23,14 @@ pub enum UploadError {
         length: u64,
         /// Largest length accepted.
         largest: u64,
+    },
+    /// The bytes are not in the format that the header promised.
+    #[error("replica {digest} cannot be unpacked: {cause}")]
+    Packing {
+        /// The replica.
+        digest: Digest,
+        /// What is wrong with its bytes.
+        cause: String,
     },
     /// More or fewer bytes than the header promised.
     #[error("replica {digest} was announced with {announced} bytes, but {received} came")]
@@ -52,6 +61,8 @@ pub struct Upload {
     digest: Digest,
     kind: ReplicaKind,
     length: u64,
+    /// Of the bytes that come, where they are packed.
+    packed: Option<u64>,
     bytes: Vec<u8>,
 }
 
@@ -66,7 +77,12 @@ impl Upload {
         if length > largest {
             return Err(UploadError::TooLarge { digest, length, largest });
         }
-        Ok(Self { digest, kind: header.kind(), length, bytes: vec![] })
+        // What is packed is shorter than the message.
+        let packed = Some(header.packed_length).filter(|packed| *packed > 0);
+        if let Some(packed) = packed.filter(|packed| *packed >= length) {
+            return Err(UploadError::Length { digest, announced: length, received: packed });
+        }
+        Ok(Self { digest, kind: header.kind(), length, packed, bytes: vec![] })
     }
 
     /// Name of the replica.
@@ -87,11 +103,16 @@ impl Upload {
     /// When they are more than the header announced.
     pub fn push(&mut self, data: &[u8]) -> Result<(), UploadError> {
         let received = (self.bytes.len() + data.len()) as u64;
-        if received > self.length {
-            return Err(UploadError::Length { digest: self.digest, announced: self.length, received });
+        if received > self.coming() {
+            return Err(UploadError::Length { digest: self.digest, announced: self.coming(), received });
         }
         self.bytes.extend_from_slice(data);
         Ok(())
+    }
+
+    /// Bytes that come in all.
+    fn coming(&self) -> u64 {
+        self.packed.unwrap_or(self.length)
     }
 
     /// Checks the bytes against length and digest and makes the replica ready.
@@ -99,21 +120,37 @@ impl Upload {
     /// # Errors
     /// When bytes are missing, were changed, or are not a replica.
     pub fn finish(self) -> Result<Replica, UploadError> {
-        let received = self.bytes.len() as u64;
-        if received != self.length {
-            return Err(UploadError::Length { digest: self.digest, announced: self.length, received });
-        }
-        let received = Digest::of(&self.bytes);
+        let is_complete = |announced: u64, bytes: &[u8]| {
+            let received = bytes.len() as u64;
+            let digest = self.digest;
+            if received == announced {
+                Ok(())
+            } else {
+                Err(UploadError::Length { digest, announced, received })
+            }
+        };
+        is_complete(self.coming(), &self.bytes)?;
+        let bytes = if self.packed.is_some() {
+            unpacked(&self.bytes, self.length)
+                .map_err(|error| UploadError::Packing { digest: self.digest, cause: error.to_string() })?
+        } else {
+            self.bytes
+        };
+        is_complete(self.length, &bytes)?;
+        let received = Digest::of(&bytes);
         if received != self.digest {
             return Err(UploadError::Digest { announced: self.digest, received });
         }
-        Ok(Replica::decode(self.kind, &self.bytes)?)
+        Ok(Replica::decode(self.kind, &bytes)?)
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use kernel::replica::{EncodedReplica, Receivers, encode_receivers};
+    use glam::DVec3;
+    use kernel::geometry::PlaneId;
+    use kernel::replica::{EncodedReplica, Receiver, Receivers, encode_receivers};
+    use protocol::packing::packed;
 
     use super::*;
 
@@ -126,7 +163,33 @@ mod tests {
             digest: replica.digest.to_bytes(),
             kind: replica.kind.into(),
             length: replica.bytes.len() as u64,
+            packed_length: 0,
         }
+    }
+
+    #[test]
+    fn a_packed_replica_is_unpacked_and_checked() {
+        let receiver =
+            |x: usize| Receiver { position: DVec3::X * x as f64, normal: DVec3::Y, plane: PlaneId(0) };
+        let receivers = (0..1000).map(receiver).collect();
+        let replica = encode_receivers(&Receivers { first_key: 300, receivers });
+        let bytes = packed(&replica.bytes).unwrap();
+        let announced = |packed_length| ReplicaHeader { packed_length, ..header(&replica) };
+        let sent = |packed_length, bytes: &[u8]| {
+            let mut upload = Upload::begin(&announced(packed_length), 1 << 20)?;
+            upload.push(bytes)?;
+            upload.finish()
+        };
+        let length = bytes.len() as u64;
+        assert!(matches!(sent(length, &bytes).unwrap(), Replica::Receivers(set) if set.first_key == 300));
+        assert!(matches!(sent(length - 1, &bytes), Err(UploadError::Length { .. })));
+        assert!(matches!(sent(length, &bytes[1..]), Err(UploadError::Length { .. })));
+        assert!(matches!(sent(length, &vec![7; bytes.len()]), Err(UploadError::Packing { .. })));
+        assert!(matches!(sent(u64::MAX, &bytes), Err(UploadError::Length { .. })));
+        let bomb = packed(&vec![0; 1 << 22]).unwrap();
+        assert!(matches!(sent(bomb.len() as u64, &bomb), Err(UploadError::Length { .. })));
+        let other = packed(&vec![0; replica.bytes.len()]).unwrap();
+        assert!(matches!(sent(other.len() as u64, &other), Err(UploadError::Digest { .. })));
     }
 
     #[test]

@@ -110,6 +110,7 @@ fn chunks(replica: &EncodedReplica) -> Vec<ReplicaChunk> {
         digest: replica.digest.to_bytes(),
         kind: replica.kind.into(),
         length: replica.bytes.len() as u64,
+        packed_length: 0,
     };
     [replica_chunk::Body::Header(header), replica_chunk::Body::Data(replica.bytes.clone())]
         .map(|body| ReplicaChunk { body: Some(body) })

@@ -3,7 +3,8 @@
 use glam::DVec3;
 use kernel::row::Row;
 
-use crate::solver::{Light, add_row};
+use crate::solver::slab::Slab;
+use crate::solver::{Light, add_group, add_row};
 use scene::Scene;
 
 /// Colours closer than this, as unit vectors, are equal: f32 numbers are a few times 1e-7 apart.
@@ -66,6 +67,18 @@ impl Gathering {
         match self {
             Self::One(colour, sums) => add_row(sums, row, f64::from_rgb(light, *colour)),
             Self::Three(sums) => add_row(sums, row, light),
+        }
+    }
+
+    /// Adds the light of the shooters of several rows.
+    pub fn add_slab(&mut self, slab: &Slab, light: impl Fn(usize) -> DVec3 + Sync) {
+        match self {
+            Self::One(colour, sums) => slab.add(sums, |row, part, mask, factors| {
+                add_group(part, mask, factors, f64::from_rgb(light(row), *colour));
+            }),
+            Self::Three(sums) => {
+                slab.add(sums, |row, part, mask, factors| add_group(part, mask, factors, light(row)))
+            }
         }
     }
 

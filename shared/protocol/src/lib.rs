@@ -7,11 +7,13 @@
 //! |---|---|
 //! | [`worker`] | the generated messages and services of `radiosity.worker.v1` |
 //! | [`api`] | the generated messages and services of `radiosity.v1`, for clients of the service |
+//! | [`packing`] | replicas compressed for their way |
 //! | [`security`] | certificates, tokens, limits of plain text |
 //! | [`server`] | what servers have in common: limits of connections, and shutdown |
 //! | [`telemetry`] | logs, metrics and spans |
 
 pub mod api;
+pub mod packing;
 pub mod security;
 pub mod server;
 pub mod telemetry;

@@ -28,6 +28,8 @@ pub struct Account {
     pub elapsed: BTreeMap<&'static str, Nanoseconds>,
     /// Processor time of the driver.
     pub driver: BTreeMap<&'static str, Nanoseconds>,
+    /// Processor time of the driver that several threads can share: part of the former.
+    pub shared: Nanoseconds,
     /// Processor time of the scheduler.
     pub scheduling: Nanoseconds,
     /// Events that it was told.
@@ -54,6 +56,7 @@ impl Account {
             idle: BTreeMap::new(),
             elapsed: BTreeMap::new(),
             driver: BTreeMap::new(),
+            shared: 0,
             scheduling: 0,
             events: 0,
             decoding: 0,

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use bake::{BakeError, Phase, RowService};
-use cluster::scheduler::{Action, Event, Policy, Scheduler, WorkerId};
+use cluster::scheduler::{Action, Event, Policy, Scheduler, WorkerId, room};
 use cluster::{FinishedJob, JobId};
 use kernel::replica::{Digest, EncodedReplica};
 use kernel::row::RowRequest;
@@ -15,7 +15,7 @@ use prost::Message;
 
 use crate::account::{Account, Cause};
 use crate::model::{Model, NETWORK_THREADS, PER_MESSAGE, WAKING, Where};
-use crate::processor::{Nanoseconds, processor_time};
+use crate::processor::{Nanoseconds, processor_time, processor_time_of_all};
 use crate::recorder::{Recorded, Recorder};
 
 /// A cluster that is simulated.
@@ -26,8 +26,10 @@ pub struct Simulated<'a> {
     scheduler: Scheduler,
     /// The driver's clock: ahead of all that was simulated, or waiting for it.
     now: Nanoseconds,
-    /// Processor time of the driver when it was last asked.
-    mark: Nanoseconds,
+    /// Processor time of the driver's thread and of all when it was last asked.
+    mark: [Nanoseconds; 2],
+    /// Jobs that workers hold because they are far away.
+    ahead: usize,
     /// Asked for, and not yet told to the scheduler.
     submitted: Vec<(Nanoseconds, JobId, RowRequest)>,
     jobs: HashMap<JobId, Job>,
@@ -64,6 +66,10 @@ struct Worker {
     computing: Option<JobId>,
     /// Jobs on their way to it.
     coming: u64,
+    /// Mean time of its jobs.
+    mean: f64,
+    /// Jobs that it may hold, once that was measured.
+    room: usize,
 }
 
 /// What can happen.
@@ -94,7 +100,8 @@ impl<'a> Simulated<'a> {
             phase,
             scheduler,
             now: 0,
-            mark: processor_time(),
+            mark: processor_times(),
+            ahead: 0,
             submitted: vec![],
             jobs: HashMap::new(),
             workers: (0..workers).map(|_| Worker::default()).collect(),
@@ -125,9 +132,13 @@ impl<'a> Simulated<'a> {
 
     /// The driver has worked since it was last here.
     fn charge(&mut self) {
-        let worked = self.model.scaled(processor_time() - self.mark);
-        self.now += worked;
-        *self.account.driver.entry(self.phase.get().name()).or_default() += worked;
+        let [own, all] = processor_times();
+        // Of the thread's own time nothing is shared: what threads share is done by others, while it waits.
+        let own = self.model.scaled(own - self.mark[0]);
+        let shared = self.model.scaled(all - self.mark[1]).saturating_sub(own);
+        self.now += own + shared / self.model.cores;
+        self.account.shared += shared;
+        *self.account.driver.entry(self.phase.get().name()).or_default() += own + shared;
     }
 
     fn foresee(&mut self, time: Nanoseconds, happening: Happening) {
@@ -204,7 +215,24 @@ impl<'a> Simulated<'a> {
             Happening::Cancelled(worker, job) => {
                 self.tell(time, Event::Cancelled { worker: id(worker), job })
             }
-            Happening::Answered(worker, job) => self.tell(time, Event::Finished { worker: id(worker), job }),
+            Happening::Answered(worker, job) => {
+                self.measure(worker, job, time);
+                self.tell(time, Event::Finished { worker: id(worker), job });
+            }
+        }
+    }
+
+    /// A worker may hold as many jobs as its distance takes.
+    fn measure(&mut self, worker: usize, job: JobId, time: Nanoseconds) {
+        let latest = self.jobs[&job].compute as f64;
+        let state = &mut self.workers[worker];
+        state.mean = if state.mean == 0.0 { latest } else { 0.8 * state.mean + 0.2 * latest };
+        let round_trip = Duration::from_nanos(2 * self.model.latency);
+        let jobs = room(1, round_trip, Duration::from_nanos(state.mean as u64));
+        let before = std::mem::replace(&mut state.room, jobs);
+        if before != jobs {
+            self.ahead = self.workers.iter().map(|worker| worker.room.saturating_sub(3)).sum();
+            self.tell(time, Event::RoomChanged { worker: WorkerId(worker as u32), jobs });
         }
     }
 
@@ -299,28 +327,37 @@ impl<'a> Simulated<'a> {
     }
 }
 
+/// Processor time of this thread, and of all.
+fn processor_times() -> [Nanoseconds; 2] {
+    [processor_time(), processor_time_of_all()]
+}
+
 impl RowService for Simulated<'_> {
     fn publish(&mut self, replica: EncodedReplica) {
         self.charge();
         self.recorder.publish(replica);
-        self.mark = processor_time();
+        self.mark = processor_times();
     }
 
     fn release(&mut self, digest: Digest) {
         self.charge();
         self.foresee(self.now, Happening::Released(digest));
-        self.mark = processor_time();
+        self.mark = processor_times();
     }
 
     fn submit(&mut self, requests: Vec<(JobId, RowRequest)>) {
         self.charge();
         let now = self.now;
         self.submitted.extend(requests.into_iter().map(|(job, request)| (now, job, request)));
-        self.mark = processor_time();
+        self.mark = processor_times();
     }
 
     fn threads(&self) -> usize {
         self.model.workers.len()
+    }
+
+    fn jobs_ahead(&self) -> usize {
+        4 * self.model.workers.len() + self.ahead
     }
 
     fn withdraw(&mut self) {
@@ -345,7 +382,7 @@ impl RowService for Simulated<'_> {
             rows: rows.iter().map(|row| row.row.clone()).collect(),
             statistics: rows.iter().map(|row| row.statistics).collect(),
         };
-        self.mark = processor_time();
+        self.mark = processor_times();
         Ok(Some(finished))
     }
 }

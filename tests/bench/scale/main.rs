@@ -3,11 +3,13 @@
 //! | what | prints |
 //! |---|---|
 //! | scale | speed-up and efficiency by workers, and what idle threads wait for |
+//! | summary | efficiency on 4, 16, 64 and 256 workers, and over round trips of 100 ms |
 //! | slow | what one slow worker costs, or one that hangs |
 //! | window | what more rows under way while shooting bring |
 //! | paper | who shoots; jobs sent on news or by the period; energies apart or in the vertices |
 //!
-//! Scenes are `small`, `medium` and `large`; all, where none is named. Rows are recorded in `target/scale`: remove it after a change of
+//! Scenes are `small`, `medium`, `large`, `checked` (large, with its error measured) and `error` (eight rooms to an error of 3 %); all,
+//! where none is named. Rows are recorded in `target/scale`: remove it after a change of
 //! the kernels.
 //!
 //! The coordinator's code is the real one: bake, solver and scheduler. So are the rows and what they take, each measured once. The
@@ -35,8 +37,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let mut scenes =
         SCENES.iter().filter(|scene| names.is_empty() || names.iter().any(|name| *name == scene.name));
+    rayon::ThreadPoolBuilder::new().num_threads(1).build_global()?;
     match what {
         "scale" => scenes.try_for_each(tables::scale),
+        "summary" => scenes.try_for_each(tables::summary),
         "slow" => scenes.try_for_each(tables::slow),
         "window" => scenes.try_for_each(tables::window),
         "paper" => {
@@ -44,6 +48,6 @@ fn main() -> Result<(), Box<dyn Error>> {
             records::compare();
             Ok(())
         }
-        _ => Err("say scale, slow, window or paper, then names of scenes: small, medium, large".into()),
+        _ => Err("say scale, summary, slow, window or paper, then names of scenes: small, medium, large, checked, error".into()),
     }
 }

@@ -11,6 +11,8 @@ pub struct Model {
     pub workers: Vec<f64>,
     /// All that is measured, of workers and coordinator alike, times this.
     pub slowness: f64,
+    /// Of the coordinator: what its threads share takes one over this.
+    pub cores: u64,
     /// One way.
     pub latency: Nanoseconds,
     /// Of the coordinator's link in each direction, bytes a second.
@@ -41,8 +43,11 @@ pub const PER_MESSAGE: Nanoseconds = 30_000;
 /// Time for the driver's thread to wake up.
 pub const WAKING: Nanoseconds = 20_000;
 
-/// Threads that move messages on the coordinator's side.
-pub const NETWORK_THREADS: usize = 2;
+/// Cores of the coordinator.
+pub const CORES: u64 = 8;
+
+/// Threads that move messages on the coordinator's side: one per core.
+pub const NETWORK_THREADS: usize = CORES as usize;
 
 impl Model {
     /// So many even workers on a network of 1 Gbit/s and .2 ms.
@@ -51,6 +56,7 @@ impl Model {
         Self {
             workers: vec![1.0; workers],
             slowness: 1.0,
+            cores: CORES,
             latency: 200_000,
             bandwidth: 125e6,
             policy: Policy::Finished,

@@ -10,8 +10,10 @@ use std::sync::Arc;
 use kernel::replica::{Digest, EncodedReplica};
 use kernel::row::{Row, RowRequest, decode_row};
 use prost::Message;
+use protocol::packing::{packed, unpacked};
 use protocol::worker::RowStatistics;
 use rayon::prelude::*;
+use rayon::{ThreadPool, ThreadPoolBuilder};
 use worker::job::Job;
 use worker::store::{Replica, ReplicaStore};
 
@@ -35,6 +37,8 @@ pub struct Recorded {
 pub struct Recorder {
     rows: HashMap<Digest, Arc<Recorded>>,
     replicas: HashMap<Digest, Published>,
+    /// Computes rows: the threads of the bake have one core, so that what they share can be told.
+    pool: ThreadPool,
     file: BufWriter<File>,
 }
 
@@ -42,6 +46,8 @@ pub struct Recorder {
 struct Published {
     encoded: EncodedReplica,
     replica: Replica,
+    /// Bytes that travel.
+    length: u64,
     prepare: Nanoseconds,
 }
 
@@ -60,23 +66,27 @@ impl Recorder {
             }
         }
         let file = BufWriter::new(OpenOptions::new().create(true).append(true).open(path)?);
-        Ok(Self { rows, replicas: HashMap::new(), file })
+        Ok(Self { rows, replicas: HashMap::new(), pool: ThreadPoolBuilder::new().build()?, file })
     }
 
     /// Makes a replica ready.
     pub fn publish(&mut self, encoded: EncodedReplica) {
+        let packed = packed(&encoded.bytes);
+        let length = packed.as_ref().map_or(encoded.bytes.len(), Vec::len) as u64;
         let start = processor_time();
-        let replica =
-            Replica::decode(encoded.kind, &encoded.bytes).expect("what was just encoded can be decoded");
+        let unpacked =
+            packed.map(|packed| unpacked(&packed, encoded.bytes.len() as u64).expect("it was packed"));
+        let bytes = unpacked.as_deref().unwrap_or(&encoded.bytes);
+        let replica = Replica::decode(encoded.kind, bytes).expect("what was just encoded can be decoded");
         let prepare = processor_time() - start;
-        self.replicas.insert(encoded.digest, Published { encoded, replica, prepare });
+        self.replicas.insert(encoded.digest, Published { encoded, replica, length, prepare });
     }
 
     /// Length of a replica, and the processor time to make it ready.
     #[must_use]
     pub fn replica(&self, digest: Digest) -> (u64, Nanoseconds) {
         let published = &self.replicas[&digest];
-        (published.encoded.bytes.len() as u64, published.prepare)
+        (published.length, published.prepare)
     }
 
     /// Computes all rows of these requests that are not known yet.
@@ -102,27 +112,29 @@ impl Recorder {
                 (key, request.receiver_count, job)
             })
             .collect();
-        let made: Vec<(Digest, Vec<u8>, Recorded)> = jobs
-            .into_par_iter()
-            .map(|(key, receivers, job)| {
-                let start = processor_time();
-                let finished = job.compute();
-                let computed = processor_time();
-                let row = decode_row(&finished.rows[0], receivers as usize)
-                    .expect("what was just encoded can be decoded");
-                let decode = processor_time() - computed;
-                let bytes = finished.rows[0].to_vec();
-                let statistics = finished.statistics[0];
-                let recorded = Recorded {
-                    row,
-                    statistics,
-                    bytes: bytes.len() as u64,
-                    compute: computed - start,
-                    decode,
-                };
-                (key, bytes, recorded)
-            })
-            .collect();
+        let compute = |jobs: Vec<(Digest, u32, Job)>| -> Vec<(Digest, Vec<u8>, Recorded)> {
+            jobs.into_par_iter()
+                .map(|(key, receivers, job)| {
+                    let start = processor_time();
+                    let finished = job.compute();
+                    let computed = processor_time();
+                    let row = decode_row(&finished.rows[0], receivers as usize)
+                        .expect("what was just encoded can be decoded");
+                    let decode = processor_time() - computed;
+                    let bytes = finished.rows[0].to_vec();
+                    let statistics = finished.statistics[0];
+                    let recorded = Recorded {
+                        row,
+                        statistics,
+                        bytes: bytes.len() as u64,
+                        compute: computed - start,
+                        decode,
+                    };
+                    (key, bytes, recorded)
+                })
+                .collect()
+        };
+        let made = self.pool.install(|| compute(jobs));
         for (key, bytes, recorded) in made {
             write(&mut self.file, key, &bytes, &recorded).expect("rows can be kept");
             self.rows.insert(key, Arc::new(recorded));

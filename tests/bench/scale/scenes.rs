@@ -25,13 +25,19 @@ pub struct Named {
     /// Edge of the shooting patches, in metres.
     edge: f64,
     mesh_error: f64,
+    /// Points at which the error is measured.
+    validation_samples: usize,
+    /// The error that is asked for, if one is.
+    error: Option<f64>,
 }
 
-/// A room, four of them, and eight.
-pub const SCENES: [Named; 3] = [
-    Named { name: "small", rooms: 1, edge: 0.6, mesh_error: 0.1 },
-    Named { name: "medium", rooms: 4, edge: 0.6, mesh_error: 0.2 },
-    Named { name: "large", rooms: 8, edge: 0.6, mesh_error: 0.1 },
+/// A room, four of them, and eight; eight with the error measured, and until an error is met.
+pub const SCENES: [Named; 5] = [
+    Named { name: "small", rooms: 1, edge: 0.6, mesh_error: 0.1, validation_samples: 0, error: None },
+    Named { name: "medium", rooms: 4, edge: 0.6, mesh_error: 0.2, validation_samples: 0, error: None },
+    Named { name: "large", rooms: 8, edge: 0.6, mesh_error: 0.1, validation_samples: 0, error: None },
+    Named { name: "checked", rooms: 8, edge: 0.6, mesh_error: 0.1, validation_samples: 256, error: None },
+    Named { name: "error", rooms: 8, edge: 0.6, mesh_error: 0.1, validation_samples: 0, error: Some(0.03) },
 ];
 
 /// A scene ready to be baked again and again.
@@ -61,11 +67,14 @@ impl Named {
     /// When the rows cannot be read or kept.
     pub fn prepare(&self) -> Result<Prepared, Box<dyn Error>> {
         let building = building(self.rooms);
-        let settings = BakeSettings {
-            shooter_edge: self.edge / building.extent,
-            mesh_error: self.mesh_error,
-            validation_samples: 0,
-            ..BakeSettings::default()
+        let settings = match self.error {
+            Some(error) => BakeSettings::for_error(error),
+            None => BakeSettings {
+                shooter_edge: self.edge / building.extent,
+                mesh_error: self.mesh_error,
+                validation_samples: self.validation_samples,
+                ..BakeSettings::default()
+            },
         };
         let folder = Path::new("target/scale");
         fs::create_dir_all(folder)?;

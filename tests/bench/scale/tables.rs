@@ -37,6 +37,38 @@ pub fn scale(scene: &Named) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
+/// Efficiency at the numbers of workers that matter most, as a user has it: default settings.
+///
+/// # Errors
+/// When the scene cannot be baked.
+pub fn summary(scene: &Named) -> Result<(), Box<dyn Error>> {
+    let mut prepared = scene.prepare()?;
+    prepared.run(Model::even(1))?;
+    let alone = prepared.run(Model::even(1))?;
+    describe(scene, &alone);
+    println!(
+        "\n| workers | seconds | speed-up | efficiency | idle: coordinator | network | too few jobs | copies | dropped | most |"
+    );
+    println!("|---:|---:|---:|---:|---:|---:|---:|---:|---:|---|");
+    for (workers, latency) in [(4, 0), (16, 0), (64, 0), (256, 0), (4, 100_000_000), (16, 100_000_000)] {
+        let even = Model::even(workers);
+        let model = Model { latency: even.latency.max(latency / 2), ..even };
+        let run = prepared.run(model)?;
+        assert_eq!(run.digest, alone.digest, "the answer depends on the number of workers");
+        if latency == 100_000_000 && workers == 4 {
+            println!("\nround trips of 100 ms:\n");
+        }
+        line(workers, alone.seconds, &run);
+        if workers == 256 {
+            println!(
+                "scheduler {:.2} us an event",
+                run.account.scheduling as f64 / run.account.events as f64 * 1e-3
+            );
+        }
+    }
+    Ok(())
+}
+
 fn describe(scene: &Named, run: &Run) {
     let account = &run.account;
     let driver: u64 = account.driver.values().sum();
@@ -59,6 +91,7 @@ fn describe(scene: &Named, run: &Run) {
         in_seconds(account.decoding),
         account.scheduling as f64 / account.events as f64 * 1e-3
     );
+    println!("of the driver {:.3} s on threads that share it", in_seconds(account.shared));
     let phases: Vec<String> =
         account.driver.iter().map(|(phase, time)| format!("{phase} {:.3} s", in_seconds(*time))).collect();
     println!("driver: {}", phases.join(", "));

@@ -6,22 +6,28 @@ use std::time::Duration;
 
 use kernel::geometry::ConvexPolygon;
 use kernel::replica::{Digest, EncodedReplica, Receivers, encode_receivers, encode_translucent_scene};
-use kernel::row::{FinishedJob, JobId, Precision, Row, RowRequest, Shooter};
+use kernel::row::{FinishedJob, JobId, Precision, Row, RowRequest, Shape, Shooter};
+use kernel::visibility::MANY_POLYGONS;
 
 use super::monitor::Monitor;
 use super::sizes::Pace;
 use crate::error::{BakeError, Result};
 use crate::observer::Observer;
 
-/// Most jobs under way where rows are requested in bulk: enough for a hundred threads, few enough that rows which wait for
-/// their turn take little memory.
-const MOST_UNDER_WAY: usize = 256;
+/// Least jobs under way where rows are requested in bulk, however few threads there are.
+const LEAST_UNDER_WAY: usize = 64;
+
+/// Most pairs under way where rows are requested in bulk: rows that wait for their turn take half a gigabyte at most.
+const MOST_PAIRS_UNDER_WAY: usize = 1 << 27;
 
 /// Cost of a ray of a hemisphere, in pairs.
 const PAIRS_PER_RAY: usize = 4;
 
 /// Receivers of a part of a row, where there are few rows: a multiple of the groups that receivers and factors come in.
 const RANGE: usize = 1 << 14;
+
+/// The same of rows whose shooters have many polygons, like the pieces of a sky: each pair takes some hundred times as long.
+const RANGE_OF_MANY: usize = 1 << 10;
 
 /// From this number of rows on, all threads have work without any row being cut.
 const FEW_ROWS: usize = 64;
@@ -48,6 +54,10 @@ pub trait RowService {
     /// Returns how many jobs are computed at the same time now.
     fn threads(&self) -> usize {
         1
+    }
+    /// Returns how many jobs keep all threads busy: those computed, those that wait there, and those on their way.
+    fn jobs_ahead(&self) -> usize {
+        4 * self.threads()
     }
     /// Waits for the next finished job, in any order. `None` where there is none within about `patience`.
     ///
@@ -77,6 +87,10 @@ impl<S: RowService + ?Sized> RowService for &mut S {
         (**self).threads()
     }
 
+    fn jobs_ahead(&self) -> usize {
+        (**self).jobs_ahead()
+    }
+
     fn next(&mut self, patience: Duration) -> Result<Option<FinishedJob>, BakeError> {
         (**self).next(patience)
     }
@@ -101,10 +115,10 @@ impl ReceiverSet {
         self.count
     }
 
-    /// The set in consecutive parts.
-    fn parts(self) -> impl Iterator<Item = Self> {
-        (0..self.count).step_by(RANGE).map(move |first| {
-            let count = RANGE.min(self.count - first);
+    /// The set in consecutive parts of this many receivers.
+    fn parts(self, receivers: usize) -> impl Iterator<Item = Self> {
+        (0..self.count).step_by(receivers).map(move |first| {
+            let count = receivers.min(self.count - first);
             Self { first: self.first + first, count, pairs: count, ..self }
         })
     }
@@ -117,6 +131,15 @@ impl ReceiverSet {
     }
 }
 
+/// Whether a shooter has so many polygons that rows are computed for all of them together.
+fn has_many_polygons(shooter: &Shooter) -> bool {
+    match &shooter.shape {
+        Shape::Polygons(polygons) => polygons.len() >= MANY_POLYGONS,
+        Shape::Weighted(_) => true,
+        _ => false,
+    }
+}
+
 /// The rows of one job.
 pub struct RowBatch {
     /// One row each.
@@ -125,6 +148,13 @@ pub struct RowBatch {
     pub set: ReceiverSet,
     /// Which of these rows were made before: they do not count as what the scene needs.
     pub again: Vec<bool>,
+}
+
+impl RowBatch {
+    /// Its cost, in pairs.
+    fn pairs(&self) -> usize {
+        self.shooters.len() * self.set.pairs
+    }
 }
 
 /// A job under way.
@@ -220,8 +250,9 @@ impl<'a> RowClient<'a> {
         set: ReceiverSet,
         mut take: impl FnMut(usize, &Row, f64),
     ) -> Result<()> {
-        if !set.is_scene && set.count > RANGE && shooters.len() < FEW_ROWS {
-            return self.each_row_in_parts(shooters, set, take);
+        let range = if shooters.iter().any(has_many_polygons) { RANGE_OF_MANY } else { RANGE };
+        if !set.is_scene && set.count > range && shooters.len() < FEW_ROWS {
+            return self.each_row_in_parts(shooters, set, range, take);
         }
         self.monitor.expect_rows(shooters.len() as u64);
         let (mut asked, mut next) = (0, 0);
@@ -245,10 +276,11 @@ impl<'a> RowClient<'a> {
         &mut self,
         shooters: &[Shooter],
         set: ReceiverSet,
+        range: usize,
         mut take: impl FnMut(usize, &Row, f64),
     ) -> Result<()> {
-        let mut jobs = shooters.iter().flat_map(|shooter| set.parts().map(move |part| (shooter, part)));
-        let parts = set.count.div_ceil(RANGE);
+        let mut jobs = shooters.iter().flat_map(|shooter| set.parts(range).map(move |part| (shooter, part)));
+        let parts = set.count.div_ceil(range);
         self.monitor.expect_rows((shooters.len() * parts) as u64);
         let batches = |_: &Self| {
             let (shooter, set) = jobs.next()?;
@@ -282,6 +314,11 @@ impl<'a> RowClient<'a> {
         self.service.threads().max(1)
     }
 
+    /// How many jobs keep all threads busy.
+    pub fn jobs_ahead(&self) -> usize {
+        self.service.jobs_ahead().max(1)
+    }
+
     /// Submits batches until there are no more, a bounded number at a time, and hands over the answers in the order of the
     /// batches, each with its tag. No other job may be under way.
     pub fn in_order<T>(
@@ -291,12 +328,17 @@ impl<'a> RowClient<'a> {
     ) -> Result<()> {
         let mut under_way = VecDeque::new();
         let mut arrived: BTreeMap<u64, FinishedJob> = BTreeMap::new();
-        let (mut submitted, mut taken) = (0, 0);
+        let (mut submitted, mut taken, mut pairs_under_way) = (0, 0, 0);
         loop {
-            while under_way.len() < MOST_UNDER_WAY
+            // Answers that wait for an earlier one keep no thread busy.
+            let most = self.jobs_ahead().max(LEAST_UNDER_WAY);
+            while under_way.len() - arrived.len() < most
+                && pairs_under_way < MOST_PAIRS_UNDER_WAY
                 && let Some((tag, batch)) = batches(self)
             {
-                under_way.push_back(tag);
+                let pairs = batch.pairs();
+                pairs_under_way += pairs;
+                under_way.push_back((tag, pairs));
                 self.submit(submitted, batch);
                 submitted += 1;
             }
@@ -306,8 +348,9 @@ impl<'a> RowClient<'a> {
             let (number, finished) = self.next()?;
             arrived.insert(number, finished);
             while let Some(finished) = arrived.remove(&taken)
-                && let Some(tag) = under_way.pop_front()
+                && let Some((tag, pairs)) = under_way.pop_front()
             {
+                pairs_under_way -= pairs;
                 take(tag, finished);
                 taken += 1;
             }
@@ -318,7 +361,7 @@ impl<'a> RowClient<'a> {
     pub fn submit(&mut self, tag: u64, batch: RowBatch) {
         let job = JobId(self.next_job);
         self.next_job += 1;
-        let pairs = batch.shooters.len() * batch.set.pairs;
+        let pairs = batch.pairs();
         self.jobs.insert(job, PendingJob { tag, again: batch.again, pairs });
         let request = RowRequest {
             scene: if batch.set.is_scene { batch.set.digest } else { self.scene },

@@ -3,7 +3,7 @@
 
 use glam::DVec3;
 use kernel::replica::Receivers;
-use kernel::row::{Row, Shape, Shooter};
+use kernel::row::{Shape, Shooter};
 
 use super::factors::{Factors, solved};
 use super::means::ShareValues;
@@ -21,6 +21,7 @@ use crate::refinement::SamplePoints;
 use crate::settings::{BakeSettings, RowStrategy};
 use crate::solver::bounds::add_to_sums;
 use crate::solver::cache::{ColumnCache, SetId};
+use crate::solver::slab::Slab;
 use crate::solver::{ShareEnergy, ShareId};
 
 /// Shadow lines are for receivers. Shares end at them too, where light jumps, unless they would be more than this many times those
@@ -100,9 +101,9 @@ impl RowSource for ExactRows {
     ) -> Result<Vec<Gathered>> {
         let empty = |set: &SetId| Cover::of(if wants_cover { table.set(*set).count() } else { 0 });
         let mut covers: Vec<Cover> = sets.iter().map(empty).collect();
-        let look = |share: ShareId, rows: &[&Row]| {
-            for (cover, row) in covers.iter_mut().zip(rows).filter(|_| wants_cover) {
-                cover.add(row, mesh.materials[share.index()].opacity);
+        let look = |set: usize, shares: &[ShareId], slab: &Slab| {
+            if wants_cover {
+                covers[set].add(slab, |row| mesh.materials[shares[row].index()].opacity);
             }
         };
         let light = table.gather_each(cx, sets, radiosities, look)?;

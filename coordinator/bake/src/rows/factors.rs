@@ -4,9 +4,10 @@ use std::borrow::Cow;
 
 use glam::DVec3;
 use kernel::row::Row;
+use rayon::prelude::*;
 
-use super::means::Means;
-use super::table::RowTable;
+use super::means::{Means, Sums};
+use super::table::{Handed, RowTable};
 use super::vertices::COARSE;
 use crate::error::{BakeError, Result};
 use crate::jobs::RowClient;
@@ -17,6 +18,9 @@ use crate::solver::{Light, ShareEnergy, ShareId};
 
 /// Sweeps end here even if the accuracy was not reached; the bound is reported.
 const MAX_SWEEPS: u32 = 1000;
+
+/// Columns that a thread makes at a time.
+const COLUMNS_AT_ONCE: usize = 8;
 
 /// The factors between shares, from the workers or from what is kept.
 pub struct Factors<'a, 'b> {
@@ -34,50 +38,66 @@ pub struct Factors<'a, 'b> {
 impl Transfer for Factors<'_, '_> {
     type Error = BakeError;
 
-    fn pass(&mut self, take: &mut dyn FnMut(usize, &Row)) -> Result<()> {
+    fn pass(&mut self, take: &mut dyn FnMut(usize, &[&Row])) -> Result<()> {
         let bounds = self.bounds;
         let Some(means) = self.means else {
             return self.table.each(
                 self.client,
                 &[COARSE],
                 |_| true,
-                |share, rows| {
-                    rows.into_iter().flatten().for_each(|row| take(share.index(), &bounds.row(0, row)));
+                |handed| {
+                    let rows = handed.iter().flat_map(|handed| &handed.rows);
+                    let bounded: Vec<Cow<Row>> = rows.map(|row| bounds.row(0, row)).collect();
+                    take(handed[0].share.index(), &bounded.iter().map(AsRef::as_ref).collect::<Vec<_>>());
                 },
             );
         };
         let shares = self.table.shooters().len() as u32;
         let missing: Vec<bool> =
             (0..shares).map(|share| self.columns.column(ShareId(share)).is_none()).collect();
-        let mut sums = means.sums();
         let columns = &mut self.columns;
         self.table.each(
             self.client,
             self.sets,
             |share| missing[share.index()],
-            |share, rows| {
-                let made = rows.map(|rows| {
-                    if bounds.count() == 0 {
-                        return sums.column(rows);
+            |handed| {
+                let made = made_columns(handed, means, bounds);
+                let all = handed.iter().zip(&made);
+                let all: Vec<&Row> =
+                    all.filter_map(|(handed, made)| made.as_ref().or(columns.column(handed.share))).collect();
+                take(handed[0].share.index(), &all);
+                for (handed, column) in handed.iter().zip(made) {
+                    if let Some(column) = column {
+                        columns.keep(handed.share, column);
                     }
-                    let starts = rows.iter().scan(0, |next, row| {
-                        let start = *next;
-                        *next += row.receivers();
-                        Some(start)
-                    });
-                    let bounded: Vec<Cow<Row>> =
-                        starts.zip(rows).map(|(start, row)| bounds.row(start, row)).collect();
-                    sums.column(&bounded.iter().map(AsRef::as_ref).collect::<Vec<_>>())
-                });
-                if let Some(column) = made.as_ref().or(columns.column(share)) {
-                    take(share.index(), column);
-                }
-                if let Some(column) = made {
-                    columns.keep(share, column);
                 }
             },
         )
     }
+}
+
+/// The columns of shares, of those that were handed over with rows.
+fn made_columns(handed: &[Handed], means: &Means, bounds: &Bounds) -> Vec<Option<Row>> {
+    let column = |sums: &mut Sums, handed: &Handed| {
+        if handed.rows.is_empty() {
+            return None;
+        }
+        if bounds.count() == 0 {
+            return Some(sums.column(&handed.rows));
+        }
+        let starts = handed.rows.iter().scan(0, |next, row| {
+            let start = *next;
+            *next += row.receivers();
+            Some(start)
+        });
+        let bounded: Vec<Cow<Row>> =
+            starts.zip(&handed.rows).map(|(start, row)| bounds.row(start, row)).collect();
+        Some(sums.column(&bounded.iter().map(AsRef::as_ref).collect::<Vec<_>>()))
+    };
+    if handed.iter().all(|handed| handed.rows.is_empty()) {
+        return handed.iter().map(|_| None).collect();
+    }
+    handed.par_iter().with_min_len(COLUMNS_AT_ONCE).map_init(|| means.sums(), column).collect()
 }
 
 /// A solution in the colours of the scene.

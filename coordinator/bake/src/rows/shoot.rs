@@ -23,9 +23,6 @@ const JOBS_IN_WINDOW: usize = 16;
 /// and into this many per thread: one that is computed, one that waits, one on its way.
 const JOBS_PER_THREAD: usize = 3;
 
-/// Jobs under way per thread, rows made ahead of time included.
-const JOBS_AHEAD_PER_THREAD: usize = 4;
-
 /// Shoots until little is left. Returns the radiosity that each share has shot.
 ///
 /// The window bounds how many rows shooting waits for, and a row that is late holds it up. Sweeps will need all rows, so
@@ -63,7 +60,7 @@ pub fn shoot<L: Light>(
                 cx.client.submit(tag, table.batch(COARSE, &shares));
                 jobs.insert(tag, shares);
             }
-            if jobs.len() >= JOBS_AHEAD_PER_THREAD * threads {
+            if jobs.len() >= cx.client.jobs_ahead() {
                 break;
             }
             let ahead = ahead(cx.client, table, &mut unasked, &under_way, |share| shooting.wants(share));

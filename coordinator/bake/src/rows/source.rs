@@ -1,6 +1,5 @@
 use glam::DVec3;
 use kernel::replica::Receivers;
-use kernel::row::Row;
 
 use super::means::ShareValues;
 use super::share_mesh::ShareMesh;
@@ -13,8 +12,9 @@ use crate::jobs::{ReceiverSet, RowClient};
 use crate::mesh::{Mesh, Share, Surroundings, VertexId, VertexReceivers, receivers, shared_receivers};
 use crate::refinement::SamplePoints;
 use crate::settings::{BakeSettings, RowStrategy};
-use crate::solver::bounds::add_to_sums;
+use crate::solver::bounds::add_slab_to_sums;
 use crate::solver::cache::{ColumnCache, SetId};
+use crate::solver::slab::Slab;
 
 /// A row strategy: how the rows of shares over receivers are made, and how light is solved for with them.
 pub trait RowSource {
@@ -151,11 +151,13 @@ impl Cover {
         Self { sums: vec![0.0; receivers], exposed: vec![false; receivers], bytes: 0 }
     }
 
-    /// Adds the row of a share of this opacity.
-    pub fn add(&mut self, row: &Row, opacity: f64) {
-        self.bytes += row.bytes();
-        row.for_each(|receiver, _| self.exposed[receiver] = true);
-        add_to_sums(row, opacity, &mut self.sums);
+    /// Adds the rows of some shares, given the opacity of each.
+    pub fn add(&mut self, slab: &Slab, opacity: impl Fn(usize) -> f64 + Sync) {
+        self.bytes += slab.rows().iter().map(|row| row.bytes()).sum::<usize>();
+        slab.add(&mut self.exposed, |_, part, mask, _| {
+            part.iter_mut().enumerate().for_each(|(i, exposed)| *exposed |= mask >> i & 1 == 1);
+        });
+        add_slab_to_sums(slab, opacity, &mut self.sums);
     }
 }
 

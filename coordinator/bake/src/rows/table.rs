@@ -14,8 +14,9 @@ use crate::context::Context;
 use crate::error::Result;
 use crate::jobs::{ReceiverSet, RowBatch, RowClient};
 use crate::solver::ShareId;
-use crate::solver::bounds::{Bounds, add_to_sums};
+use crate::solver::bounds::{Bounds, add_slab_to_sums};
 use crate::solver::cache::{RowCache, SetId};
+use crate::solver::slab::{ROWS, Slab};
 
 /// Rows are requested in blocks of shares, over all sets at once, of about this many pairs: some jobs for each set, and little
 /// memory for the rows that wait until their block is complete.
@@ -105,13 +106,13 @@ impl RowTable {
     }
 
     /// Gathers the irradiance that shares of each of these radiosities give the receivers of some sets, set by set, in one pass over
-    /// the rows. `look` sees the rows of each share.
+    /// the rows. `look` sees the rows of some shares over a set, with its place among the sets.
     pub fn gather_each(
         &mut self,
         cx: &mut Context,
         sets: &[SetId],
         radiosities: &[&[DVec3]],
-        mut look: impl FnMut(ShareId, &[&Row]),
+        mut look: impl FnMut(usize, &[ShareId], &Slab),
     ) -> Result<Vec<Vec<Vec<DVec3>>>> {
         let nothing = |set: &SetId| cx.channels.gathering(self.set(*set).count());
         let mut gathered: Vec<Vec<Gathering>> =
@@ -120,12 +121,15 @@ impl RowTable {
             cx.client,
             sets,
             |_| true,
-            |share, rows| {
-                let rows = rows.unwrap_or_default();
-                look(share, rows);
-                for (gathered, radiosity) in gathered.iter_mut().zip(radiosities) {
-                    for (gathered, row) in gathered.iter_mut().zip(rows) {
-                        gathered.add(row, radiosity[share.index()]);
+            |handed| {
+                let shares: Vec<ShareId> = handed.iter().map(|handed| handed.share).collect();
+                for set in 0..sets.len() {
+                    let rows: Vec<&Row> =
+                        handed.iter().flat_map(|handed| handed.rows.get(set).copied()).collect();
+                    let slab = Slab::new(&rows);
+                    look(set, &shares, &slab);
+                    for (gathered, radiosity) in gathered.iter_mut().zip(radiosities) {
+                        gathered[set].add_slab(&slab, |row| radiosity[shares[row].index()]);
                     }
                 }
             },
@@ -147,9 +151,10 @@ impl RowTable {
         // They do not change, and passes are many.
         let misses_sums = self.samples.is_some() && !solution.samples.has_row_sums();
         let mut sums = vec![0.0; solution.samples.count()];
-        let look = |share: ShareId, rows: &[&Row]| {
-            if misses_sums && let Some(row) = rows.last() {
-                add_to_sums(row, mesh.materials[share.index()].opacity, &mut sums);
+        let last = sets.len().saturating_sub(1);
+        let look = |set: usize, shares: &[ShareId], slab: &Slab| {
+            if misses_sums && set == last {
+                add_slab_to_sums(slab, |row| mesh.materials[shares[row].index()].opacity, &mut sums);
             }
         };
         let mut gathered =
@@ -180,7 +185,7 @@ impl RowTable {
         radiosities: &[&[DVec3]],
     ) -> Result<Vec<Vec<DVec3>>> {
         let sets: Vec<SetId> = self.vertices.sets().collect();
-        let all = self.gather_each(cx, &sets, radiosities, |_, _| ())?;
+        let all = self.gather_each(cx, &sets, radiosities, |_, _, _| ())?;
         Ok(all.into_iter().map(|gathered| self.at_vertices(gathered)).collect())
     }
 
@@ -189,14 +194,14 @@ impl RowTable {
         self.variances[set.index()][share.index()] = Some(variance);
     }
 
-    /// Goes over all shares in order, with the rows of each over these sets where it is `wanted`: rows that are not kept are made,
-    /// and kept if they fit.
+    /// Goes over all shares in order, some at a time, with the rows of each over these sets where it is `wanted`: rows that are not
+    /// kept are made, and kept if they fit.
     pub fn each(
         &mut self,
         client: &mut RowClient,
         sets: &[SetId],
         wanted: impl Fn(ShareId) -> bool,
-        mut take: impl FnMut(ShareId, Option<&[&Row]>),
+        mut take: impl FnMut(&[Handed]),
     ) -> Result<()> {
         // Where all rows are kept, nothing else asks between two sweeps.
         client.monitor.check()?;
@@ -209,24 +214,24 @@ impl RowTable {
         let mut next = 0;
         // Of these shares no row is missing any more.
         let mut hand_over = |until: usize, made: &mut HashMap<(SetId, ShareId), Row>| {
-            for share in (next..until).map(|index| ShareId(index as u32)) {
-                if !wanted(share) {
-                    take(share, None);
-                    continue;
-                }
-                {
+            while next < until {
+                let end = until.min(next + ROWS);
+                let shares = (next..end).map(|index| ShareId(index as u32));
+                let with_rows = |share: ShareId| {
                     let row = |set: &SetId| cache.row(*set, share).or_else(|| made.get(&(*set, share)));
-                    let rows: SmallVec<[&Row; 16]> = sets.iter().filter_map(row).collect();
-                    debug_assert_eq!(rows.len(), sets.len(), "each row is kept or was made");
-                    take(share, Some(&rows));
-                }
-                for set in sets {
-                    if let Some(row) = made.remove(&(*set, share)) {
-                        cache.keep(*set, share, row);
+                    let rows: SmallVec<[&Row; 8]> =
+                        if wanted(share) { sets.iter().filter_map(row).collect() } else { SmallVec::new() };
+                    debug_assert!(!wanted(share) || rows.len() == sets.len(), "each row is kept or was made");
+                    Handed { share, rows }
+                };
+                take(&shares.clone().map(with_rows).collect::<Vec<_>>());
+                for (share, set) in shares.flat_map(|share| sets.iter().map(move |set| (share, *set))) {
+                    if let Some(row) = made.remove(&(set, share)) {
+                        cache.keep(set, share, row);
                     }
                 }
+                next = end;
             }
-            next = until;
         };
         let mut missing = missing.into_iter().peekable();
         let batches = |client: &RowClient| {
@@ -274,6 +279,14 @@ impl RowTable {
         }
         all
     }
+}
+
+/// A share with its rows.
+pub struct Handed<'a> {
+    /// The share.
+    pub share: ShareId,
+    /// By set; none where it is not wanted.
+    pub rows: SmallVec<[&'a Row; 8]>,
 }
 
 /// Rows that are not kept, over one set.

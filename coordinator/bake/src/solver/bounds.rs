@@ -9,12 +9,26 @@ use std::borrow::Cow;
 use glam::DVec3;
 use kernel::row::Row;
 
+use super::slab::Slab;
+
 /// Sums up to this are rounding, and stay as they are.
 const LARGEST_SUM: f64 = 1.001;
 
 /// Adds a row to the sums of form factors. Light that passes through its shooter comes from behind it.
 pub fn add_to_sums(row: &Row, opacity: f64, sums: &mut [f64]) {
     row.for_each(|receiver, factor| sums[receiver] += f64::from(factor) * opacity);
+}
+
+/// Adds several rows, given the opacity of each one's shooter.
+pub fn add_slab_to_sums(slab: &Slab, opacity: impl Fn(usize) -> f64 + Sync, sums: &mut [f64]) {
+    slab.add(sums, |row, part, mask, factors| {
+        let opacity = opacity(row);
+        let mut rest = mask;
+        for factor in factors {
+            part[rest.trailing_zeros() as usize] += f64::from(*factor) * opacity;
+            rest &= rest.wrapping_sub(1);
+        }
+    });
 }
 
 /// By what factor each vertex is scaled, or each sample.

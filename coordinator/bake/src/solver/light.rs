@@ -8,6 +8,8 @@ use glam::DVec3;
 /// a third.
 pub trait Light:
     Copy
+    + Send
+    + Sync
     + Debug
     + Default
     + PartialEq

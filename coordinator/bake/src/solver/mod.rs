@@ -1,9 +1,11 @@
-//! The radiosity solver: rows in, radiosity and irradiance out. Pure: no I/O, clock or threads.
+//! The radiosity solver: rows in, radiosity and irradiance out. Pure: no I/O or clock; threads share work whose bits do not depend on
+//! them.
 //!
 //! | file | what it does |
 //! |---|---|
 //! | `light` | three channels, or one |
 //! | `cache` | rows kept in a given amount of memory |
+//! | `slab` | several rows at once, by ranges of receivers |
 //! | `shooting` | progressive refinement: which share shoots next, and what its shot gives |
 //! | `sweeps` | Gauss-Seidel sweeps over all rows |
 //! | `acceleration` | Anderson acceleration of fixed-point passes |
@@ -17,6 +19,7 @@ pub mod bounds;
 pub mod cache;
 mod light;
 pub mod shooting;
+pub mod slab;
 pub mod sweeps;
 #[cfg(test)]
 mod tests;
@@ -71,17 +74,21 @@ pub fn interreflection_bound<L: Light>(shares: &[ShareEnergy<L>]) -> L {
 pub fn add_row<L: Light>(irradiance: &mut [L], row: &Row, radiosity: L) {
     for (first, mask, factors) in row.groups() {
         let end = (first + GROUP).min(irradiance.len());
-        let irradiance = &mut irradiance[first..end];
-        if mask == u32::MAX {
-            for (irradiance, factor) in irradiance.iter_mut().zip(factors) {
-                *irradiance += radiosity * f64::from(*factor);
-            }
-        } else {
-            let mut rest = mask;
-            for factor in factors {
-                irradiance[rest.trailing_zeros() as usize] += radiosity * f64::from(*factor);
-                rest &= rest.wrapping_sub(1);
-            }
+        add_group(&mut irradiance[first..end], mask, factors, radiosity);
+    }
+}
+
+/// The same for up to 32 receivers, given a bit for each that has a factor, and the factors.
+pub fn add_group<L: Light>(irradiance: &mut [L], mask: u32, factors: &[f32], radiosity: L) {
+    if mask == u32::MAX {
+        for (irradiance, factor) in irradiance.iter_mut().zip(factors) {
+            *irradiance += radiosity * f64::from(*factor);
+        }
+    } else {
+        let mut rest = mask;
+        for factor in factors {
+            irradiance[rest.trailing_zeros() as usize] += radiosity * f64::from(*factor);
+            rest &= rest.wrapping_sub(1);
         }
     }
 }

@@ -1,7 +1,8 @@
 //! Progressive refinement by shooting, driven by rows as they arrive.
 //!
-//! Shots are numbered. Shot n is chosen from the state after shot n - W, where W is the window, and applied after shot n - 1,
-//! in any order of arrival: the result depends on W but not on workers or timing, while up to W rows are under way.
+//! Shots go in volleys of some shares that do not wait for each other. Volleys are numbered. Volley n is chosen from the state after
+//! volley n - W, where W volleys are the window, and applied after volley n - 1, in any order of arrival: the result depends on the
+//! window but not on workers, threads or timing, while the rows of a window are under way.
 //!
 //! A shot changes only the shares that its row reaches. Shares are therefore counted in blocks, each with its sums
 //! and its brightest share: a shot visits what its row reaches and every block, not every share.
@@ -9,9 +10,20 @@
 use std::collections::{HashMap, VecDeque};
 
 use kernel::row::{GROUP, Row};
+use rayon::prelude::*;
 
 use super::cache::{RowCache, SetId};
-use super::{Light, ShareEnergy, ShareId, add_row, interreflection_bound};
+use super::slab::Slab;
+use super::{Light, ShareEnergy, ShareId, add_group, interreflection_bound};
+
+/// Shots of a volley, at most: each costs less, and less of what they give each other is shot at once.
+const MOST_PER_VOLLEY: usize = 16;
+
+/// Volleys of a window, at least: rows of the next ones are under way while one is waited for.
+const VOLLEYS_IN_WINDOW: usize = 16;
+
+/// Uncounted blocks that several threads share.
+const MANY_BLOCKS: usize = 16;
 
 /// Shares per block. A row reaches a room of some thousand consecutive shares.
 const BLOCK: usize = 128;
@@ -27,8 +39,8 @@ pub struct Shooting<L> {
     set: SetId,
     /// Rows that wait for their shots.
     arrived: HashMap<ShareId, Row>,
-    /// Shots chosen and not yet applied, in order.
-    chosen: VecDeque<ShareId>,
+    /// Volleys chosen and not yet applied, in order.
+    chosen: VecDeque<Vec<ShareId>>,
     is_chosen: Vec<bool>,
     /// Shares that have shot: to sweep over these later costs no more than another shot now.
     has_shot: Vec<bool>,
@@ -36,9 +48,14 @@ pub struct Shooting<L> {
     blocks_at: BlocksAt,
     /// Blocks to be counted again.
     uncounted: Vec<usize>,
+    /// Which groups of receivers a volley reaches.
+    reached: Vec<bool>,
     /// See [`interreflection_bound`].
     bound: L,
+    /// Volleys under way.
     window: usize,
+    /// Shots of a volley.
+    volley: usize,
     threshold: f64,
     shots: u64,
 }
@@ -78,8 +95,10 @@ impl<L: Light> Shooting<L> {
         window: usize,
         threshold: f64,
     ) -> Self {
+        let volley = (window / VOLLEYS_IN_WINDOW).clamp(1, MOST_PER_VOLLEY);
         let mut shooting = Self {
             blocks_at: BlocksAt::new(&shares, direct.len()),
+            reached: vec![false; direct.len().div_ceil(GROUP)],
             irradiance: direct,
             shot: vec![L::default(); shares.len()],
             set,
@@ -91,7 +110,8 @@ impl<L: Light> Shooting<L> {
             uncounted: (0..shares.len().div_ceil(BLOCK)).collect(),
             bound: interreflection_bound(&shares),
             shares,
-            window,
+            window: window / volley,
+            volley,
             threshold,
             shots: 0,
         };
@@ -106,21 +126,31 @@ impl<L: Light> Shooting<L> {
         wanted
     }
 
-    /// Takes the row of a share, applies every shot that can now be applied, and chooses one more for each. Returns the
+    /// Takes the row of a share, applies every volley that can now be applied, and chooses one more for each. Returns the
     /// shares whose rows are wanted next. A second copy of a row is ignored. Rows of applied shots go to the cache, in order.
     pub fn row_arrived(&mut self, share: ShareId, row: Row, cache: &mut RowCache) -> Vec<ShareId> {
         let mut wanted = vec![];
         if self.is_chosen[share.index()] {
             self.arrived.entry(share).or_insert(row);
         }
-        while let Some(next) = self.chosen.front().copied() {
-            if let Some(row) = self.arrived.remove(&next) {
-                self.apply(next, &row);
-                cache.keep(self.set, next, row);
-            } else if let Some(row) = cache.row(self.set, next) {
-                self.apply(next, row);
-            } else {
+        while let Some(next) = self.chosen.front() {
+            let is_there =
+                |share: &ShareId| self.arrived.contains_key(share) || cache.row(self.set, *share).is_some();
+            if !next.iter().all(is_there) {
                 break;
+            }
+            let volley = self.chosen.pop_front().unwrap_or_default();
+            let mut arrived: Vec<Option<Row>> =
+                volley.iter().map(|share| self.arrived.remove(share)).collect();
+            let rows = volley.iter().zip(&arrived);
+            let rows: Vec<&Row> = rows
+                .filter_map(|(share, arrived)| arrived.as_ref().or_else(|| cache.row(self.set, *share)))
+                .collect();
+            self.apply(&volley, &rows);
+            for (share, row) in volley.into_iter().zip(&mut arrived) {
+                if let Some(row) = row.take() {
+                    cache.keep(self.set, share, row);
+                }
             }
             self.choose(cache, &mut wanted);
         }
@@ -188,8 +218,12 @@ impl<L: Light> Shooting<L> {
 
     /// Counts the uncounted blocks.
     fn count(&mut self) {
-        while let Some(block) = self.uncounted.pop() {
-            self.blocks[block] = self.counted(block);
+        let uncounted = std::mem::take(&mut self.uncounted);
+        if uncounted.len() < MANY_BLOCKS {
+            uncounted.iter().for_each(|block| self.blocks[*block] = self.counted(*block));
+        } else {
+            let counted: Vec<Block<L>> = uncounted.par_iter().map(|block| self.counted(*block)).collect();
+            uncounted.iter().zip(counted).for_each(|(block, counted)| self.blocks[*block] = counted);
         }
     }
 
@@ -216,45 +250,61 @@ impl<L: Light> Shooting<L> {
         counted
     }
 
+    /// Chooses a volley. False where nothing is worth a shot.
+    fn choose(&mut self, cache: &RowCache, wanted: &mut Vec<ShareId>) -> bool {
+        let most = self.volley;
+        let chosen: Vec<ShareId> = std::iter::from_fn(|| self.choose_one()).take(most).collect();
+        wanted.extend(chosen.iter().filter(|share| cache.row(self.set, **share).is_none()));
+        let is_any = !chosen.is_empty();
+        if is_any {
+            self.chosen.push_back(chosen);
+        }
+        is_any
+    }
+
     /// Chooses the share with the largest unshot flux, unless too little is left, or only shares that have shot have much left:
     /// sweeps finish those faster than more shots would.
-    fn choose(&mut self, cache: &RowCache, wanted: &mut Vec<ShareId>) -> bool {
+    fn choose_one(&mut self) -> Option<ShareId> {
         self.count();
         let [unshot, held, reflected] = self.fluxes();
         let missing = L::ratio(unshot, reflected) * self.bound;
         if missing.largest_channel() <= self.threshold
             || L::ratio(held, reflected).largest_channel() <= self.threshold
         {
-            return false;
+            return None;
         }
         let brightest = self.blocks.iter().filter_map(|block| block.brightest);
         let best = brightest.reduce(|a, b| if b.1 > a.1 { b } else { a });
-        let Some((index, _)) = best.filter(|(_, flux)| *flux > 0.0) else { return false };
+        let (index, _) = best.filter(|(_, flux)| *flux > 0.0)?;
         let share = ShareId(index as u32);
-        self.chosen.push_back(share);
         self.is_chosen[index] = true;
         has_changed(&mut self.blocks, &mut self.uncounted, share);
-        if cache.row(self.set, share).is_none() {
-            wanted.push(share);
-        }
-        true
+        Some(share)
     }
 
-    fn apply(&mut self, share: ShareId, row: &Row) {
-        self.chosen.pop_front();
-        let index = share.index();
-        self.is_chosen[index] = false;
-        self.has_shot[index] = true;
-        has_changed(&mut self.blocks, &mut self.uncounted, share);
-        let current = self.unshot(index);
-        self.shot[index] += current;
-        add_row(&mut self.irradiance, row, current);
-        for (first, _, _) in row.groups() {
-            for block in self.blocks_at.group(first / GROUP) {
+    /// Each share shoots what it had before the volley.
+    fn apply(&mut self, volley: &[ShareId], rows: &[&Row]) {
+        let currents: Vec<L> = volley.iter().map(|share| self.unshot(share.index())).collect();
+        for (share, current) in volley.iter().zip(&currents) {
+            let index = share.index();
+            self.is_chosen[index] = false;
+            self.has_shot[index] = true;
+            has_changed(&mut self.blocks, &mut self.uncounted, *share);
+            self.shot[index] += *current;
+        }
+        Slab::new(rows).add(&mut self.irradiance, |row, part, mask, factors| {
+            add_group(part, mask, factors, currents[row]);
+        });
+        self.reached.fill(false);
+        for row in rows {
+            row.groups().for_each(|(first, ..)| self.reached[first / GROUP] = true);
+        }
+        for group in (0..self.reached.len()).filter(|group| self.reached[*group]) {
+            for block in self.blocks_at.group(group) {
                 mark(&mut self.blocks, &mut self.uncounted, *block as usize);
             }
         }
-        self.shots += 1;
+        self.shots += volley.len() as u64;
         self.count();
     }
 }

@@ -9,7 +9,8 @@ use std::convert::Infallible;
 
 use kernel::row::{GROUP, Row};
 
-use super::{Light, ShareEnergy, SharesAt, add_row, interreflection_bound};
+use super::slab::{self, Slab};
+use super::{Light, ShareEnergy, SharesAt, add_group, add_row, interreflection_bound};
 use crate::disjoint_sets::DisjointSets;
 
 /// Rows of all shares in order. A solution passes over them once to begin with and once per sweep; rows that are not kept are
@@ -19,19 +20,21 @@ pub trait Transfer {
     type Error;
 
     /// Hands over the row of every share, in the order of the shares: the irradiance that each receiver gets from its unit
-    /// radiosity.
+    /// radiosity. Several at a time, with the index of the first share; how many makes no difference to the solution.
     ///
     /// # Errors
     /// When a row cannot be had.
-    fn pass(&mut self, take: &mut dyn FnMut(usize, &Row)) -> Result<(), Self::Error>;
+    fn pass(&mut self, take: &mut dyn FnMut(usize, &[&Row])) -> Result<(), Self::Error>;
 }
 
 /// Rows in memory.
 impl Transfer for Vec<Row> {
     type Error = Infallible;
 
-    fn pass(&mut self, take: &mut dyn FnMut(usize, &Row)) -> Result<(), Infallible> {
-        self.iter().enumerate().for_each(|(share, row)| take(share, row));
+    fn pass(&mut self, take: &mut dyn FnMut(usize, &[&Row])) -> Result<(), Infallible> {
+        for (number, rows) in self.chunks(slab::ROWS).enumerate() {
+            take(number * slab::ROWS, &rows.iter().collect::<Vec<_>>());
+        }
         Ok(())
     }
 }
@@ -83,13 +86,15 @@ pub fn solve<L: Light, T: Transfer>(
     let shares_at = SharesAt::new(shares, irradiance.len());
     let mut level_irradiance = vec![L::default(); irradiance.len()];
     let mut reach = Reach::new(shares.len(), irradiance.len());
-    transfer.pass(&mut |share, row| {
-        let (radiosity, reflectance) = (radiosity[share], shares[share].reflectance);
-        row.for_each(|receiver, factor| {
-            irradiance[receiver] += radiosity * f64::from(factor);
-            level_irradiance[receiver] += reflectance * f64::from(factor);
+    transfer.pass(&mut |first, rows| {
+        let slab = Slab::new(rows);
+        slab.add(&mut irradiance, |row, part, mask, factors| {
+            add_group(part, mask, factors, radiosity[first + row]);
         });
-        reach.add(share, row, &shares_at);
+        slab.add(&mut level_irradiance, |row, part, mask, factors| {
+            add_group(part, mask, factors, shares[first + row].reflectance);
+        });
+        (first..).zip(rows).for_each(|(share, row)| reach.add(share, row, &shares_at));
     })?;
     let rooms = Rooms::new(&mut reach.sets, shares.len());
     let level = Level::new(shares, level_irradiance, &rooms);
@@ -97,11 +102,9 @@ pub fn solve<L: Light, T: Transfer>(
     let (mut residual, mut missing) = (f64::INFINITY, f64::INFINITY);
     let mut sweeps = 0;
     while sweeps < max_sweeps && missing > tolerance {
-        transfer.pass(&mut |index, row| {
-            let share = &shares[index];
-            let change = share.reflectance * irradiance[share.receiver] - radiosity[index];
-            radiosity[index] += change;
-            add_row(&mut irradiance, row, change);
+        transfer.pass(&mut |first, rows| {
+            let own = first..first + rows.len();
+            sweep(&shares[own.clone()], &Slab::new(rows), &mut radiosity[own], &mut irradiance);
         })?;
         level.correct(shares, &shares_at, &rooms, &mut radiosity, &mut irradiance);
         sweeps += 1;
@@ -115,6 +118,34 @@ pub fn solve<L: Light, T: Transfer>(
         .map(|(share, radiosity)| (share.reflectance * irradiance[share.receiver] - *radiosity) * share.area)
         .sum();
     Ok(Solution { unshot, radiosity, residual, missing, sweeps })
+}
+
+/// Lets consecutive shares reflect what they receive, one after the other.
+fn sweep<L: Light>(shares: &[ShareEnergy<L>], slab: &Slab, radiosity: &mut [L], irradiance: &mut [L]) {
+    if !slab.is_shared() {
+        for ((share, row), radiosity) in shares.iter().zip(slab.rows()).zip(radiosity) {
+            let change = share.reflectance * irradiance[share.receiver] - *radiosity;
+            *radiosity += change;
+            add_row(irradiance, row, change);
+        }
+        return;
+    }
+    // What these shares give each other comes first, then threads add all to all others: the same sums in the same order.
+    let receivers: Vec<usize> = shares.iter().map(|share| share.receiver).collect();
+    let factors = slab.factors(&receivers);
+    let mut received: Vec<L> = receivers.iter().map(|receiver| irradiance[*receiver]).collect();
+    let mut changes = Vec::with_capacity(shares.len());
+    for (index, share) in shares.iter().enumerate() {
+        let change = share.reflectance * received[index] - radiosity[index];
+        radiosity[index] += change;
+        for (received, factor) in received.iter_mut().zip(&factors[index]).skip(index + 1) {
+            if *factor != 0.0 {
+                *received += change * f64::from(*factor);
+            }
+        }
+        changes.push(change);
+    }
+    slab.add(irradiance, |row, part, mask, factors| add_group(part, mask, factors, changes[row]));
 }
 
 /// Finds the rooms: shares between which light can pass.

@@ -200,6 +200,10 @@ impl<S: RowService> RowService for Checkpointed<S> {
         self.inner.threads()
     }
 
+    fn jobs_ahead(&self) -> usize {
+        self.inner.jobs_ahead()
+    }
+
     fn next(&mut self, patience: Duration) -> Result<Option<FinishedJob>, BakeError> {
         if let Some(finished) = self.answered.pop_front() {
             return Ok(Some(finished));

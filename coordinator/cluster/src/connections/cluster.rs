@@ -17,8 +17,9 @@ use super::start::Started;
 use super::summary::{ClusterCounts, WorkerSummary};
 use crate::metrics::Metrics;
 
-/// Threads that move messages, beside those that compute.
-const NETWORK_THREADS: usize = 2;
+/// Threads that move messages, at least and at most: one per core between. They decode all rows, and two were busy with those of 19
+/// workers.
+const NETWORK_THREADS: [usize; 2] = [2, 8];
 
 /// How long workers have to answer a goodbye.
 const GOODBYE_TIMEOUT: Duration = Duration::from_secs(1);
@@ -75,8 +76,11 @@ impl Cluster {
     }
 
     fn launch(settings: &ClusterSettings) -> Result<(Self, Ready), ClusterError> {
+        let [least, most] = NETWORK_THREADS;
+        let threads =
+            std::thread::available_parallelism().map_or(least, |cores| cores.get().clamp(least, most));
         let runtime = tokio::runtime::Builder::new_multi_thread()
-            .worker_threads(NETWORK_THREADS)
+            .worker_threads(threads)
             .thread_name("network")
             .enable_all()
             .build()

@@ -151,6 +151,10 @@ impl RowService for Handle {
         self.jobs.hub.connected()[1]
     }
 
+    fn jobs_ahead(&self) -> usize {
+        self.jobs.hub.jobs_ahead()
+    }
+
     fn next(&mut self, patience: Duration) -> Result<Option<FinishedJob>, BakeError> {
         self.next_within(patience).map_err(|error| BakeError::Rows(Box::new(error)))
     }

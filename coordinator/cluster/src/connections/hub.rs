@@ -27,6 +27,9 @@ const DOUBLING: f64 = 20.0;
 /// Highest priority; the lowest is its negative.
 const MOST_PRIORITY: i32 = 100;
 
+/// Jobs that a handle asks for per thread: those that a worker holds, and one that waits here.
+const JOBS_AHEAD_PER_THREAD: usize = 4;
+
 /// The answer to a job of a handle, or why there is none.
 pub(super) type Outcome = Result<FinishedWork, ClusterError>;
 
@@ -106,6 +109,12 @@ impl Hub {
     /// Workers that are connected, and how many jobs they compute at the same time.
     pub(super) fn connected(&self) -> [usize; 2] {
         [self.connected.workers.load(Relaxed), self.connected.threads.load(Relaxed)]
+    }
+
+    /// How many jobs keep all threads busy: those that workers hold, and as many per thread again that are asked for.
+    pub(super) fn jobs_ahead(&self) -> usize {
+        let [_, threads] = self.connected();
+        JOBS_AHEAD_PER_THREAD * threads + self.connected.ahead.load(Relaxed)
     }
 
     /// Rays cast per second lately.
@@ -202,7 +211,9 @@ impl Hub {
 
     /// Gives workers as many jobs as keep them busy.
     fn feed(&self, state: &mut State) {
-        while let Some(id) = state.turns.next(self.connected.threads.load(Relaxed)) {
+        let [threads, ahead] =
+            [&self.connected.threads, &self.connected.ahead].map(|count| count.load(Relaxed));
+        while let Some(id) = state.turns.next(threads, ahead) {
             if let Some(request) = state.jobs.get_mut(&id).and_then(|pending| pending.request.take()) {
                 self.tell(Message::Submit(vec![(id, request)]));
             }

@@ -13,6 +13,7 @@
 //! | `connect` | dials a worker or starts one in this process, up to both hellos |
 //! | `session` | one task per worker: its messages, and the one place where its loss is noticed |
 //! | `pulse` | keep-alives: whether the worker is there, and uploads get on |
+//! | `distance` | how many jobs a worker holds so that its threads go on while messages travel |
 //! | `upload` | sends one replica to one worker |
 //! | `refusals` | replicas that workers do not take |
 //! | `request`, `answer` | jobs of either kind, and their answers, checked |
@@ -29,6 +30,7 @@ mod asynchronous;
 mod backoff;
 mod cluster;
 mod connect;
+mod distance;
 mod error;
 mod handle;
 mod hub;

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicUsize;
 use std::sync::atomic::Ordering::Relaxed;
 
-use kernel::replica::{Digest, EncodedReplica};
+use kernel::replica::Digest;
 use protocol::worker::FailureReason;
 use tokio::sync::{mpsc, oneshot};
 use tokio::time::{Instant, Interval, interval, sleep_until};
@@ -13,6 +13,7 @@ use tokio_util::sync::CancellationToken;
 
 use super::accounts::Accounts;
 use super::answer::Checked;
+use super::distance::Distances;
 use super::error::ClusterError;
 use super::members::Members;
 use super::message::{Joined, Message};
@@ -21,6 +22,7 @@ use super::request::Request;
 use super::session::{Command, LostWorkerReason, News};
 use super::settings::{ClusterSettings, Schedule};
 use super::summary::{ClusterCounts, Delivery};
+use super::upload::Published;
 use super::waiting::{Ready, Waiting};
 use crate::scheduler::{Abandonment, Action, Event, JobId, Policy, Scheduler, WorkerId};
 
@@ -33,6 +35,8 @@ pub(super) struct Connected {
     pub(super) workers: AtomicUsize,
     /// Number of jobs that they compute at the same time.
     pub(super) threads: AtomicUsize,
+    /// Number of jobs that those far away hold beyond what others of their threads do.
+    pub(super) ahead: AtomicUsize,
 }
 
 /// Observes the decisions of a reactor's scheduler. `()` observes nothing, at no cost; simulations check.
@@ -53,10 +57,11 @@ pub(super) struct Reactor<O> {
     settings: ClusterSettings,
     members: Arc<Members>,
     scheduler: Scheduler,
-    replicas: HashMap<Digest, EncodedReplica>,
+    replicas: HashMap<Digest, Arc<Published>>,
     requests: HashMap<JobId, Arc<Request>>,
     sessions: BTreeMap<WorkerId, mpsc::UnboundedSender<Command>>,
     accounts: Accounts,
+    distances: Distances,
     refusals: Refusals,
     /// Answers that were delivered, of jobs that another worker holds too, until it has answered or is lost.
     delivered: HashMap<JobId, Delivered>,
@@ -103,6 +108,7 @@ impl<O: ReactorObserver> Reactor<O> {
             sessions: BTreeMap::new(),
             connected,
             accounts: Accounts::default(),
+            distances: Distances::default(),
             refusals: Refusals::default(),
             delivered: HashMap::new(),
             results,
@@ -168,7 +174,7 @@ impl<O: ReactorObserver> Reactor<O> {
     fn take(&mut self, message: Message) {
         match message {
             Message::Publish(replica) => {
-                self.replicas.insert(replica.digest, replica);
+                self.replicas.insert(replica.digest, Arc::new(Published::new(replica)));
             }
             Message::Release(digest) => {
                 self.replicas.remove(&digest);
@@ -234,6 +240,7 @@ impl<O: ReactorObserver> Reactor<O> {
         self.sessions.insert(worker, commands);
         self.connected.workers.fetch_add(1, Relaxed);
         self.connected.threads.fetch_add(threads, Relaxed);
+        self.distances.joined(worker, threads);
         self.on(Event::WorkerConnected { worker, threads });
         self.look_round();
     }
@@ -280,8 +287,19 @@ impl<O: ReactorObserver> Reactor<O> {
                 let actions = self.observer.decide(&mut self.scheduler, event);
                 self.carry_out(actions, &message);
             }
+            News::RoundTrip(time) => {
+                if let Some(jobs) = self.distances.answered_after(worker, time) {
+                    self.hold(worker, jobs);
+                }
+            }
             News::Lost(reason) => self.lose(worker, &reason),
         }
+    }
+
+    /// A worker may hold this many jobs.
+    fn hold(&mut self, worker: WorkerId, jobs: usize) {
+        self.connected.ahead.store(self.distances.ahead(), Relaxed);
+        self.on(Event::RoomChanged { worker, jobs });
     }
 
     fn lose(&mut self, worker: WorkerId, reason: &LostWorkerReason) {
@@ -289,6 +307,8 @@ impl<O: ReactorObserver> Reactor<O> {
             self.connected.workers.fetch_sub(1, Relaxed);
             self.connected.threads.fetch_sub(self.accounts.threads(worker), Relaxed);
         }
+        self.distances.lost(worker);
+        self.connected.ahead.store(self.distances.ahead(), Relaxed);
         self.delivered.retain(|_, delivered| delivered.holder != worker);
         self.refusals.lost(worker, self.accounts.address(worker), reason.is_orderly());
         if self.shutdown.is_some() {
@@ -324,6 +344,9 @@ impl<O: ReactorObserver> Reactor<O> {
 
     fn finish(&mut self, worker: WorkerId, Checked { work, digest, bytes }: Checked) {
         let job = work.job();
+        if let Some(jobs) = self.distances.computed(worker, work.busy()) {
+            self.hold(worker, jobs);
+        }
         let actions = self.observer.decide(&mut self.scheduler, Event::Finished { worker, job });
         let is_first = actions.contains(&Action::Deliver { job });
         self.accounts.count(worker, is_first, &work, bytes);
@@ -366,8 +389,8 @@ impl<O: ReactorObserver> Reactor<O> {
                 Action::LoadReplica { worker, digest } => match self.replicas.get(&digest) {
                     Some(replica) => {
                         let place = (self.accounts.name(worker), self.accounts.address(worker));
-                        match self.refusals.sends(worker, place, replica) {
-                            Ok(()) => self.command(worker, Command::Load(replica.clone())),
+                        match self.refusals.sends(worker, place, &replica.replica) {
+                            Ok(()) => self.command(worker, Command::Load(Arc::clone(replica))),
                             Err(message) => refused.push((worker, digest, message)),
                         }
                     }

@@ -3,8 +3,9 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
 
-use kernel::replica::{Digest, EncodedReplica};
+use kernel::replica::Digest;
 use protocol::telemetry::Held;
 use protocol::worker::coordinator_message::Body as Outgoing;
 use protocol::worker::worker_message::Body as Incoming;
@@ -21,16 +22,19 @@ use super::connect::Connection;
 use super::error::words;
 use super::pulse::{KEEP_ALIVE, Lapse, Pulse};
 use super::request::Request;
-use super::upload::{UploadFailure, upload};
+use super::upload::{Published, UploadFailure, upload};
 use crate::metrics::{Metrics, WorkerMetrics};
 use crate::scheduler::JobId;
+
+/// Jobs of more time than this are told of in the log: others may have waited for them.
+const LONG_JOB: Duration = Duration::from_millis(500);
 
 /// A command to a session.
 pub(super) enum Command {
     /// Send a job.
     Job(JobId, Arc<Request>),
     /// Load a replica.
-    Load(EncodedReplica),
+    Load(Arc<Published>),
     /// Tell the worker that a job is not wanted any more.
     Cancel(JobId),
     /// Tell the worker that it may forget a replica.
@@ -61,6 +65,8 @@ pub(super) enum News {
         /// The worker's words.
         message: String,
     },
+    /// A message to the worker and its answer took this long.
+    RoundTrip(Duration),
     /// The session is over; no news follows.
     Lost(LostWorkerReason),
 }
@@ -137,9 +143,10 @@ pub(super) async fn run(
         let step = tokio::select! {
             command = commands.recv() => match command {
                 Some(Command::Load(replica)) => {
-                    session.count_sent(replica.bytes.len());
                     session.pulse.uploads();
-                    uploads.spawn(upload(upload_client.clone(), replica));
+                    let (sent, all) = (Arc::clone(&session.bytes_sent), session.metrics.all.clone());
+                    let count = move |bytes| count_sent(&sent, &all, bytes);
+                    uploads.spawn(upload(upload_client.clone(), replica, remote, count));
                     Ok(())
                 }
                 Some(command) => {
@@ -180,6 +187,11 @@ pub(super) async fn run(
 /// Rows where a tile was asked for, or the other way round.
 fn other_kind(job: u64) -> LostWorkerReason {
     LostWorkerReason::Garbage(format!("an answer of another kind to job {job}"))
+}
+
+fn count_sent(sent: &AtomicU64, metrics: &Metrics, bytes: usize) {
+    sent.fetch_add(bytes as u64, Ordering::Relaxed);
+    metrics.sent(bytes as u64);
 }
 
 struct Session<T> {
@@ -250,6 +262,7 @@ impl<T: Fn(News)> Session<T> {
             Some(Incoming::KeepAlive(answer)) => {
                 if let Some(time) = self.pulse.answered(answer, Instant::now(), is_uploading)? {
                     self.metrics.own.round_trip(time);
+                    (self.tell)(News::RoundTrip(time));
                 }
             }
             Some(Incoming::Goodbye(Goodbye { reason })) => return Err(LostWorkerReason::Left(reason)),
@@ -263,12 +276,14 @@ impl<T: Fn(News)> Session<T> {
     fn finished(&self, answer: Checked) {
         let work = &answer.work;
         self.metrics.own.answered(work.rows(), work.rays(), work.busy());
+        if work.busy() > LONG_JOB {
+            tracing::debug!(job = %work.job(), rows = work.rows(), busy = ?work.busy(), "a long job");
+        }
         (self.tell)(News::Finished(answer));
     }
 
     fn count_sent(&self, bytes: usize) {
-        self.bytes_sent.fetch_add(bytes as u64, Ordering::Relaxed);
-        self.metrics.all.sent(bytes as u64);
+        count_sent(&self.bytes_sent, &self.metrics.all, bytes);
     }
 
     /// Takes the request of an answered job.

@@ -1,12 +1,17 @@
 //! Sends a replica to a worker.
 
+use std::sync::Arc;
 use std::time::Duration;
 
+use bytes::Bytes;
 use kernel::replica::{Digest, EncodedReplica};
+use protocol::packing::packed;
 use protocol::security::SecuredChannel;
 use protocol::worker::replica_chunk::Body;
 use protocol::worker::worker_client::WorkerClient;
 use protocol::worker::{LoadReplicaReply, ReplicaChunk, ReplicaHeader};
+use tokio::sync::OnceCell;
+use tokio::task::spawn_blocking;
 use tokio::time::timeout;
 
 use super::error::{is_refusal, is_refusal_of_replica, words};
@@ -14,6 +19,9 @@ use super::error::{is_refusal, is_refusal_of_replica, words};
 /// Bytes per chunk: large enough to cost nothing, small enough to let other messages through, and to show on a slow link that the
 /// upload gets on.
 const CHUNK_BYTES: usize = 64 << 10;
+
+/// From this number of bytes on packing takes so long that the threads that move messages leave it to others.
+const MUCH_TO_PACK: usize = 1 << 18;
 
 /// Time limit of an upload, plus a second for each [`SLOWEST_BYTES`]. One that does not get on is found sooner, by the session.
 const UPLOAD_TIMEOUT: Duration = Duration::from_secs(60);
@@ -33,14 +41,46 @@ pub(super) enum UploadFailure {
     Broken(String),
 }
 
-/// Sends a replica to a worker. Ends when the worker can use it.
+/// A replica, and the same packed once a worker elsewhere needed it: all others get the same bytes.
+#[derive(Debug)]
+pub(super) struct Published {
+    pub(super) replica: EncodedReplica,
+    packed: OnceCell<Option<Bytes>>,
+}
+
+impl Published {
+    pub(super) fn new(replica: EncodedReplica) -> Self {
+        Self { replica, packed: OnceCell::new() }
+    }
+
+    /// The replica packed, where that is shorter.
+    async fn packed(&self) -> Option<Bytes> {
+        let bytes = &self.replica.bytes;
+        let pack = async {
+            if bytes.len() < MUCH_TO_PACK {
+                return packed(bytes).map(Bytes::from);
+            }
+            // It goes as it is where the runtime ends.
+            let bytes = bytes.clone();
+            spawn_blocking(move || packed(&bytes)).await.ok().flatten().map(Bytes::from)
+        };
+        self.packed.get_or_init(|| pack).await.clone()
+    }
+}
+
+/// Sends a replica to a worker; packed, if it is `remote`. Tells the bytes before it sends them. Ends when the worker can use it.
 pub(super) async fn upload(
     mut client: WorkerClient<SecuredChannel>,
-    replica: EncodedReplica,
+    published: Arc<Published>,
+    remote: bool,
+    count: impl FnOnce(usize),
 ) -> (Digest, Result<(), UploadFailure>) {
+    let packed = if remote { published.packed().await } else { None };
+    let replica = &published.replica;
+    count(packed.as_ref().unwrap_or(&replica.bytes).len());
     let digest = replica.digest;
     let limit = UPLOAD_TIMEOUT + Duration::from_secs(replica.bytes.len() as u64 / SLOWEST_BYTES);
-    let loading = client.load_replica(tokio_stream::iter(chunks(replica)));
+    let loading = client.load_replica(tokio_stream::iter(chunks(replica, packed)));
     let result = match timeout(limit, loading).await {
         Err(_) => Err(UploadFailure::Broken(format!("it took more than {} s", limit.as_secs()))),
         Ok(Err(status)) if is_refusal_of_replica(&status) => Err(UploadFailure::Refused(words(&status))),
@@ -64,8 +104,14 @@ fn check(digest: Digest, reply: &LoadReplicaReply) -> Result<(), UploadFailure> 
 }
 
 /// Splits a replica into its header and chunks of its bytes, which are shared and not copied.
-fn chunks(EncodedReplica { digest, kind, bytes }: EncodedReplica) -> impl Iterator<Item = ReplicaChunk> {
-    let header = ReplicaHeader { digest: digest.to_bytes(), kind: kind.into(), length: bytes.len() as u64 };
+fn chunks(replica: &EncodedReplica, packed: Option<Bytes>) -> impl Iterator<Item = ReplicaChunk> + use<> {
+    let header = ReplicaHeader {
+        digest: replica.digest.to_bytes(),
+        kind: replica.kind.into(),
+        length: replica.bytes.len() as u64,
+        packed_length: packed.as_ref().map_or(0, |packed| packed.len() as u64),
+    };
+    let bytes = packed.unwrap_or_else(|| replica.bytes.clone());
     let data = (0..bytes.len())
         .step_by(CHUNK_BYTES)
         .map(move |start| Body::Data(bytes.slice(start..bytes.len().min(start + CHUNK_BYTES))));

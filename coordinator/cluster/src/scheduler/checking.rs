@@ -17,6 +17,7 @@ impl Scheduler {
     /// When it does not: the scheduler has a bug.
     pub fn sanity_check(&self) {
         self.check_jobs();
+        self.index.sanity_check(self.workers.values(), self.rounds);
         for (&id, worker) in &self.workers {
             worker.sanity_check();
             self.check_held(id, worker);
@@ -94,7 +95,7 @@ impl Scheduler {
     /// An idle worker could not help: with what waits for the threads of another worker, or, where no copy is under way, with
     /// anything.
     fn check_help(&self, id: WorkerId, worker: &Worker) {
-        let helped = self.news_is_due();
+        let helped = self.index.news_is_due(self.rounds);
         for held in self.workers.values().flat_map(|worker| &worker.under_way) {
             if !held.wanted || held.twice || (helped && held.begun.is_some()) {
                 continue;

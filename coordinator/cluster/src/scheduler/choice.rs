@@ -8,9 +8,6 @@
 //!
 //! [`checking`](super::checking) asks the same questions, and finds that nothing is left to be sent.
 
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
-
 use kernel::replica::Digest;
 use kernel::row::JobId;
 
@@ -39,23 +36,17 @@ impl Scheduler {
 
     /// Gives waiting jobs to workers with room, one at a time to the least loaded one, until no more can be given.
     fn share_queue(&mut self, actions: &mut Vec<Action>) {
-        if self.queue.is_empty() {
-            return;
-        }
-        let with_room = self.workers.iter().filter(|(id, worker)| self.may_get_more(**id, worker));
-        let mut least_loaded: BinaryHeap<_> =
-            with_room.map(|(id, worker)| Reverse(worker.load(*id))).collect();
-        while let Some(Reverse(load)) = least_loaded.pop() {
+        let mut last = None;
+        while !self.queue.is_empty()
+            && let Some(load) = self.index.open_after(last)
+        {
             let id = load.worker;
-            if self.give_one(id, actions) && self.workers[&id].has_room() {
-                least_loaded.push(Reverse(self.workers[&id].load(id)));
+            if self.reserved == Some(id) {
+                last = Some(load);
+            } else if !self.give_one(id, actions) {
+                self.index.block(&self.workers[&id], &self.queue);
             }
         }
-    }
-
-    /// A worker has room for more jobs.
-    pub(super) fn may_get_more(&self, id: WorkerId, worker: &Worker) -> bool {
-        worker.has_room() && self.reserved != Some(id)
     }
 
     /// Gives this worker its next job, and the replicas that jobs before it need. False where there is no such job.
@@ -99,14 +90,15 @@ impl Scheduler {
                 ReplicaState::Loading
             });
         }
+        self.index.place(worker);
     }
 
     /// Sends a job that waits, or the second copy of one that does not.
     pub(super) fn send(&mut self, id: WorkerId, job: JobId, alone: bool, actions: &mut Vec<Action>) {
         let Some(state) = self.jobs.get_mut(&job) else { return };
         if let Some(first) = state.holders.first() {
-            if let Some(held) = self.workers.get_mut(first).and_then(|first| first.held_mut(job)) {
-                held.twice = true;
+            if let Some(first) = self.workers.get_mut(first) {
+                first.change(job, &mut self.index, |held| held.twice = true);
             }
             self.duplicates_sent += 1;
         } else {
@@ -117,7 +109,7 @@ impl Scheduler {
         if let Some(worker) = self.workers.get_mut(&id) {
             let (order, copy, begun) = (state.order, twice, None);
             let held = Held { job, order, alone, copy, twice, wanted: true, withdrawn: false, begun };
-            worker.take(held, self.rounds);
+            worker.take(held, self.rounds, &mut self.index);
         }
         actions.push(Action::Send { worker: id, job });
     }
@@ -145,7 +137,7 @@ impl Scheduler {
         let kind = &self.jobs[&suspect].kind;
         let least_loaded = |choice: &dyn Fn(&Worker) -> bool| {
             let able = self.workers.iter().filter(|(id, worker)| self.may_try(**id, kind) && choice(worker));
-            able.map(|(id, worker)| worker.load(*id)).min().map(|load| load.worker)
+            able.map(|(_, worker)| worker.load()).min().map(|load| load.worker)
         };
         let is_able = |worker: &Worker| worker.holds(&kind.needs);
         let empty = least_loaded(&|worker| worker.under_way.is_empty() && is_able(worker));

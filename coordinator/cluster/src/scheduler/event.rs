@@ -52,6 +52,13 @@ pub enum Event {
         /// True where it said goodbye, or was told to leave: then it does not count against the jobs that it held.
         orderly: bool,
     },
+    /// A worker may hold more jobs than before, or fewer: it is far away for the time that jobs take.
+    RoomChanged {
+        /// The worker.
+        worker: WorkerId,
+        /// Most jobs that it may hold. What it holds already it keeps, and it may hold two per thread and one more in any case.
+        jobs: usize,
+    },
     /// There is more to do. Jobs that are known already are left as they are.
     Submitted {
         /// The jobs, most urgent first, each with the replicas that it needs. They come after all that wait already.

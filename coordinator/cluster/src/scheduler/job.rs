@@ -82,6 +82,16 @@ impl Queue {
         self.kinds.is_empty()
     }
 
+    /// Whether a job of this kind waits, suspects apart.
+    pub(super) fn has(&self, kind: &Kind) -> bool {
+        self.kinds.contains_key(kind)
+    }
+
+    /// Kinds of the jobs that wait, suspects apart.
+    pub(super) fn kinds(&self) -> impl Iterator<Item = &Kind> {
+        self.kinds.keys()
+    }
+
     /// The first job of each kind, the oldest first; suspects apart.
     pub(super) fn first_of_each_kind(&self) -> Vec<(u64, JobId, &Kind)> {
         let first =

@@ -6,6 +6,7 @@
 //! | `event` | events in, actions out, policies |
 //! | `job` | state of a job; the queue |
 //! | `worker` | state of a worker |
+//! | `index` | workers and their jobs in the orders that choices ask for |
 //! | `choice` | which job goes next, and to which worker |
 //! | `turns` | the handle whose job goes next |
 //! | `duplicates` | copies of late jobs for idle workers |
@@ -13,7 +14,8 @@
 //! | `checking` | invariants between any two events |
 //!
 //! Load sharing: a worker holds a bounded number of jobs and gets the next one when it finishes one, so a fast worker gets more
-//! of them. It holds more jobs than it has threads, so that a thread that finishes goes on at once.
+//! of them. It holds more jobs than it has threads, so that a thread that finishes goes on at once; how many more depends on how far
+//! away it is, in jobs ([`room`]).
 //!
 //! Replicas are loaded to a worker when it has room for a job that needs them; meanwhile it gets other jobs.
 
@@ -21,8 +23,10 @@ mod checking;
 mod choice;
 mod duplicates;
 mod event;
+mod index;
 mod job;
 mod limits;
+mod room;
 mod state;
 mod turns;
 mod worker;
@@ -33,5 +37,6 @@ mod tests;
 pub use event::{Abandonment, Action, Event, Policy, WorkerId};
 pub use kernel::row::JobId;
 pub use limits::{MOST_FAILURES, MOST_LOSSES_ALONE, MOST_RELOADS, SUSPECT_LOSSES};
+pub use room::room;
 pub use state::Scheduler;
 pub use turns::{HandleId, Turns};

@@ -7,6 +7,7 @@ use kernel::replica::Digest;
 use kernel::row::JobId;
 
 use super::event::{Abandonment, Action, Event, Policy, WorkerId};
+use super::index::Index;
 use super::job::{Job, Kind, Queue};
 use super::limits::{MOST_FAILURES, MOST_LOSSES_ALONE, MOST_RELOADS};
 use super::worker::{ReplicaState, Worker};
@@ -16,6 +17,8 @@ use super::worker::{ReplicaState, Worker};
 pub struct Scheduler {
     pub(super) policy: Policy,
     pub(super) workers: BTreeMap<WorkerId, Worker>,
+    /// The workers and what they hold, in the orders that choices ask for.
+    pub(super) index: Index,
     /// All jobs that are not over.
     pub(super) jobs: BTreeMap<JobId, Job>,
     /// Those that no worker holds.
@@ -91,15 +94,22 @@ impl Scheduler {
     fn take_in(&mut self, event: Event, actions: &mut Vec<Action>) {
         match event {
             Event::WorkerConnected { worker, threads } => {
-                self.workers.insert(worker, Worker::new(threads));
+                let state = Worker::new(worker, threads);
+                self.index.place(self.workers.entry(worker).or_insert(state));
+            }
+            Event::RoomChanged { worker, jobs } => {
+                if let Some(worker) = self.workers.get_mut(&worker) {
+                    worker.set_room(jobs);
+                    self.index.place(worker);
+                }
             }
             Event::WorkerLost { worker, orderly } => self.lose(worker, orderly, actions),
             Event::Submitted { jobs } => {
                 for (id, needs) in jobs {
                     if let Entry::Vacant(place) = self.jobs.entry(id) {
-                        let job = place.insert(Job::new(self.submitted, needs));
+                        place.insert(Job::new(self.submitted, needs));
                         self.submitted += 1;
-                        self.queue.insert(id, job);
+                        self.enqueue(id);
                     }
                 }
             }
@@ -112,18 +122,20 @@ impl Scheduler {
                 }
             }
             Event::ReplicaLoaded { worker, digest } => {
-                let replica =
-                    self.workers.get_mut(&worker).and_then(|worker| worker.replicas.get_mut(&digest));
+                let Some(worker) = self.workers.get_mut(&worker) else { return };
                 // It may have been released meanwhile.
-                if let Some(replica) = replica {
+                if let Some(replica) = worker.replicas.get_mut(&digest) {
                     *replica = ReplicaState::Loaded;
+                    self.index.place(worker);
                 }
             }
             Event::ReplicaRefused { worker, digest } => {
                 // It may be lost, or the replica released meanwhile.
-                let worker_state = self.workers.get_mut(&worker);
-                if worker_state.is_some_and(|worker| worker.replicas.remove(&digest).is_some()) {
+                let Some(state) = self.workers.get_mut(&worker) else { return };
+                if state.replicas.remove(&digest).is_some() {
+                    self.index.place(state);
                     self.refused.insert((worker, digest));
+                    self.unblock();
                 }
             }
             Event::GaveUpOnRefused => {
@@ -140,12 +152,14 @@ impl Scheduler {
                 self.refused.retain(|(_, refused)| *refused != digest);
                 for (&worker, state) in &mut self.workers {
                     if state.replicas.remove(&digest).is_some() {
+                        self.index.place(state);
                         actions.push(Action::ReleaseReplica { worker, digest });
                     }
                 }
+                self.unblock();
             }
             Event::Finished { worker, job } => {
-                let busy: usize = self.workers.values().map(Worker::busy).sum();
+                let busy = self.index.busy();
                 if self.take_back(worker, job) {
                     self.rounds += 1.0 / busy as f64;
                     actions.push(Action::Deliver { job });
@@ -179,7 +193,8 @@ impl Scheduler {
 
     /// The worker does not hold the job any more. False where its answer is dropped: it did not hold the job, or the job is over.
     fn take_back(&mut self, worker: WorkerId, job: JobId) -> bool {
-        let held = self.workers.get_mut(&worker).and_then(|worker| worker.take_back(job, self.rounds));
+        let index = &mut self.index;
+        let held = self.workers.get_mut(&worker).and_then(|worker| worker.take_back(job, self.rounds, index));
         match held {
             None => self.ignored_answers += 1,
             Some(held) if !held.wanted => self.duplicates_dropped += u64::from(!held.withdrawn),
@@ -196,14 +211,18 @@ impl Scheduler {
         let Some(state) = self.jobs.get_mut(&job) else { return };
         state.holders.retain(|holder| *holder != worker);
         for other in &state.holders {
-            if let Some(held) = self.workers.get_mut(other).and_then(|other| other.held_mut(job)) {
-                held.twice = false;
+            if let Some(other) = self.workers.get_mut(other) {
+                other.change(job, &mut self.index, |held| held.twice = false);
             }
         }
     }
 
     fn lose(&mut self, worker: WorkerId, orderly: bool, actions: &mut Vec<Action>) {
-        let Some(lost) = self.workers.remove(&worker) else { return };
+        let Some(mut lost) = self.workers.remove(&worker) else { return };
+        self.index.remove(&mut lost);
+        lost.under_way.iter().for_each(|held| self.index.forget(worker, held));
+        // Jobs that only others have failed on may now be tried by them again.
+        self.unblock();
         self.reserved = self.reserved.filter(|reserved| *reserved != worker);
         self.refused.retain(|(refusing, _)| *refusing != worker);
         for held in lost.under_way.into_iter().filter(|held| held.wanted) {
@@ -229,6 +248,7 @@ impl Scheduler {
         worker.replicas.retain(|digest, replica| {
             *replica == ReplicaState::Loading || !state.kind.needs.contains(digest)
         });
+        self.index.place(worker);
         state.reloads += 1;
         if state.reloads >= MOST_RELOADS && state.holders.is_empty() {
             self.abandon(job, Abandonment::ReplicasForgotten, actions);
@@ -249,8 +269,26 @@ impl Scheduler {
 
     /// A job waits again, unless another worker holds it.
     fn put_back(&mut self, job: JobId) {
-        if let Some(state) = self.jobs.get(&job).filter(|state| state.holders.is_empty()) {
-            self.queue.insert(job, state);
+        if self.jobs.get(&job).is_some_and(|state| state.holders.is_empty()) {
+            self.enqueue(job);
+        }
+    }
+
+    /// A job waits.
+    fn enqueue(&mut self, job: JobId) {
+        let Some(state) = self.jobs.get(&job) else { return };
+        self.queue.insert(job, state);
+        if self.index.may_suit_blocked(&state.kind) {
+            self.unblock();
+        }
+    }
+
+    /// Workers that no waiting job suited are considered again.
+    fn unblock(&mut self) {
+        for worker in self.index.blocked() {
+            if let Some(worker) = self.workers.get_mut(&worker) {
+                self.index.place(worker);
+            }
         }
     }
 
@@ -263,8 +301,8 @@ impl Scheduler {
     fn end(&mut self, job: JobId, withdrawn: bool, actions: &mut Vec<Action>) {
         let Some(state) = self.jobs.remove(&job) else { return };
         for worker in state.holders {
-            if let Some(held) = self.workers.get_mut(&worker).and_then(|other| other.held_mut(job)) {
-                (held.wanted, held.withdrawn) = (false, withdrawn);
+            let Some(other) = self.workers.get_mut(&worker) else { continue };
+            if other.change(job, &mut self.index, |held| (held.wanted, held.withdrawn) = (false, withdrawn)) {
                 actions.push(Action::Cancel { worker, job });
             }
         }

@@ -74,9 +74,10 @@ impl Turns {
         account.waiting.push_back(job);
     }
 
-    /// Takes the job that goes next, of all that wait; none while workers have enough for this many threads.
-    pub fn next(&mut self, threads: usize) -> Option<JobId> {
-        if self.under_way() >= JOBS_PER_THREAD * threads + JOBS_AHEAD {
+    /// Takes the job that goes next, of all that wait; none while workers have enough for this many threads, and for those of them
+    /// that hold `ahead` jobs more because they are far away.
+    pub fn next(&mut self, threads: usize, ahead: usize) -> Option<JobId> {
+        if self.under_way() >= JOBS_PER_THREAD * threads + JOBS_AHEAD + ahead {
             return None;
         }
         let waiting = self.handles.values_mut().filter(|account| !account.waiting.is_empty());
@@ -141,7 +142,7 @@ mod tests {
     /// Runs so many jobs, one after the other, that take as long as `cost` says; how many of them were A's.
     fn run(turns: &mut Turns, count: usize, cost: impl Fn(HandleId) -> f64) -> usize {
         let run_one = |_: &usize| {
-            let job = turns.next(MANY).unwrap();
+            let job = turns.next(MANY, 0).unwrap();
             let of = handle(job);
             turns.answered(of, job, cost(of));
             of == A
@@ -153,7 +154,7 @@ mod tests {
     fn jobs_of_a_handle_go_in_their_order() {
         let mut turns = turns([1.0, 1.0]);
         submit(&mut turns, 0..20);
-        let order: Vec<u64> = std::iter::from_fn(|| turns.next(MANY)).map(|job| job.0).collect();
+        let order: Vec<u64> = std::iter::from_fn(|| turns.next(MANY, 0)).map(|job| job.0).collect();
         assert_eq!(order, (0..20).collect::<Vec<_>>());
         assert_eq!(turns.under_way(), 20);
     }
@@ -191,7 +192,7 @@ mod tests {
         let mut turns = turns([1.0, 1.0]);
         submit(&mut turns, 0..100);
         submit(&mut turns, 1000..1100);
-        let first: Vec<HandleId> = (0..10).filter_map(|_| turns.next(MANY)).map(handle).collect();
+        let first: Vec<HandleId> = (0..10).filter_map(|_| turns.next(MANY, 0)).map(handle).collect();
         assert_eq!(first.iter().filter(|handle| **handle == A).count(), 5, "{first:?}");
     }
 
@@ -213,22 +214,23 @@ mod tests {
         submit(&mut turns, 0..10);
         submit(&mut turns, 1000..1010);
         let had: Vec<JobId> =
-            (0..4).filter_map(|_| turns.next(MANY)).filter(|job| handle(*job) == A).collect();
+            (0..4).filter_map(|_| turns.next(MANY, 0)).filter(|job| handle(*job) == A).collect();
         assert_eq!(turns.leave(A), had);
-        assert!(std::iter::from_fn(|| turns.next(MANY)).all(|job| handle(job) == B));
+        assert!(std::iter::from_fn(|| turns.next(MANY, 0)).all(|job| handle(job) == B));
         // Late answers do no harm.
         turns.answered(A, had[0], 1e9);
         assert_eq!(turns.withdraw(B).len(), 10);
-        assert_eq!((turns.under_way(), turns.next(MANY)), (0, None));
+        assert_eq!((turns.under_way(), turns.next(MANY, 0)), (0, None));
     }
 
     #[test]
     fn no_more_jobs_go_than_keep_all_threads_busy() {
         let mut turns = turns([1.0, 1.0]);
         submit(&mut turns, 0..20);
-        let sent: Vec<JobId> = std::iter::from_fn(|| turns.next(2)).collect();
+        let sent: Vec<JobId> = std::iter::from_fn(|| turns.next(2, 0)).collect();
         assert_eq!(sent.len(), 2 * JOBS_PER_THREAD + JOBS_AHEAD);
         turns.answered(A, sent[0], 1.0);
-        assert_eq!((turns.next(2), turns.next(2)), (Some(JobId(8)), None));
+        assert_eq!((turns.next(2, 0), turns.next(2, 0)), (Some(JobId(8)), None));
+        assert_eq!((turns.next(2, 1), turns.next(2, 1)), (Some(JobId(9)), None), "one is far away");
     }
 }

@@ -84,6 +84,8 @@ pub struct Watch {
 
 struct Known {
     threads: usize,
+    /// Jobs that it may hold since it was found to be far away.
+    room: usize,
     under_way: BTreeSet<JobId>,
     /// Replicas, and whether they have arrived.
     replicas: BTreeMap<Digest, bool>,
@@ -186,8 +188,12 @@ impl Watch {
         let mut finished = None;
         match event {
             Event::WorkerConnected { worker, threads } => {
-                let known =
-                    Known { threads: *threads, under_way: BTreeSet::new(), replicas: BTreeMap::new() };
+                let known = Known {
+                    threads: *threads,
+                    room: 0,
+                    under_way: BTreeSet::new(),
+                    replicas: BTreeMap::new(),
+                };
                 ensure(self.workers.insert(*worker, known).is_none(), || {
                     format!("{worker:?} connected twice")
                 })?;
@@ -233,6 +239,11 @@ impl Watch {
             }
             Event::GaveUpOnRefused => return Err("jobs were given up, and all can be done".into()),
             Event::Withdrawn { .. } => return Err("jobs were withdrawn, and all are wanted".into()),
+            Event::RoomChanged { worker, jobs } => {
+                if let Some(known) = self.workers.get_mut(worker) {
+                    known.room = *jobs;
+                }
+            }
             Event::Released { .. } | Event::Tick => {}
         }
         let mut is_delivered = false;
@@ -285,8 +296,9 @@ impl Watch {
         self.counts.sent_again += u64::from(!self.sent.insert(job));
         let known = self.known(worker)?;
         ensure(known.under_way.insert(job), || format!("{job:?} sent twice to {worker:?}"))?;
-        let (held, threads) = (known.under_way.len(), known.threads);
-        ensure(held <= MOST_JOBS_PER_THREAD * (threads + 1), || format!("{worker:?} holds {held} jobs"))?;
+        let most = known.room.max(MOST_JOBS_PER_THREAD * (known.threads + 1));
+        let held = known.under_way.len();
+        ensure(held <= most, || format!("{worker:?} holds {held} jobs"))?;
         let holders = self.workers.values().filter(|known| known.under_way.contains(&job)).count();
         ensure(holders <= MOST_HOLDERS, || format!("{job:?} is with {holders} workers"))
     }

@@ -10,6 +10,7 @@ use std::time::Duration;
 
 use cluster::network::{Answer, ByteStream, Network};
 use cluster::{AsyncCluster, ClusterSettings, JobId, WorkerSummary, Workers};
+use glam::DVec3;
 use kernel::geometry::PlaneId;
 use kernel::replica::{EncodedReplica, Receiver, Receivers, encode_receivers};
 use kernel::row::RowRequest;
@@ -224,11 +225,12 @@ fn submit(cluster: &AsyncCluster, bakery: &Bakery) -> usize {
     count
 }
 
-/// A replica of some megabytes.
+/// A replica of some megabytes, which packing makes no shorter.
 pub fn large_replica(receivers: usize) -> EncodedReplica {
+    let somewhere = |x: usize| DVec3::new(1.1, 1.3, 1.7).map(|step| (step * x as f64).sin());
     let receiver = |x: usize| Receiver {
-        position: glam::DVec3::X * x as f64,
-        normal: glam::DVec3::Y,
+        position: somewhere(x),
+        normal: somewhere(receivers + x).normalize(),
         plane: PlaneId(0),
     };
     encode_receivers(&Receivers { first_key: 0, receivers: (0..receivers).map(receiver).collect() })
