@@ -6,6 +6,7 @@ use kernel::row::JobId;
 
 use super::choice::Place;
 use super::event::WorkerId;
+use super::index::Index;
 use super::state::Scheduler;
 use super::worker::Worker;
 
@@ -17,7 +18,15 @@ impl Scheduler {
     /// When it does not: the scheduler has a bug.
     pub fn sanity_check(&self) {
         self.check_jobs();
-        self.index.sanity_check(self.workers.values(), self.rounds);
+        let mut fresh = Index::default();
+        for worker in self.workers.values() {
+            worker.under_way.iter().for_each(|held| fresh.note(worker.id, held));
+            let mut copy = worker.clone();
+            copy.standing = None;
+            copy.place(&mut fresh);
+            assert_eq!(worker.standing, copy.standing, "{:?} is where it belongs", worker.id);
+        }
+        self.index.sanity_check(fresh, self.rounds);
         for (&id, worker) in &self.workers {
             worker.sanity_check();
             self.check_held(id, worker);

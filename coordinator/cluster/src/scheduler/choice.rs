@@ -12,9 +12,10 @@ use kernel::replica::Digest;
 use kernel::row::JobId;
 
 use super::event::{Action, WorkerId};
+use super::held::Held;
 use super::job::Kind;
 use super::state::Scheduler;
-use super::worker::{Held, ReplicaState, Worker};
+use super::worker::{ReplicaState, Worker};
 
 /// Where a suspect goes.
 pub(super) enum Place {
@@ -44,7 +45,7 @@ impl Scheduler {
             if self.reserved == Some(id) {
                 last = Some(load);
             } else if !self.give_one(id, actions) {
-                self.index.block(&self.workers[&id], &self.queue);
+                self.index.block(self.workers[&id].load(), &self.queue);
             }
         }
     }
@@ -90,7 +91,7 @@ impl Scheduler {
                 ReplicaState::Loading
             });
         }
-        self.index.place(worker);
+        worker.place(&mut self.index);
     }
 
     /// Sends a job that waits, or the second copy of one that does not.

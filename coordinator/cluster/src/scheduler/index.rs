@@ -7,29 +7,13 @@ use std::ops::Bound;
 
 use kernel::row::JobId;
 
-use super::duplicates::PATIENCE;
 use super::event::WorkerId;
+use super::held::{Candidate, Held, Load, Standing};
 use super::job::{Kind, Queue};
-use super::worker::{Held, Load, Worker};
 
-/// A job under way that an idle worker may take over. Ordered by submission.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Candidate {
-    pub(super) order: u64,
-    pub(super) job: JobId,
-    pub(super) holder: WorkerId,
-}
-
-/// Where a worker stands in the index.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Standing {
-    load: Load,
-    has_room: bool,
-    is_idle: bool,
-    busy: usize,
-    /// The job that comes to be computed last, by depth in the line.
-    deepest: Option<(Reverse<usize>, Candidate)>,
-}
+/// Rounds after which a job that is computed is overdue. At the end of a batch, when no more jobs follow, n busy threads
+/// become one in ln n rounds: of 64 the last three are then given to others, of which there are plenty.
+pub(super) const PATIENCE: f64 = 3.0;
 
 /// A time in rounds, as bits: it is never negative, so that these have its order.
 fn in_order(rounds: f64) -> u64 {
@@ -66,19 +50,12 @@ impl Index {
         self.busy
     }
 
-    /// A worker has changed, or is new.
-    pub(super) fn place(&mut self, worker: &mut Worker) {
-        let standing = Standing {
-            load: worker.load(),
-            has_room: worker.has_room(),
-            is_idle: worker.is_idle(),
-            busy: worker.busy(),
-            deepest: worker.deepest(),
-        };
-        if worker.standing == Some(standing) && !self.blocked.contains(&worker.id) {
+    /// A worker has changed, or is new. `was` is where it stood before.
+    pub(super) fn place(&mut self, was: &mut Option<Standing>, standing: Standing) {
+        if *was == Some(standing) && !self.blocked.contains(&standing.load.worker) {
             return;
         }
-        self.remove(worker);
+        self.remove(was);
         if standing.has_room {
             self.open.insert(standing.load);
         }
@@ -87,14 +64,14 @@ impl Index {
         }
         self.waiting.extend(standing.deepest);
         self.busy += standing.busy;
-        worker.standing = Some(standing);
+        *was = Some(standing);
     }
 
     /// Removes a worker, but not the jobs that it holds.
-    pub(super) fn remove(&mut self, worker: &mut Worker) {
-        let Some(standing) = worker.standing.take() else { return };
+    pub(super) fn remove(&mut self, was: &mut Option<Standing>) {
+        let Some(standing) = was.take() else { return };
         self.open.remove(&standing.load);
-        self.blocked.remove(&worker.id);
+        self.blocked.remove(&standing.load.worker);
         self.idle.remove(&standing.load);
         if let Some(deepest) = standing.deepest {
             self.waiting.remove(&deepest);
@@ -164,14 +141,14 @@ impl Index {
 
     /// Of the jobs that wait, none suits this worker with room. It is not asked again before it changes, or a job of another kind
     /// waits.
-    pub(super) fn block(&mut self, worker: &Worker, queue: &Queue) {
-        if self.open.remove(&worker.load()) {
+    pub(super) fn block(&mut self, load: Load, queue: &Queue) {
+        if self.open.remove(&load) {
             if self.blocked.is_empty() {
                 self.considered = queue.kinds().cloned().collect();
             } else {
                 self.considered.retain(|kind| queue.has(kind));
             }
-            self.blocked.insert(worker.id);
+            self.blocked.insert(load.worker);
         }
     }
 
@@ -205,24 +182,15 @@ impl Index {
         self.in_time.iter().copied()
     }
 
-    /// Checks that these are all workers, each in its place.
+    /// Checks that this is the index of these workers' standings, of which a fresh one was made.
     ///
     /// # Panics
-    /// When they are not.
-    pub(super) fn sanity_check<'a>(&self, workers: impl Iterator<Item = &'a Worker>, rounds: f64) {
-        let mut fresh = Self::default();
-        for worker in workers {
-            for held in &worker.under_way {
-                fresh.note(worker.id, held);
-            }
-            let mut copy = worker.clone();
-            copy.standing = None;
-            fresh.place(&mut copy);
-            assert_eq!(worker.standing, copy.standing, "{:?} is where it belongs", worker.id);
-            if self.blocked.contains(&worker.id) {
-                assert!(fresh.open.remove(&worker.load()), "only workers with room are blocked");
-                fresh.blocked.insert(worker.id);
-            }
+    /// When it is not.
+    pub(super) fn sanity_check(&self, mut fresh: Self, rounds: f64) {
+        for blocked in &self.blocked {
+            let load = fresh.open.iter().find(|load| load.worker == *blocked).copied();
+            assert!(load.is_some_and(|load| fresh.open.remove(&load)), "only workers with room are blocked");
+            fresh.blocked.insert(*blocked);
         }
         fresh.pass_time(rounds);
         let all = |index: &Self| {

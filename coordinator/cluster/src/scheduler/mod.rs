@@ -6,6 +6,7 @@
 //! | `event` | events in, actions out, policies |
 //! | `job` | state of a job; the queue |
 //! | `worker` | state of a worker |
+//! | `held` | a job that a worker holds; where a worker stands |
 //! | `index` | workers and their jobs in the orders that choices ask for |
 //! | `choice` | which job goes next, and to which worker |
 //! | `turns` | the handle whose job goes next |
@@ -23,6 +24,7 @@ mod checking;
 mod choice;
 mod duplicates;
 mod event;
+mod held;
 mod index;
 mod job;
 mod limits;

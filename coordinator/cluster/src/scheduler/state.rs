@@ -95,12 +95,12 @@ impl Scheduler {
         match event {
             Event::WorkerConnected { worker, threads } => {
                 let state = Worker::new(worker, threads);
-                self.index.place(self.workers.entry(worker).or_insert(state));
+                self.workers.entry(worker).or_insert(state).place(&mut self.index);
             }
             Event::RoomChanged { worker, jobs } => {
                 if let Some(worker) = self.workers.get_mut(&worker) {
                     worker.set_room(jobs);
-                    self.index.place(worker);
+                    worker.place(&mut self.index);
                 }
             }
             Event::WorkerLost { worker, orderly } => self.lose(worker, orderly, actions),
@@ -126,14 +126,14 @@ impl Scheduler {
                 // It may have been released meanwhile.
                 if let Some(replica) = worker.replicas.get_mut(&digest) {
                     *replica = ReplicaState::Loaded;
-                    self.index.place(worker);
+                    worker.place(&mut self.index);
                 }
             }
             Event::ReplicaRefused { worker, digest } => {
                 // It may be lost, or the replica released meanwhile.
                 let Some(state) = self.workers.get_mut(&worker) else { return };
                 if state.replicas.remove(&digest).is_some() {
-                    self.index.place(state);
+                    state.place(&mut self.index);
                     self.refused.insert((worker, digest));
                     self.unblock();
                 }
@@ -152,7 +152,7 @@ impl Scheduler {
                 self.refused.retain(|(_, refused)| *refused != digest);
                 for (&worker, state) in &mut self.workers {
                     if state.replicas.remove(&digest).is_some() {
-                        self.index.place(state);
+                        state.place(&mut self.index);
                         actions.push(Action::ReleaseReplica { worker, digest });
                     }
                 }
@@ -219,7 +219,7 @@ impl Scheduler {
 
     fn lose(&mut self, worker: WorkerId, orderly: bool, actions: &mut Vec<Action>) {
         let Some(mut lost) = self.workers.remove(&worker) else { return };
-        self.index.remove(&mut lost);
+        self.index.remove(&mut lost.standing);
         lost.under_way.iter().for_each(|held| self.index.forget(worker, held));
         // Jobs that only others have failed on may now be tried by them again.
         self.unblock();
@@ -248,7 +248,7 @@ impl Scheduler {
         worker.replicas.retain(|digest, replica| {
             *replica == ReplicaState::Loading || !state.kind.needs.contains(digest)
         });
-        self.index.place(worker);
+        worker.place(&mut self.index);
         state.reloads += 1;
         if state.reloads >= MOST_RELOADS && state.holders.is_empty() {
             self.abandon(job, Abandonment::ReplicasForgotten, actions);
@@ -287,7 +287,7 @@ impl Scheduler {
     fn unblock(&mut self) {
         for worker in self.index.blocked() {
             if let Some(worker) = self.workers.get_mut(&worker) {
-                self.index.place(worker);
+                worker.place(&mut self.index);
             }
         }
     }

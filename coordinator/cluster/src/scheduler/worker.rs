@@ -1,13 +1,14 @@
 //! State of a worker.
 
-use std::cmp::{Ordering, Reverse};
+use std::cmp::Reverse;
 use std::collections::BTreeMap;
 
 use kernel::replica::Digest;
 use kernel::row::JobId;
 
 use super::event::WorkerId;
-use super::index::{Candidate, Index, Standing};
+use super::held::{Candidate, Held, Load, Standing};
+use super::index::Index;
 
 #[derive(Debug, Clone)]
 pub(super) struct Worker {
@@ -27,37 +28,6 @@ pub(super) struct Worker {
 pub(super) enum ReplicaState {
     Loading,
     Loaded,
-}
-
-/// A job that a worker holds.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Held {
-    pub(super) job: JobId,
-    /// Place of the job in the order of submission.
-    pub(super) order: u64,
-    /// The job is to be the only one of this worker, from when it is sent to when it is answered.
-    pub(super) alone: bool,
-    /// Another worker held it when it was sent.
-    pub(super) copy: bool,
-    /// Another worker holds it too.
-    pub(super) twice: bool,
-    /// False once the job is over: the answer is then dropped.
-    pub(super) wanted: bool,
-    /// The job was withdrawn: its answer is dropped, and is no duplicate.
-    pub(super) withdrawn: bool,
-    /// When it came to be computed, in rounds (see [`super::duplicates`]); `None` while it waits for a thread.
-    pub(super) begun: Option<f64>,
-}
-
-impl Held {
-    /// Whether another worker may take the job over.
-    pub(super) fn is_free(&self) -> bool {
-        self.wanted && !self.twice
-    }
-
-    pub(super) fn candidate(&self, holder: WorkerId) -> Candidate {
-        Candidate { order: self.order, job: self.job, holder }
-    }
 }
 
 /// Jobs that a worker of this many threads holds at least: one computed and one waiting for each thread, and one on its way.
@@ -131,12 +101,24 @@ impl Worker {
         replicas.iter().all(|digest| self.replicas.get(digest) == Some(&ReplicaState::Loaded))
     }
 
+    /// Takes its place in the index: it has changed, or is new.
+    pub(super) fn place(&mut self, index: &mut Index) {
+        let standing = Standing {
+            load: self.load(),
+            has_room: self.has_room(),
+            is_idle: self.is_idle(),
+            busy: self.busy(),
+            deepest: self.deepest(),
+        };
+        index.place(&mut self.standing, standing);
+    }
+
     /// Takes one more job, `rounds` after the start.
     pub(super) fn take(&mut self, held: Held, rounds: f64, index: &mut Index) {
         index.note(self.id, &held);
         self.under_way.push(held);
         self.begin(rounds, index);
-        index.place(self);
+        self.place(index);
     }
 
     /// Takes a job from those under way; `None` where it is not one of them.
@@ -145,7 +127,7 @@ impl Worker {
         let held = self.under_way.remove(place);
         index.forget(self.id, &held);
         self.begin(rounds, index);
-        index.place(self);
+        self.place(index);
         Some(held)
     }
 
@@ -164,7 +146,7 @@ impl Worker {
         index.forget(self.id, held);
         change(held);
         index.note(self.id, held);
-        index.place(self);
+        self.place(index);
         true
     }
 
@@ -175,26 +157,5 @@ impl Worker {
         for (place, held) in self.under_way.iter().enumerate() {
             assert_eq!(held.begun.is_some(), place < self.threads, "the first jobs are those that are begun");
         }
-    }
-}
-
-/// How much a worker has to do: ordered by jobs per thread.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Load {
-    under_way: usize,
-    threads: usize,
-    pub(super) worker: WorkerId,
-}
-
-impl Ord for Load {
-    fn cmp(&self, other: &Self) -> Ordering {
-        let per_thread = (self.under_way * other.threads).cmp(&(other.under_way * self.threads));
-        per_thread.then(self.worker.cmp(&other.worker))
-    }
-}
-
-impl PartialOrd for Load {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
     }
 }

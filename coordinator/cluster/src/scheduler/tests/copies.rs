@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use super::*;
-use crate::scheduler::duplicates::PATIENCE;
+use crate::scheduler::index::PATIENCE;
 
 #[test]
 fn the_first_answer_counts_and_the_other_copy_is_cancelled() {
