@@ -25,9 +25,7 @@ dependencies:
 
 # Fuzz importer, images, row_codec, clipper, jobs, replicas, answers or submissions for some seconds (needs cargo-fuzz and a nightly compiler).
 fuzz target seconds="60":
-    mkdir -p tests/fuzz/corpus/{{ target }}
-    cd tests/fuzz && cargo +nightly fuzz run --fuzz-dir . {{ target }} corpus/{{ target }} seeds/{{ target }} -- \
-        -max_total_time={{ seconds }} -timeout=20 -rss_limit_mb=2048
+    FUZZ_SECONDS={{ seconds }} .ci/fuzz {{ target }}
 
 # All that a change must pass.
 ci:

@@ -1,4 +1,4 @@
-//! Memory that a scene takes at least, told from its file.
+//! The least memory that a scene takes, by what its file says.
 
 use std::collections::BTreeMap;
 

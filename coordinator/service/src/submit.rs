@@ -22,7 +22,7 @@ use pipeline::options::{Violations, new_light, wanted};
 /// Least bytes written at once: chunks may be as short as a byte.
 const WRITE_BYTES: usize = 256 << 10;
 
-/// How long an upload may take to get going, whoever waits.
+/// How long an upload may take to get going, even where nobody waits for its place.
 const PATIENCE: Duration = Duration::from_secs(2);
 
 /// Seconds a kibibyte that an upload may take on the average, while others wait.

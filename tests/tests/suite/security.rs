@@ -139,7 +139,7 @@ fn certificates_have_roles() {
     assert!(!refused.status.success() && said.contains("--tls-ca"), "{said}");
 }
 
-/// As many connections as a worker takes, which say nothing, and more: whoever shows the token gets a place.
+/// As many connections as a worker takes, and more, say nothing. A caller with the token still gets a place.
 #[test]
 fn callers_that_show_nothing_shut_nobody_out() {
     let (bench, authority) = (Bench::new(), Authority::new());

@@ -131,7 +131,7 @@ impl ReceiverSet {
     }
 }
 
-/// Whether a shooter has so many polygons that rows are computed for all of them together.
+/// Whether the polygons of a shooter are many enough to compute their rows together.
 fn has_many_polygons(shooter: &Shooter) -> bool {
     match &shooter.shape {
         Shape::Polygons(polygons) => polygons.len() >= MANY_POLYGONS,

@@ -78,6 +78,8 @@ impl Plan {
     ) -> Step {
         let found = |predicted| self.found_per_predicted * without_noise(predicted, NOISE_SEEN * noise);
         let (error, contrast) = (found(prediction.relative()), found(prediction.contrast()));
+        // Contrast alone is no reason to say that the error asked for cannot be met.
+        let stop = |obstacle| if error <= self.limit { Step::Done } else { Step::Stop(obstacle) };
         let is_over = |found: f64, limit: f64| found > limit.max(noise);
         // Contrast comes second: what it adds takes nothing from what the error needs.
         let (measure, over) = if is_over(error, self.limit) {
@@ -85,10 +87,8 @@ impl Plan {
         } else if is_over(contrast, self.contrast) {
             (Measure::Contrast, contrast / self.contrast)
         } else {
-            return if error <= self.limit { Step::Done } else { Step::Stop(Obstacle::Noise) };
+            return stop(Obstacle::Noise);
         };
-        // Contrast alone is no reason to say that the error asked for cannot be met.
-        let stop = |obstacle| if error <= self.limit { Step::Done } else { Step::Stop(obstacle) };
         let room = room(mesh, self.max_vertices);
         if room == 0 {
             return stop(Obstacle::MaxVertices);

@@ -4,7 +4,7 @@ use crate::error::{BakeError, Result};
 use crate::refinement::SamplePoints;
 
 /// A solution of the light.
-#[derive(Clone)]
+#[derive(Clone, Default)]
 pub struct Solution {
     /// Radiosity of each share.
     pub radiosity: Vec<DVec3>,
@@ -25,20 +25,6 @@ pub struct Solution {
 }
 
 impl Solution {
-    /// Darkness, with the direct light of the samples and the middles.
-    pub fn dark(shares: usize, samples: SamplePoints, middles: SamplePoints) -> Self {
-        Self {
-            radiosity: vec![DVec3::ZERO; shares],
-            irradiance: vec![],
-            samples,
-            middles,
-            ray_noise: 0.0,
-            unshot: DVec3::ZERO,
-            unshot_bound: 0.0,
-            residual: 0.0,
-        }
-    }
-
     /// Sets the irradiance of the vertices: direct and reflected light.
     pub fn set_irradiance(
         &mut self,

@@ -9,7 +9,7 @@ use crate::context::Context;
 use crate::error::Result;
 use crate::mesh::VertexId;
 use crate::observer::Phase;
-use crate::refinement::{MeshError, SamplePoints, best_fit};
+use crate::refinement::{MeshError, best_fit};
 use crate::rows::{COARSE, FIRST_TOLERANCE, Problem, Rows, ShareMesh, ShareValues, Solution};
 use crate::solver::cache::SetId;
 
@@ -66,7 +66,7 @@ impl Lit {
         let values = source.first_values(&mesh, &exposed);
         let tolerance = cx.settings.threshold.max(FIRST_TOLERANCE);
         let problem = Problem { mesh: &mesh, values: &values, direct: &direct, tolerance };
-        let solution = Solution { radiosity, ..Solution::dark(0, samples, middles) };
+        let solution = Solution { radiosity, samples, middles, ..Solution::default() };
         let solution = problem.solve(cx, source.as_mut(), table, solution)?;
         cx.end_step("shoot");
         Ok(Solved {
@@ -99,8 +99,7 @@ impl Solved {
         let means = self.means();
         let Self { mesh, rows: Rows { source, table }, direct, solution, .. } = self;
         let problem = Problem { mesh, values: &means, direct, tolerance: cx.settings.threshold };
-        let start =
-            std::mem::replace(solution, Solution::dark(0, SamplePoints::default(), SamplePoints::default()));
+        let start = std::mem::take(solution);
         *solution = problem.solve(cx, source.as_mut(), table, start)?;
         self.preview(cx);
         cx.end_step("final solve");

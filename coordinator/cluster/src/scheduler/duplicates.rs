@@ -5,7 +5,8 @@
 //! than two copies, which bounds the waste; it should be next to nothing while all is well. In this order:
 //!
 //! 1. Jobs *overdue*. There is no clock here, but the other threads are one: with n of them busy, a job that is finished moves the
-//!    time on by one nth of a *round*, and a job should take about one round. A job computed for [`PATIENCE`](super::index::PATIENCE) rounds is overdue.
+//!    time on by one nth of a *round*, and a job should take about one round. A job computed for
+//!    [`PATIENCE`](super::index::PATIENCE) rounds is overdue.
 //! 2. Jobs that *wait* for a thread of their worker: deepest in its line first, so that it comes to them last. If the idle worker
 //!    is faster they are cancelled before they are begun, and nothing is wasted.
 //! 3. The *oldest* job, if no other copy is under way anywhere. The caller waits for it in the end. While all others are idle

@@ -93,7 +93,7 @@ fn attempt<W: Write>(
             tracing::error!(scene = %record.scene, "a scene is not as it was submitted: the disk has changed it");
             return Err(failed("its scene was damaged on the service's disk: submit the file again"));
         }
-        // Told from the file, before it takes any of it. Another scene than the default one may be smaller.
+        // What the file says is enough to refuse it before it takes any memory. Another scene than the default one may be smaller.
         let least = least_memory_bytes(&bytes);
         if wanted.import.read.scene.is_none() && least > job.memory {
             let [least, most] = [least, job.memory].map(|bytes| bytes >> 20);

@@ -93,7 +93,7 @@ fn a_job_that_needs_too_much_memory_fails_alone() {
     wait_for("all processes of jobs have ended", || children(service.id()).is_empty());
 }
 
-/// Three hundred kilobytes that show a mesh of six thousand triangles four thousand times: told from the file.
+/// Three hundred kilobytes that show a mesh of six thousand triangles four thousand times. The file is enough to see that.
 #[test]
 fn a_job_whose_file_tells_that_it_is_too_large_is_not_begun() {
     let room = Room::new();

@@ -270,6 +270,10 @@ impl RowSource for GatherRows {
             radiosity.iter().zip(areas).map(|(value, area)| *value * *area).sum()
         };
         let areas: Vec<f64> = energies.iter().map(|share| share.area).collect();
+        let mesh = &problem.mesh.mesh;
+        let shares = problem.mesh.shares.iter().enumerate();
+        let whole_leaves: Vec<(usize, PatchId)> =
+            shares.filter_map(|(index, share)| Some((index, share.whole_leaf(mesh)?))).collect();
         let mut acceleration = Acceleration::new(areas.clone());
         for _ in 0..MOST_PASSES {
             cx.client.monitor.check()?;
@@ -278,10 +282,8 @@ impl RowSource for GatherRows {
             let mut incident = problem.values.of(energies, &solution.irradiance);
             if let Some(set) = table.middles {
                 solution.middles.set_gathered(&self.at_set(set, &points));
-                for (share, incident) in problem.mesh.shares.iter().zip(&mut incident) {
-                    if let Some(leaf) = share.whole_leaf(&problem.mesh.mesh) {
-                        *incident = solution.middles.mean(&problem.mesh.mesh, leaf, *incident);
-                    }
+                for &(share, leaf) in &whole_leaves {
+                    incident[share] = solution.middles.mean(mesh, leaf, incident[share]);
                 }
             }
             problem.mesh.preview(cx, problem.direct, || {
