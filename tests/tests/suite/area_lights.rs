@@ -89,6 +89,7 @@ fn unrefined(rows: RowStrategy) -> BakeSettings {
         rows,
         factor_rounding: 0.0,
         simplify: false,
+        validation_samples: 0,
         ..BakeSettings::default()
     }
 }

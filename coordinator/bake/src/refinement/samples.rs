@@ -27,6 +27,10 @@ const PATCHES_PER_POINT: usize = 16;
 /// Most points, unless more were asked for.
 const MOST_POINTS: usize = 2048;
 
+/// Positions where light is gathered twice, where few would be enough for light gathered once, relative to these: hot spots are too
+/// small for few.
+const POSITIONS_TWICE: usize = 4;
+
 /// Number of points at the front that are a random part of all.
 pub const FIRST: usize = 256;
 
@@ -34,6 +38,9 @@ pub const FIRST: usize = 256;
 pub const MOST_DRAWN: usize = 1 << 16;
 
 /// Sample points, and the light gathered at them.
+///
+/// Two points in turn at one position are two draws of the light there, with rays of their own. The noise of one is independent of the
+/// other's: squares of errors are then products of both, and have no noise in their mean.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct SamplePoints {
     /// Key of the first as a receiver.
@@ -62,13 +69,14 @@ struct SamplePoint {
 
 impl SamplePoints {
     /// Draws points on the reflecting surfaces: half of them uniformly over the area, half by the square error that `expected`
-    /// tells of each leaf, where it is known. Another `round` is another draw.
+    /// tells of each leaf, where it is known. Another `round` is another draw. Where light is gathered `twice`, each is there two
+    /// times, and there are more of them.
     pub fn draw(
         mesh: &Mesh,
         scene: &Scene,
         settings: &BakeSettings,
         expected: &[(PatchId, f64)],
-        round: u32,
+        (round, twice): (u32, bool),
     ) -> Self {
         let reflects =
             |id: &PatchId| scene.surfaces[mesh.patch(*id).surface as usize].reflectance != DVec3::ZERO;
@@ -81,12 +89,17 @@ impl SamplePoints {
                 least.max(reflecting.len() / PATCHES_PER_POINT).min(MOST_POINTS.max(least)).min(MOST_DRAWN)
             }
         };
+        let count = if twice {
+            (count * POSITIONS_TWICE).min(MOST_POINTS.max(count)).min(MOST_DRAWN / 2)
+        } else {
+            count
+        };
         let first_key = FIRST_KEY + u64::from(round) * MOST_DRAWN as u64;
-        Self {
-            first_key,
-            points: draw_on(mesh, scene, &reflecting, &expected, (settings.seed, round), count),
-            ..Self::default()
+        let mut points = draw_on(mesh, scene, &reflecting, &expected, (settings.seed, round), count);
+        if twice {
+            points = points.into_iter().flat_map(|point| [point.clone(), point]).collect();
         }
+        Self { first_key, points, ..Self::default() }
     }
 
     /// Draws this many points, at most [`MOST_DRAWN`], on all surfaces in the same way. `expected` is that of each leaf, or empty.
@@ -156,7 +169,7 @@ impl SamplePoints {
 
     /// Root mean square over the area of the gathered radiosity.
     pub fn level(&self) -> f64 {
-        self.mean_square().sqrt()
+        self.mean_square_radiosity().sqrt()
     }
 
     /// Returns true if the mesh has a patch for every point.
@@ -224,20 +237,24 @@ impl SamplePoints {
         self.points.par_iter().zip(gathered).with_min_len(256).map(found).collect()
     }
 
-    /// Relative interpolation error, given the mean reflectance and the relative noise of the light.
+    /// Relative interpolation error, given the mean reflectance and the relative noise of the light at a vertex.
     pub fn interpolation_error(&self, mesh: &Mesh, fitted: &[DVec3], reflectance: f64, noise: f64) -> f64 {
         let errors: Vec<DVec3> = self.compare(mesh, fitted).into_iter().map(|(_, error)| error).collect();
-        let mixed = self.relative(self.with_level(&errors, reflectance).into_iter());
-        // The gathered light is noisy too.
-        without_noise(mixed, noise * (1.0 + INTERPOLATED_NOISE).sqrt())
+        let mixed = self.relative(&self.with_level(&errors, reflectance));
+        // The gathered light is noisy too, unless two draws tell it apart.
+        let gathered = if self.is_drawn_twice() { 0.0 } else { 1.0 };
+        without_noise(mixed, noise * (gathered + INTERPOLATED_NOISE).sqrt())
     }
 
     /// Mean over the area of the square error of the radiosity, given errors of the irradiance at the points.
     pub fn mean_square_error(&self, errors: &[DVec3]) -> f64 {
-        let square = |(point, error): (&SamplePoint, &DVec3)| {
-            point.weight * (point.reflectance * *error).length_squared()
-        };
-        self.points.iter().zip(errors).map(square).sum::<f64>() / errors.len().max(1) as f64
+        let of_radiosity = |(point, error): (&SamplePoint, &DVec3)| point.reflectance * *error;
+        self.mean_square(&self.points.iter().zip(errors).map(of_radiosity).collect::<Vec<_>>())
+    }
+
+    /// Whether light is gathered twice at each position.
+    fn is_drawn_twice(&self) -> bool {
+        self.points.len() > 1 && self.points[0].position == self.points[1].position
     }
 
     /// Differences of the radiosity at the first points where other shooters give these irradiances.
@@ -250,28 +267,37 @@ impl SamplePoints {
     }
 
     /// Root mean square of radiosity errors at the first points, relative to that of the radiosity.
-    pub fn relative(&self, errors: impl ExactSizeIterator<Item = DVec3>) -> f64 {
-        let count = errors.len().max(1) as f64;
-        let norm = self.mean_square();
-        if norm > 0.0 { (self.squares(errors).sum::<f64>() / (count * norm)).sqrt() } else { 0.0 }
-    }
-
-    /// Squares of radiosity errors at the first points, weighted.
-    fn squares(&self, errors: impl Iterator<Item = DVec3>) -> impl Iterator<Item = f64> {
-        self.points.iter().zip(errors).map(|(point, error)| point.weight * error.length_squared())
+    pub fn relative(&self, errors: &[DVec3]) -> f64 {
+        let norm = self.mean_square_radiosity();
+        if norm > 0.0 { (self.mean_square(errors).max(0.0) / norm).sqrt() } else { 0.0 }
     }
 
     /// What [`Self::relative`] tells, less the standard error of its square: where few points hold most of it, little is certain.
     pub fn relative_at_least(&self, errors: &[DVec3]) -> f64 {
-        let squares = || self.squares(errors.iter().copied());
-        let count = errors.len() as f64;
-        let norm = self.mean_square();
+        let squares = self.squares(errors);
+        let count = squares.len() as f64;
+        let norm = self.mean_square_radiosity();
         if count < 2.0 || norm <= 0.0 {
             return 0.0;
         }
-        let mean = squares().sum::<f64>() / count;
-        let variance = squares().map(|square| (square - mean).powi(2)).sum::<f64>() / (count - 1.0);
+        let mean = squares.iter().sum::<f64>() / count;
+        let variance = squares.iter().map(|square| (square - mean).powi(2)).sum::<f64>() / (count - 1.0);
         ((mean - (variance / count).sqrt()).max(0.0) / norm).sqrt()
+    }
+
+    /// Mean over the area of the squares of values at the first points; below 0 where two draws of small ones have much noise.
+    fn mean_square(&self, values: &[DVec3]) -> f64 {
+        let squares = self.squares(values);
+        squares.iter().sum::<f64>() / squares.len().max(1) as f64
+    }
+
+    /// Squares of values at the first points, weighted: one of each position.
+    fn squares(&self, values: &[DVec3]) -> Vec<f64> {
+        let draws = if self.is_drawn_twice() { 2 } else { 1 };
+        // Of one draw the first is the last, too.
+        let square = |values: &[DVec3]| values[0].dot(values[values.len() - 1]);
+        let squares = values.chunks_exact(draws).map(square);
+        self.points.iter().step_by(draws).zip(squares).map(|(point, square)| point.weight * square).collect()
     }
 
     /// Errors of the radiosity with the interreflection of their mean: light lost between the vertices is missing on all surfaces,
@@ -291,14 +317,14 @@ impl SamplePoints {
     pub fn noise(&self, rows: impl Iterator<Item = (DVec3, f64)>, count: usize) -> f64 {
         let variance: DVec3 = rows.map(|(light, sum)| light * light * sum).sum();
         let reflectance: DVec3 = self.points.iter().map(|point| point.reflectance * point.reflectance).sum();
-        let norm = self.mean_square();
+        let norm = self.mean_square_radiosity();
         let points = (count * self.points.len()) as f64;
         if norm > 0.0 { ((variance * reflectance).element_sum() / (points * norm)).sqrt() } else { 0.0 }
     }
 
     /// Mean square of the gathered radiosity.
-    fn mean_square(&self) -> f64 {
-        self.mean_square_error(&self.irradiance)
+    fn mean_square_radiosity(&self) -> f64 {
+        self.mean_square_error(&self.irradiance).max(0.0)
     }
 }
 
@@ -368,5 +394,45 @@ fn point_at(mesh: &Mesh, scene: &Scene, id: PatchId, position: DVec3, weight: f6
         receiver: Receiver { position: position + normal * lift, normal, plane: facet.plane },
         position,
         weight,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ERROR: f64 = 0.1;
+    const NOISE: f64 = 0.5;
+    const POSITIONS: usize = 1 << 16;
+
+    /// Points of radiosity 1, each position drawn so often, and errors of [`ERROR`] under [`NOISE`].
+    fn noisy(draws: usize) -> (SamplePoints, Vec<DVec3>) {
+        let receiver = Receiver { position: DVec3::ZERO, normal: DVec3::Y, plane: PlaneId(0) };
+        let point = |index: usize| SamplePoint {
+            patch: PatchId(0),
+            reflectance: DVec3::ONE,
+            receiver,
+            position: DVec3::X * (index / draws) as f64,
+            weight: 1.0,
+        };
+        let count = POSITIONS * draws;
+        let points: Vec<SamplePoint> = (0..count).map(point).collect();
+        let noise = |index: usize| {
+            // Of one sequence neighbours would not be independent.
+            let (position, draw) = (index / draws, index % draws);
+            if sample_4d(position as u32, 0, 1 + draw as u32)[0] < 0.5 { NOISE } else { -NOISE }
+        };
+        let errors = (0..count).map(|index| DVec3::X * (ERROR + noise(index))).collect();
+        let irradiance = vec![DVec3::X; count];
+        (SamplePoints { points, irradiance, ..SamplePoints::default() }, errors)
+    }
+
+    #[test]
+    fn two_draws_tell_an_error_from_noise() {
+        let (once, errors) = noisy(1);
+        assert!((once.relative(&errors) - ERROR.hypot(NOISE)).abs() < 0.02);
+        let (twice, errors) = noisy(2);
+        assert!((twice.relative(&errors) - ERROR).abs() < 0.02, "{}", twice.relative(&errors));
+        assert!(twice.relative_at_least(&errors) < twice.relative(&errors));
     }
 }

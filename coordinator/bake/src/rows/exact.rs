@@ -47,6 +47,10 @@ impl RowSource for ExactRows {
         settings.rays_per_hemisphere
     }
 
+    fn measures_twice(&self) -> bool {
+        false
+    }
+
     fn shares(&self, cx: &Context, mesh: &Mesh, longest_edge: f64) -> Vec<Share> {
         let own = mesh.shares(cx.scene);
         if !mesh.has_lines {

@@ -27,6 +27,9 @@ pub trait RowSource {
     /// Rays of a hemisphere, where it has any.
     fn rays(&self, settings: &BakeSettings) -> u32;
 
+    /// Whether light that the answer is measured by is gathered twice: it is where it comes by rays, and costs little.
+    fn measures_twice(&self) -> bool;
+
     /// Deals the surface of the shooting mesh out among shares. `longest_edge` is that of its patches, in frame units.
     fn shares(&self, cx: &Context, mesh: &Mesh, longest_edge: f64) -> Vec<Share>;
 

@@ -45,7 +45,8 @@ impl Refined {
         // Points of their own: the mesh was refined where the refinement samples found errors, and is better there than
         // elsewhere.
         let (round, expected) = (solved.rounds_measured, prediction.leaves());
-        let mut validation = SamplePoints::draw(&solved.mesh.mesh, cx.scene, cx.settings, expected, round);
+        let draw = (round, solved.rows.source.measures_twice());
+        let mut validation = SamplePoints::draw(&solved.mesh.mesh, cx.scene, cx.settings, expected, draw);
         let between = solved.light_samples(cx, &mut validation)?;
         let noise = solved.noise();
         let reflectance = solved.mean_reflectance();
@@ -115,7 +116,7 @@ impl Solved {
             samples.set_irradiance(all);
         }
         let between = self.rows.source.interpolated(cx, &receivers, &self.solution.radiosity)?;
-        Ok(between.map_or(0.0, |light| samples.relative(samples.differences(&light).into_iter())))
+        Ok(between.map_or(0.0, |light| samples.relative(&samples.differences(&light))))
     }
 
     /// Relative error of the light of shares, each of constant radiosity: against that of the leaves of the refined mesh, each with
@@ -139,7 +140,7 @@ impl Solved {
         let noise = light.rows.map_or(0.0, |rows| self.noise().hypot(samples.noise(rows.into_iter(), count)));
         let all =
             |differences| without_noise(differences, noise) / (1.0 - RETURNING * self.mean_reflectance());
-        let [measured, at_least] = [samples.relative(differences.into_iter()), at_least].map(all);
+        let [measured, at_least] = [samples.relative(&differences), at_least].map(all);
         let [expected, expected_at_least] = self.shooters_expected;
         Ok([measured.max(expected), at_least.max(expected_at_least)])
     }

@@ -64,12 +64,10 @@ const LARGEST_SMALL: f64 = 0.005;
 /// Fewest rays of a gather point: many receivers depend on it.
 const LEAST_RAYS: u32 = 256;
 
-/// Factor of the rays that the asked error needs, for receivers that the answer is measured at.
-const MEASURED: u32 = 4;
-
-/// Rays of a receiver that the answer is measured at: of its noise no other depends on.
+/// Rays of each draw at a receiver that the answer is measured at: half of those that the asked error needs. Noise does not matter where
+/// there are two draws, and many positions tell more than many rays.
 fn measured_rays(settings: &BakeSettings) -> u32 {
-    (settings.rays_per_hemisphere * MEASURED).max(LEAST_RAYS).next_power_of_two()
+    (settings.rays_per_hemisphere.max(LEAST_RAYS) / 2).next_power_of_two()
 }
 
 /// The gathering strategy.
@@ -130,6 +128,10 @@ impl RowSource for GatherRows {
     fn rays(&self, settings: &BakeSettings) -> u32 {
         // A power of two has the most even directions.
         settings.rays_per_hemisphere.max(LEAST_RAYS).next_power_of_two()
+    }
+
+    fn measures_twice(&self) -> bool {
+        true
     }
 
     /// Each leaf: what rays meet has the light of its own place, whatever lies hidden beside it, and more leaves cost no rays.
