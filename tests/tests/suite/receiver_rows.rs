@@ -65,7 +65,7 @@ fn both_kinds_of_rows_light_a_room_alike() {
 fn more_rays_make_less_noise() {
     let scene = imported(&room_with_ball(2).glb());
     // The noise is that of gather points, however the mesh is.
-    let coarse = BakeSettings { mesh_error: 0.1, validation_samples: 0, ..settings(RowStrategy::Gather) };
+    let coarse = BakeSettings { mesh_error: 0.1, validation_samples: 64, ..settings(RowStrategy::Gather) };
     let noise = |rays: f64| baked(&scene, &coarse.clone().with_rays(rays)).report.error.visibility;
     let (few, many) = (noise(1024.0), noise(8192.0));
     assert!(many < 0.5 * few, "{many} after {few}");
