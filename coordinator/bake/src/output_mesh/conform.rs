@@ -66,7 +66,7 @@ fn open_edges(working: &Working) -> Vec<(u32, u32, u32)> {
             [(*a, *b), (*b, *c), (*c, *a)].map(|(a, b)| (a.min(b), a.max(b), index))
         })
         .collect();
-    edges.sort_unstable();
+    edges.par_sort_unstable();
     let of_edge = edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1));
     of_edge.filter(|triangles| triangles.len() != 2).map(|triangles| triangles[0]).collect()
 }

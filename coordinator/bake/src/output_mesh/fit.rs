@@ -5,20 +5,27 @@
 
 use glam::DVec3;
 use rayon::prelude::*;
+use smallvec::SmallVec;
 
 use super::limits::Limits;
 use super::linear::LightIn;
-use super::working::{NONE, Triangle, Working};
+use super::working::{Corner, NONE, Triangle, Working};
 
 /// Iterations of conjugate gradients: the matrix of linear functions on triangles needs no more.
 const ITERATIONS: usize = 12;
+
+/// Fewest corners that a thread takes.
+const AT_ONCE: usize = 1024;
 
 /// Weight of the values that vertices had, against the light around them.
 const OWN: f64 = 0.02;
 
 /// Least squares over the samples of each triangle.
 pub struct Fit {
+    /// By triangle; empty where it is gone.
     triangles: Vec<Element>,
+    /// The triangles of each corner, each with the corner's place in it.
+    around: Vec<SmallVec<[(u32, u8); 8]>>,
     /// Diagonal of the matrix, with the weight of the old values.
     diagonal: Vec<f64>,
     /// Weight of the old values.
@@ -27,6 +34,7 @@ pub struct Fit {
     part: Vec<f64>,
 }
 
+#[derive(Default)]
 struct Element {
     corners: [u32; 3],
     /// Sums over the samples of weight times products of interpolation weights: of both corners of each edge, then of each corner.
@@ -37,6 +45,9 @@ struct Element {
 
 impl Element {
     fn new(working: &Working, triangle: &Triangle) -> Self {
+        if triangle.corners[0] == NONE {
+            return Self::default();
+        }
         let light: LightIn = working.light_in(triangle);
         let mut element = Self { corners: triangle.corners, products: [0.0; 6], samples: vec![] };
         for sample in &triangle.samples {
@@ -53,38 +64,62 @@ impl Element {
         }
         element
     }
+
+    /// The row of the matrix of the corner at a place, times values.
+    fn times(&self, place: u8, values: &[DVec3]) -> DVec3 {
+        let [ab, bc, ca, aa, bb, cc] = self.products;
+        let [a, b, c] = match place {
+            0 => [aa, ab, ca],
+            1 => [ab, bb, bc],
+            _ => [ca, bc, cc],
+        };
+        let [i, j, k] = self.corners.map(|corner| values[corner as usize]);
+        i * a + j * b + k * c
+    }
+
+    /// What the samples add to the right-hand side of the corner at a place.
+    fn sampled(&self, place: u8, values: &[DVec3]) -> DVec3 {
+        let middle = |[a, b]: &[u32; 2]| (values[*a as usize] + values[*b as usize]) / 2.0;
+        self.samples.iter().map(|(between, weights)| middle(between) * weights[place as usize]).sum()
+    }
 }
 
 impl Fit {
     /// The fit of a mesh, no farther from its values than the limits allow, with the fitted values.
     pub fn new(working: &Working, limits: &Limits) -> (Self, Vec<DVec3>) {
-        let mut fit = Self {
-            triangles: vec![],
-            diagonal: vec![0.0; working.corners.len()],
-            own: vec![],
-            part: vec![1.0; working.corners.len()],
+        let triangles: Vec<Element> =
+            working.triangles.par_iter().map(|triangle| Element::new(working, triangle)).collect();
+        let around = |(index, corner): (usize, &Corner)| {
+            let place = |triangle: &u32| {
+                let corners = triangles[*triangle as usize].corners;
+                (
+                    *triangle,
+                    if corners[0] == index as u32 { 0 } else { 1 + u8::from(corners[1] != index as u32) },
+                )
+            };
+            corner.around.iter().map(place).collect()
         };
-        fit.triangles = working
-            .triangles
-            .par_iter()
-            .filter(|triangle| triangle.corners[0] != NONE)
-            .map(|triangle| Element::new(working, triangle))
-            .collect();
-        for element in &fit.triangles {
-            for (corner, product) in element.corners.iter().zip(&element.products[3..]) {
-                fit.diagonal[*corner as usize] += product;
-            }
-        }
-        fit.own = fit.diagonal.iter().map(|diagonal| OWN * diagonal + f64::MIN_POSITIVE).collect();
-        fit.diagonal.iter_mut().zip(&fit.own).for_each(|(diagonal, own)| *diagonal += own);
+        let around: Vec<SmallVec<[(u32, u8); 8]>> =
+            working.corners.par_iter().enumerate().map(around).collect();
+        let diagonal = |around: &SmallVec<[(u32, u8); 8]>| -> f64 {
+            around
+                .iter()
+                .map(|(triangle, place)| triangles[*triangle as usize].products[3 + *place as usize])
+                .sum()
+        };
+        let diagonal: Vec<f64> = around.par_iter().map(diagonal).collect();
+        let own: Vec<f64> = diagonal.iter().map(|diagonal| OWN * diagonal + f64::MIN_POSITIVE).collect();
+        let diagonal = diagonal.iter().zip(&own).map(|(diagonal, own)| diagonal + own).collect();
+        let mut fit = Self { triangles, around, diagonal, own, part: vec![] };
         let light: Vec<DVec3> = working.corners.iter().map(|corner| corner.light).collect();
         let change = fit.change(&light);
-        for ((part, light), change) in fit.part.iter_mut().zip(&light).zip(&change) {
+        let part = |(light, change): (&DVec3, &DVec3)| {
             let step = light.distance(*light + *change);
             // What no light reaches stays dark: a wall must not leak, not even by rounding.
             let reached = *light != DVec3::ZERO;
-            *part = if reached && step > 0.0 { (limits.at(*light) / step).min(1.0) } else { 0.0 };
-        }
+            if reached && step > 0.0 { (limits.at(*light) / step).min(1.0) } else { 0.0 }
+        };
+        fit.part = light.iter().zip(&change).map(part).collect();
         let fitted = fit.moved(&light, change);
         (fit, fitted)
     }
@@ -101,18 +136,7 @@ impl Fit {
 
     /// How far the best fit lies from the values that all corners had.
     fn change(&self, values: &[DVec3]) -> Vec<DVec3> {
-        // Residual of the values that are there.
-        let mut residual: Vec<DVec3> = vec![DVec3::ZERO; values.len()];
-        for element in &self.triangles {
-            for ([a, b], weights) in &element.samples {
-                let value = (values[*a as usize] + values[*b as usize]) / 2.0;
-                for (corner, weight) in element.corners.iter().zip(weights.to_array()) {
-                    residual[*corner as usize] += value * weight;
-                }
-            }
-        }
-        let product = self.times(values, false);
-        residual.iter_mut().zip(product).for_each(|(residual, product)| *residual -= product);
+        let mut residual = self.residual(values);
         let mut change = vec![DVec3::ZERO; values.len()];
         let precondition = |residual: &[DVec3]| -> Vec<DVec3> {
             residual.iter().zip(&self.diagonal).map(|(residual, diagonal)| *residual / *diagonal).collect()
@@ -123,7 +147,7 @@ impl Fit {
         let mut direction = scaled.clone();
         let mut square = dot(&residual, &scaled);
         for _ in 0..ITERATIONS {
-            let product = self.times(&direction, true);
+            let product = self.times(&direction);
             let step = over(square, dot(&direction, &product));
             for (index, product) in product.iter().enumerate() {
                 change[index] += step * direction[index];
@@ -138,20 +162,25 @@ impl Fit {
         change
     }
 
-    /// The matrix times values, with the weight of the old ones or without.
-    fn times(&self, values: &[DVec3], with_own: bool) -> Vec<DVec3> {
-        let mut product: Vec<DVec3> = if with_own {
-            values.iter().zip(&self.own).map(|(value, own)| *value * *own).collect()
-        } else {
-            vec![DVec3::ZERO; values.len()]
+    /// What is left to be fitted where all corners have these values.
+    fn residual(&self, values: &[DVec3]) -> Vec<DVec3> {
+        let of_corner = |around: &SmallVec<[(u32, u8); 8]>| {
+            let of_triangle = |(triangle, place): &(u32, u8)| {
+                let element = &self.triangles[*triangle as usize];
+                element.sampled(*place, values) - element.times(*place, values)
+            };
+            around.iter().map(of_triangle).sum()
         };
-        for Element { corners, products: [ab, bc, ca, aa, bb, cc], .. } in &self.triangles {
-            let [i, j, k] = corners.map(|corner| corner as usize);
-            let (a, b, c) = (values[i], values[j], values[k]);
-            product[i] += a * *aa + b * *ab + c * *ca;
-            product[j] += a * *ab + b * *bb + c * *bc;
-            product[k] += a * *ca + b * *bc + c * *cc;
-        }
-        product
+        self.around.par_iter().with_min_len(AT_ONCE).map(of_corner).collect()
+    }
+
+    /// The matrix times values, with the weight of the old ones.
+    fn times(&self, values: &[DVec3]) -> Vec<DVec3> {
+        let of_corner = |(index, around): (usize, &SmallVec<[(u32, u8); 8]>)| {
+            let of_triangle =
+                |(triangle, place): &(u32, u8)| self.triangles[*triangle as usize].times(*place, values);
+            values[index] * self.own[index] + around.iter().map(of_triangle).sum::<DVec3>()
+        };
+        self.around.par_iter().enumerate().with_min_len(AT_ONCE).map(of_corner).collect()
     }
 }

@@ -5,6 +5,7 @@
 
 use glam::DVec3;
 use rayon::prelude::*;
+use smallvec::SmallVec;
 
 use super::linear::Sample;
 use super::working::{Corner, NONE, Triangle, Working};
@@ -93,27 +94,31 @@ impl Limits {
         // Each corner has a sample for when it is gone, with its own number.
         let mut samples = Vec::with_capacity(working.corners.len() + working.triangles.len() * 3);
         samples.extend((0..).zip(&working.corners).map(of_corner));
-        for index in 0..working.triangles.len() {
-            let triangle = &working.triangles[index];
+        let in_middles = |(index, triangle): (usize, &Triangle)| -> SmallVec<[Sample; 3]> {
             let weight = working.area(triangle) / 3.0;
-            let corners = triangle.corners;
-            for (a, b) in [(0, 1), (1, 2), (2, 0)].map(|(a, b)| (corners[a], corners[b])) {
+            let [a, b, c] = triangle.corners;
+            let in_middle = |between: [u32; 2]| {
+                let both = working.both_sides(between[0], between[1]);
                 // Of both triangles along an edge the first has the sample.
-                let first = working.both_sides(a, b).map_or(index as u32, |both| both[0].min(both[1]));
-                let factor = if working.both_sides(a, b).is_some() { 2.0 } else { 1.0 };
-                if first == index as u32 {
-                    let between = [a, b];
-                    let [a, b] = between.map(|corner| &working.corners[corner as usize]);
-                    let light = (a.light + b.light) / 2.0;
-                    working.triangles[index].samples.push(samples.len() as u32);
-                    samples.push(Sample {
-                        position: (a.position + b.position) / 2.0,
-                        light,
-                        limit: self.at(light).powi(2),
-                        weight: weight * factor,
-                        between,
-                    });
-                }
+                let is_first = both.is_none_or(|both| both[0].min(both[1]) == index as u32);
+                let [a, b] = between.map(|corner| &working.corners[corner as usize]);
+                let light = (a.light + b.light) / 2.0;
+                is_first.then(|| Sample {
+                    position: (a.position + b.position) / 2.0,
+                    light,
+                    limit: self.at(light).powi(2),
+                    weight: if both.is_some() { 2.0 * weight } else { weight },
+                    between,
+                })
+            };
+            [[a, b], [b, c], [c, a]].into_iter().filter_map(in_middle).collect()
+        };
+        let in_middles: Vec<SmallVec<[Sample; 3]>> =
+            working.triangles.par_iter().enumerate().with_min_len(256).map(in_middles).collect();
+        for (triangle, own) in working.triangles.iter_mut().zip(in_middles) {
+            for sample in own {
+                triangle.samples.push(samples.len() as u32);
+                samples.push(sample);
             }
         }
         working.samples = samples;
