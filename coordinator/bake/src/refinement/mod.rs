@@ -5,15 +5,18 @@
 //! |---|---|
 //! | `plan` | what to divide next, or why to stop |
 //! | `prediction` | predicts the interpolation error of each leaf |
-//! | `samples` | random points at which light is compared |
+//! | `samples` | light compared at random points |
+//! | `draw` | draws such points |
 //! | `fit` | vertex values with the least error between the vertices |
 
+mod draw;
 mod fit;
 mod plan;
 mod prediction;
 mod samples;
 
+pub use draw::FIRST;
 pub use fit::{best_fit, best_fit_of_part};
 pub use plan::{Obstacle, Plan, Step, long_patches};
 pub use prediction::{LEAST_WEIGHT, MeshError};
-pub use samples::{FIRST, MOST_DRAWN, SamplePoints};
+pub use samples::{MOST_DRAWN, SamplePoints};

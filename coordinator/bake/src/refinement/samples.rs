@@ -7,13 +7,13 @@
 use std::collections::HashMap;
 
 use glam::DVec3;
-use kernel::geometry::{PlaneId, uniform_point};
+use kernel::geometry::PlaneId;
 use kernel::replica::{Receiver, Receivers};
 use rayon::prelude::*;
-use sobol_burley::sample_4d;
 
+use super::draw::{SamplePoint, draw_on, point_at};
 use crate::error_budget::{INTERPOLATED_NOISE, without_noise};
-use crate::mesh::{INWARD, Mesh, PatchId, VertexId, along_curve, interpolation};
+use crate::mesh::{Mesh, PatchId, VertexId, interpolation};
 use crate::settings::BakeSettings;
 use crate::solver::bounds::Bounds;
 use scene::Scene;
@@ -30,9 +30,6 @@ const MOST_POINTS: usize = 2048;
 /// Positions where light is gathered twice, where few would be enough for light gathered once, relative to these: hot spots are too
 /// small for few.
 const POSITIONS_TWICE: usize = 4;
-
-/// Number of points at the front that are a random part of all.
-pub const FIRST: usize = 256;
 
 /// Length of the sequence that points are drawn from.
 pub const MOST_DRAWN: usize = 1 << 16;
@@ -52,19 +49,6 @@ pub struct SamplePoints {
     irradiance: Vec<DVec3>,
     /// Scales the light of those that see more than a hemisphere: vertices there are scaled, too.
     bounds: Bounds,
-}
-
-/// A point on the surface.
-#[derive(Debug, Clone, PartialEq)]
-struct SamplePoint {
-    /// Its patch, a leaf when the point was drawn.
-    patch: PatchId,
-    reflectance: DVec3,
-    receiver: Receiver,
-    /// On the surface, where the receiver may be lifted off it.
-    position: DVec3,
-    /// Density of the area over the sampling density.
-    weight: f64,
 }
 
 impl SamplePoints {
@@ -328,77 +312,10 @@ impl SamplePoints {
     }
 }
 
-/// Draws points on these leaves, by a `seed` and a round.
-fn draw_on(
-    mesh: &Mesh,
-    scene: &Scene,
-    leaves: &[PatchId],
-    expected: &[f64],
-    (seed, round): (u64, u32),
-    count: usize,
-) -> Vec<SamplePoint> {
-    if leaves.is_empty() {
-        return vec![];
-    }
-    let area: f64 = leaves.iter().map(|id| mesh.patch(*id).area).sum();
-    let all_errors: f64 = expected.iter().sum();
-    // Leaves with the end of their part of the unit interval, and the weight of a point on them.
-    let mut end = 0.0;
-    let parts: Vec<(PatchId, f64, f64)> = leaves
-        .iter()
-        .enumerate()
-        .map(|(index, id)| {
-            let by_area = mesh.patch(*id).area / area;
-            let by_error = if all_errors > 0.0 { expected[index] / all_errors } else { by_area };
-            let part = (by_area + by_error) / 2.0;
-            end += part;
-            (*id, end, by_area / part)
-        })
-        .collect();
-    let seed = ((seed ^ (seed >> 32)) as u32).wrapping_add(round.wrapping_mul(0x9e37_79b9));
-    let point = |index: usize| {
-        let [x, y, z, _] = sample_4d(index as u32, 0, seed).map(f64::from);
-        let place = parts.partition_point(|(_, part_end, _)| *part_end <= x * end).min(parts.len() - 1);
-        let (id, _, weight) = parts[place];
-        point_on(mesh, scene, id, [y, z], weight)
-    };
-    let mut points: Vec<SamplePoint> = (0..count).map(point).collect();
-    // The first of them are used alone: they stay a random part of all. Rows over neighbours cost least.
-    let (first, others) = points.split_at_mut(FIRST.min(count));
-    for part in [first, others] {
-        part.sort_by_cached_key(|point| along_curve(point.position));
-    }
-    points
-}
-
-/// The point of a leaf at a place in the unit square.
-fn point_on(mesh: &Mesh, scene: &Scene, id: PatchId, [y, z]: [f64; 2], weight: f64) -> SamplePoint {
-    point_at(mesh, scene, id, uniform_point(&mesh.corners(id), y, z), weight)
-}
-
-/// A point of a leaf.
-fn point_at(mesh: &Mesh, scene: &Scene, id: PatchId, position: DVec3, weight: f64) -> SamplePoint {
-    let normals = interpolation(mesh, id, position, |_| DVec3::ZERO);
-    let vertex = |id: VertexId| &mesh.vertices[id.index()];
-    let normal: DVec3 = normals.iter().map(|(id, weight)| vertex(*id).normal * *weight).sum();
-    let patch = mesh.patch(id);
-    let surface = &scene.surfaces[patch.surface as usize];
-    let facet = &surface.facets[patch.facet as usize];
-    let normal = normal.normalize_or(facet.normal);
-    // As for vertices: facets around a smooth point may rise over its horizon.
-    let is_smooth = normals.iter().any(|(id, _)| vertex(*id).smooth);
-    let lift = if is_smooth { INWARD * patch.area.sqrt() } else { 0.0 };
-    SamplePoint {
-        patch: id,
-        reflectance: surface.mean_reflectance(patch.facet, &[position]),
-        receiver: Receiver { position: position + normal * lift, normal, plane: facet.plane },
-        position,
-        weight,
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use sobol_burley::sample_4d;
+
     use super::*;
 
     const ERROR: f64 = 0.1;
