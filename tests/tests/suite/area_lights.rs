@@ -169,7 +169,7 @@ fn lamps_are_those_of_emissive_meshes() {
         let odd = hung() * DMat4::from_scale(DVec3::new(0.5, 1.0, 0.1));
         let light = imported(&room(NEARLY_BLACK).light(lamp(shape), odd).glb());
         for rows in [RowStrategy::Exact, RowStrategy::Gather] {
-            let [light, mesh] = [&light, &mesh].map(|scene| baked(scene, &unrefined(rows)));
+            let [light, mesh] = [&light, &mesh].map(|scene| baked(scene, &unrefined(rows).with_rays(256.0)));
             let apart = difference(&light.lit, &mesh.lit);
             assert!(apart <= 1e-5, "{shape}, {rows:?}: {apart}");
             assert_eq!(light.report.model.area_lights, 1);
