@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, HashMap, VecDeque};
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use kernel::geometry::ConvexPolygon;
 use kernel::replica::{Digest, EncodedReplica, Receivers, encode_receivers, encode_translucent_scene};
@@ -11,6 +11,7 @@ use kernel::visibility::MANY_POLYGONS;
 
 use super::monitor::Monitor;
 use super::sizes::Pace;
+use super::time::{Division, ThreadTime};
 use crate::error::{BakeError, Result};
 use crate::observer::Observer;
 
@@ -59,6 +60,10 @@ pub trait RowService {
     fn jobs_ahead(&self) -> usize {
         4 * self.threads()
     }
+    /// Returns what the threads of the workers did so far; nothing where that is not known.
+    fn thread_time(&self) -> ThreadTime {
+        ThreadTime::default()
+    }
     /// Waits for the next finished job, in any order. `None` where there is none within about `patience`.
     ///
     /// # Errors
@@ -89,6 +94,10 @@ impl<S: RowService + ?Sized> RowService for &mut S {
 
     fn jobs_ahead(&self) -> usize {
         (**self).jobs_ahead()
+    }
+
+    fn thread_time(&self) -> ThreadTime {
+        (**self).thread_time()
     }
 
     fn next(&mut self, patience: Duration) -> Result<Option<FinishedJob>, BakeError> {
@@ -176,16 +185,19 @@ pub struct RowClient<'a> {
     jobs: HashMap<JobId, PendingJob>,
     pace: Pace,
     next_job: u64,
+    started: Instant,
+    division: Division,
     /// Progress and counters.
     pub monitor: Monitor<'a>,
 }
 
 impl<'a> RowClient<'a> {
-    /// Publishes a scene.
+    /// Publishes a scene, for a bake that began at `started`, when threads had worked this long.
     pub fn new(
         service: &'a mut dyn RowService,
         observer: &'a mut dyn Observer,
         scene: EncodedReplica,
+        (started, threads): (Instant, ThreadTime),
     ) -> Self {
         let digest = scene.digest;
         service.publish(scene);
@@ -197,6 +209,8 @@ impl<'a> RowClient<'a> {
             jobs: HashMap::new(),
             pace: Pace::default(),
             next_job: CLIENTS.fetch_add(1, Ordering::Relaxed) * JOBS_OF_CLIENT,
+            started,
+            division: Division::new(threads),
             monitor: Monitor::new(observer),
         }
     }
@@ -374,11 +388,27 @@ impl<'a> RowClient<'a> {
         self.service.submit(vec![(job, request)]);
     }
 
+    /// The bake has waited for rows until now, or done something else.
+    fn pass(&mut self, waited: bool) {
+        self.division.pass(self.started.elapsed().as_secs_f64(), self.service.thread_time(), waited);
+        let busy = Duration::from_nanos(self.monitor.statistics.busy_nanoseconds);
+        self.monitor.set_time(self.division.parts(busy));
+    }
+
+    /// Ends a step of the coordinator's own arithmetic: its seconds without work for the threads of the workers.
+    pub fn end_step(&mut self) -> f64 {
+        self.pass(false);
+        self.division.end_step()
+    }
+
     /// Waits for the next job, in any order: its tag and its rows.
     pub fn next(&mut self) -> Result<(u64, FinishedJob)> {
         loop {
             self.monitor.check()?;
-            let Some(finished) = self.service.next(PATIENCE)? else { continue };
+            self.pass(false);
+            let next = self.service.next(PATIENCE);
+            self.pass(true);
+            let Some(finished) = next? else { continue };
             if let Some(PendingJob { tag, again, pairs }) = self.jobs.remove(&finished.job) {
                 self.pace.add(pairs, self.monitor.count(&finished, &again));
                 return Ok((tag, finished));

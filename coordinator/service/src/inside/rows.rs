@@ -7,7 +7,7 @@ use std::sync::atomic::Ordering::Relaxed;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::Duration;
 
-use bake::{BakeError, RowService};
+use bake::{BakeError, RowService, ThreadTime};
 use cluster::WorkerPart;
 use kernel::messages::Finished;
 use kernel::replica::{Digest, EncodedReplica};
@@ -79,6 +79,14 @@ impl<W: Write> RowService for PipeRows<W> {
 
     fn threads(&self) -> usize {
         self.world.threads.load(Relaxed)
+    }
+
+    fn jobs_ahead(&self) -> usize {
+        self.world.jobs_ahead.load(Relaxed)
+    }
+
+    fn thread_time(&self) -> ThreadTime {
+        self.world.thread_time()
     }
 
     fn next(&mut self, patience: Duration) -> Result<Option<FinishedJob>, BakeError> {
