@@ -112,3 +112,23 @@ impl<W: Write> SharedRows for PipeRows<W> {
         answer.into_iter().flat_map(|workers| workers.parts).map(WorkerPart::from).collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::mpsc;
+
+    use super::*;
+    use crate::pipes::messages::Surroundings;
+
+    #[test]
+    fn what_the_service_tells_of_the_workers_is_known_to_the_bake() {
+        let world = Arc::new(World::default());
+        let (_orders, answers) = mpsc::channel();
+        let rows = PipeRows::new(Arc::new(Outlet::new(vec![])), answers, Arc::clone(&world));
+        let [connected, occupied, loading, busy] = [400, 300, 50, 200].map(Duration::from_millis);
+        let time = ThreadTime { connected, occupied, loading, busy };
+        // Twenty of them because workers are far away.
+        world.set(Surroundings { threads: 2, is_watched: false, jobs_ahead: 28, time: time.into() });
+        assert_eq!((rows.threads(), rows.jobs_ahead(), rows.thread_time()), (2, 28, time));
+    }
+}
