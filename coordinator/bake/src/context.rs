@@ -39,6 +39,8 @@ pub struct Work {
     pub rounds: u32,
     /// Seconds of each step.
     pub seconds: Vec<(&'static str, f64)>,
+    /// Of these, the coordinator's own while the workers had nothing to compute.
+    pub own_seconds: Vec<(&'static str, f64)>,
 }
 
 impl<'a, 'b> Context<'a, 'b> {
@@ -67,16 +69,22 @@ impl<'a, 'b> Context<'a, 'b> {
     /// Adds the time since the last step to a step.
     pub fn end_step(&mut self, name: &'static str) {
         let seconds = self.clock.elapsed().as_secs_f64();
-        match self.work.seconds.iter_mut().find(|(step, _)| *step == name) {
-            Some(step) => step.1 += seconds,
-            None => self.work.seconds.push((name, seconds)),
-        }
         self.clock = Instant::now();
+        add(&mut self.work.seconds, name, seconds);
+        add(&mut self.work.own_seconds, name, self.client.end_step());
     }
 
     /// Largest extent of the facets, in frame units.
     pub fn extent(&self) -> f64 {
         extent(self.scene)
+    }
+}
+
+/// Adds seconds to a step.
+fn add(steps: &mut Vec<(&'static str, f64)>, name: &'static str, seconds: f64) {
+    match steps.iter_mut().find(|(step, _)| *step == name) {
+        Some(step) => step.1 += seconds,
+        None => steps.push((name, seconds)),
     }
 }
 

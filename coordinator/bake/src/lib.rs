@@ -44,7 +44,7 @@ mod test_scenes;
 
 pub use error::BakeError;
 pub use error_budget::ErrorBudget;
-pub use jobs::RowService;
+pub use jobs::{RowService, ThreadTime, TimeParts};
 pub use light_parts::{LightGroup, LightPart};
 pub use observer::{Observer, Phase, Progress, Unobserved};
 pub use relight::{KeptLight, LightChange, NewLight, RelightError, RelightReport, Relit, relight};

@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use crate::jobs::TimeParts;
 use crate::lit::LitMesh;
 
 /// A phase of a bake.
@@ -58,6 +59,8 @@ pub struct Progress {
     pub rays: u64,
     /// Vertices of the mesh.
     pub vertices: usize,
+    /// How the wall time divides so far.
+    pub time: TimeParts,
 }
 
 /// An observer of a bake. It is called in the thread of the bake, often: each call should return at once.

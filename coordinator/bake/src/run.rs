@@ -39,10 +39,11 @@ pub fn bake(
 ) -> Result<Baked> {
     check_groups(scene, &settings.groups)?;
     let mut clock = Instant::now();
+    let began = (clock, service.thread_time());
     let (blockers, mesh) = rayon::join(|| occluders::occluders(scene), || shooting_mesh(scene, settings));
     let mut mesh = Some(mesh);
     let replica = encode_translucent_scene(&blockers.polygons, &blockers.opacities);
-    let mut client = RowClient::new(service, observer, replica);
+    let mut client = RowClient::new(service, observer, replica, began);
     let mut settings = settings.clone();
     let mut work = Work::default();
     loop {

@@ -15,7 +15,7 @@ use scene::{ImportError, ImportOptions, Scene, import, import_slice};
 
 use crate::files_beside::check_files;
 use crate::memory::peak_memory_bytes;
-use crate::summary::{Summary, WorkerMetrics, extras};
+use crate::summary::{Summary, TimeDivision, WorkerMetrics, extras};
 
 /// A scene file.
 pub enum SceneSource<'a> {
@@ -176,8 +176,10 @@ pub fn run(
         return Err(BakeError::Cancelled.into());
     }
     observer.imported(&scene);
+    let imported = clock.elapsed().as_secs_f64();
     let (baked, workers, recorded) =
         bake_on(workers, &scene, &request.bake, request.checkpoint.as_ref(), observer)?;
+    let done = clock.elapsed().as_secs_f64();
     observer.exporting();
     observer.warn(&baked.report.warnings);
     let settings = ExportSettings { extras: extras(&scene, &request.bake, &baked.report), ..request.export };
@@ -187,8 +189,10 @@ pub fn run(
         files::write(path, &kept.to_bytes())
             .map_err(|error| RunError::KeptLight { path: path.to_owned(), error })?;
     }
+    let seconds = clock.elapsed().as_secs_f64();
     let summary = Summary {
-        seconds: clock.elapsed().as_secs_f64(),
+        seconds,
+        time: TimeDivision::new(&baked.report, [imported, done, seconds]),
         unit: settings.unit,
         account: scene.import_report.clone(),
         degenerate_triangles: scene.degenerate_triangles,

@@ -3,7 +3,7 @@
 use glam::DVec3;
 use serde_json::{Value, json};
 
-use bake::{BakeReport, BakeSettings, Relit};
+use bake::{BakeReport, BakeSettings, Relit, TimeParts};
 use cluster::checkpoint::CheckpointSummary;
 use cluster::{ClusterCounts, WorkerPart, WorkerSummary};
 use output::export::Exported;
@@ -15,6 +15,8 @@ use scene::Scene;
 pub struct Summary {
     /// Wall time from the scene file to the lit file.
     pub seconds: f64,
+    /// How it divides.
+    pub time: TimeDivision,
     /// Unit of the irradiance.
     pub unit: String,
     /// What of the scene file is modelled, and what is ignored.
@@ -31,6 +33,36 @@ pub struct Summary {
     pub workers: WorkerMetrics,
     /// The checkpoint, if there was one.
     pub checkpoint: Option<CheckpointSummary>,
+}
+
+/// How the wall time of a run divides.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TimeDivision {
+    /// The parts. Import and export are own arithmetic of the coordinator; connecting to workers and taking leave of them is network.
+    pub parts: TimeParts,
+    /// Seconds of own arithmetic, by steps.
+    pub own: Vec<(&'static str, f64)>,
+}
+
+impl TimeDivision {
+    /// Divides the time of a run, given the seconds from its start to the end of the import, of the bake, and of all.
+    #[must_use]
+    pub fn new(bake: &BakeReport, [imported, baked, all]: [f64; 3]) -> Self {
+        let exporting = all - baked;
+        let mut parts = bake.time;
+        parts.network += (baked - imported - bake.time.total()).max(0.0);
+        parts.own += imported + exporting;
+        let mut own = vec![("import", imported)];
+        own.extend_from_slice(&bake.own_seconds);
+        own.push(("export", exporting));
+        Self { parts, own }
+    }
+
+    fn to_json(&self) -> Value {
+        let mut json = json!(self.parts);
+        json["own_steps"] = json!(self.own);
+        json
+    }
 }
 
 /// What the workers of a run did.
@@ -85,6 +117,7 @@ impl Summary {
         let (workers, cluster) = self.workers.to_json();
         serde_json::to_string_pretty(&json!({
             "seconds": self.seconds,
+            "time": self.time.to_json(),
             "unit": self.unit,
             "exposure": self.exported.exposure,
             "output_vertices": self.exported.vertices,

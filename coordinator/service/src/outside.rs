@@ -153,7 +153,12 @@ impl JobProcess<'_> {
     }
 
     fn surroundings(&self, live: &Live) -> Surroundings {
-        Surroundings { threads: self.workers.status().threads as u64, is_watched: live.wants_previews() }
+        Surroundings {
+            threads: self.workers.status().threads as u64,
+            is_watched: live.wants_previews(),
+            jobs_ahead: self.workers.jobs_ahead() as u64,
+            time: self.workers.thread_time().into(),
+        }
     }
 }
 

@@ -186,6 +186,7 @@ mod tests {
             rows_needed: 4,
             rays: 9,
             vertices: 7,
+            time: None,
         };
         live.set(&progress, 2);
         assert!(watcher.has_changed().unwrap());

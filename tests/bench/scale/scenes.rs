@@ -1,4 +1,4 @@
-//! Three scenes, and a bake of one of them on a simulated cluster.
+//! The scenes, and a bake of one of them on a simulated cluster.
 
 use std::cell::Cell;
 use std::error::Error;
@@ -6,8 +6,9 @@ use std::fs;
 use std::path::Path;
 
 use bake::{BakeReport, BakeSettings, Baked, Observer, Phase, Progress, bake};
+use glam::DVec3;
 use kernel::replica::Digest;
-use scene::Scene;
+use scene::{ImportOptions, Scene, import_slice};
 use tests::baking::imported;
 use tests::building::building;
 
@@ -17,10 +18,11 @@ use crate::model::Model;
 use crate::processor::Nanoseconds;
 use crate::recorder::Recorder;
 
-/// A building to bake.
+/// A scene to bake.
 pub struct Named {
     /// What it is called.
     pub name: &'static str,
+    /// Of a furnished building; none in the house, which has a sky.
     rooms: usize,
     /// Edge of the shooting patches, in metres.
     edge: f64,
@@ -31,14 +33,18 @@ pub struct Named {
     error: Option<f64>,
 }
 
-/// A room, four of them, and eight; eight with the error measured, and until an error is met.
-pub const SCENES: [Named; 5] = [
+/// A room, four of them, and eight; eight with the error measured, and until an error is met; a house under sun and sky.
+pub const SCENES: [Named; 6] = [
     Named { name: "small", rooms: 1, edge: 0.6, mesh_error: 0.1, validation_samples: 0, error: None },
     Named { name: "medium", rooms: 4, edge: 0.6, mesh_error: 0.2, validation_samples: 0, error: None },
     Named { name: "large", rooms: 8, edge: 0.6, mesh_error: 0.1, validation_samples: 0, error: None },
     Named { name: "checked", rooms: 8, edge: 0.6, mesh_error: 0.1, validation_samples: 256, error: None },
     Named { name: "error", rooms: 8, edge: 0.6, mesh_error: 0.1, validation_samples: 0, error: Some(0.03) },
+    Named { name: "house", rooms: 0, edge: 0.6, mesh_error: 0.1, validation_samples: 0, error: Some(0.02) },
 ];
+
+/// Radiance of the sky over the house.
+const SKY: DVec3 = DVec3::new(1.0, 1.25, 1.6);
 
 /// A scene ready to be baked again and again.
 pub struct Prepared {
@@ -66,11 +72,21 @@ impl Named {
     /// # Errors
     /// When the rows cannot be read or kept.
     pub fn prepare(&self) -> Result<Prepared, Box<dyn Error>> {
-        let building = building(self.rooms);
+        let (scene, extent) = match self.rooms {
+            0 => {
+                let house = fs::read(tests::data("scenes/house.glb"))?;
+                let options = ImportOptions { sky: SKY, ..ImportOptions::default() };
+                (import_slice(&house, &options)?, f64::INFINITY)
+            }
+            rooms => {
+                let building = building(rooms);
+                (imported(&building.scene.glb()), building.extent)
+            }
+        };
         let settings = match self.error {
             Some(error) => BakeSettings::for_error(error),
             None => BakeSettings {
-                shooter_edge: self.edge / building.extent,
+                shooter_edge: self.edge / extent,
                 mesh_error: self.mesh_error,
                 validation_samples: self.validation_samples,
                 ..BakeSettings::default()
@@ -79,7 +95,7 @@ impl Named {
         let folder = Path::new("target/scale");
         fs::create_dir_all(folder)?;
         let recorder = Recorder::open(&folder.join(format!("{}.rows", self.name)))?;
-        Ok(Prepared { scene: imported(&building.scene.glb()), settings, recorder })
+        Ok(Prepared { scene, settings, recorder })
     }
 }
 

@@ -125,6 +125,18 @@ fn a_worker_shows_what_the_coordinator_reports() {
     assert_eq!((shown("jobs_queued"), shown("jobs_computing")), (0.0, 0.0));
 }
 
+/// Asserts that a report says what the whole wall time went to.
+pub fn assert_parts_sum_up(report: &serde_json::Value) {
+    let time = &report["time"];
+    let part = |name: &str| time[name].as_f64().unwrap_or_else(|| panic!("{name} in {time}"));
+    let parts = ["rows", "other_rows", "network", "waiting", "own"].map(part);
+    let seconds = report["seconds"].as_f64().unwrap();
+    assert!(parts.iter().all(|part| *part >= 0.0) && parts[0] > 0.0, "{time}");
+    assert!((parts.iter().sum::<f64>() - seconds).abs() < 1e-3 * seconds, "{time} in {seconds} s");
+    let steps: f64 = time["own_steps"].as_array().unwrap().iter().map(|step| step[1].as_f64().unwrap()).sum();
+    assert!((steps - parts[4]).abs() < 1e-3 * seconds, "{time}");
+}
+
 #[test]
 fn a_coordinator_shows_a_bake_under_way() {
     let worker = WorkerProcess::start(1);
@@ -161,6 +173,10 @@ fn a_coordinator_shows_a_bake_under_way() {
     let shown = |name: &str| last[&format!("halflight_coordinator_{name}")];
     let told = &solved.report["workers"][0];
     assert_eq!(workers, 1.0);
+    assert_parts_sum_up(&solved.report);
+    let of_bake = |part: &str| shown(&format!("bake_seconds_total{{part=\"{part}\"}}"));
+    let time = &solved.report["time"];
+    assert!(of_bake("rows") > 0.0 && of_bake("rows") <= solved.report["seconds"].as_f64().unwrap(), "{time}");
     assert!(shown("rows_total") > 0.0 && shown("rows_total") <= told["rows"].as_f64().unwrap());
     assert!(shown("received_bytes_total") > 0.0 && shown("sent_bytes_total") > 0.0);
     // It ends before the coordinator does.

@@ -7,6 +7,8 @@ use crate::error::{BakeError, Result};
 use crate::lit::LitMesh;
 use crate::observer::{Observer, Phase, Progress};
 
+use super::time::TimeParts;
+
 /// Form factors are summed up in this unit: 2^-50, far below the rounding of a row.
 const SUM_UNIT: f64 = 1.0 / (1_u64 << 50) as f64;
 
@@ -38,6 +40,7 @@ impl<'a> Monitor<'a> {
                 rows_needed: 0,
                 rays: 0,
                 vertices: 0,
+                time: TimeParts::default(),
             },
             statistics: RowStatistics::default(),
             factor_sums: [0; 2],
@@ -101,6 +104,16 @@ impl<'a> Monitor<'a> {
     /// Sets the unshot flux, relative to the reflected flux.
     pub fn set_unshot(&mut self, unshot: f64) {
         self.progress.unshot = unshot;
+    }
+
+    /// Sets how the wall time divides so far.
+    pub fn set_time(&mut self, time: TimeParts) {
+        self.progress.time = time;
+    }
+
+    /// How the wall time divides so far.
+    pub fn time(&self) -> TimeParts {
+        self.progress.time
     }
 
     /// Sets the error of the present solution, once it is known.

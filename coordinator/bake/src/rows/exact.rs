@@ -130,7 +130,7 @@ impl RowSource for ExactRows {
         let mut light: Vec<Gathering> =
             radiosities.iter().map(|_| cx.channels.gathering(set.count())).collect();
         let mut sums = vec![0.0; set.count()];
-        cx.client.each_row(table.shooters(), set, |share, row, _| {
+        cx.client.each_row(table.shooters(), &[set], |_, share, row, _| {
             light.iter_mut().zip(radiosities).for_each(|(light, radiosity)| light.add(row, radiosity[share]));
             add_to_sums(row, mesh.materials[share].opacity, &mut sums);
         })?;
@@ -246,7 +246,7 @@ impl RowSource for ExactRows {
         let set = cx.client.publish_receivers(receivers);
         let mut gathered = cx.channels.gathering(receivers.receivers.len());
         let mut rows = Vec::with_capacity(shooters.len());
-        cx.client.each_row(&shooters, set, |leaf, row, variance| {
+        cx.client.each_row(&shooters, &[set], |_, leaf, row, variance| {
             gathered.add(row, radiosities[leaf]);
             rows.push((radiosities[leaf], variance));
         })?;

@@ -9,6 +9,7 @@ use super::light::{self, LightSource, Origin};
 use super::setup::Setup;
 use crate::context::Context;
 use crate::error::Result;
+use crate::jobs::ReceiverSet;
 use crate::observer::Phase;
 use crate::refinement::SamplePoints;
 use crate::rows::{COARSE, Rows, ShareMesh};
@@ -48,22 +49,24 @@ impl Setup {
         let mut variances = vec![];
         if samples.count() > 0 {
             let receivers = samples.receivers(samples.count());
-            let id = source.add_receivers(cx, table, &receivers, None)?;
-            table.samples = Some(id);
-            let look = |_: &LightSource, _: &Row, variance| variances.push(variance);
-            samples.set_direct(light::irradiance(&sources, table.set(id), cx.client, look)?);
+            table.samples = Some(source.add_receivers(cx, table, &receivers, None)?);
         }
         if middles.count() > 0 {
-            let id = source.add_receivers(cx, table, &middles.receivers(middles.count()), None)?;
-            table.middles = Some(id);
-            middles.set_direct(light::irradiance(&sources, table.set(id), cx.client, |_, _, _| ())?);
+            let receivers = middles.receivers(middles.count());
+            table.middles = Some(source.add_receivers(cx, table, &receivers, None)?);
         }
         // Nothing is known to be dark before the rows were looked at.
         let all_exposed = vec![true; mesh.mesh.vertices.len()];
         let values = LazyCell::new(|| source.first_values(&mesh, &all_exposed));
         let vertices = &table.vertices;
-        let direct = light::irradiance(&sources, table.set(COARSE), cx.client, |source, row, _| {
-            if matches!(source.origin, Origin::Surface(_)) {
+        let ids = [table.samples, table.middles, Some(COARSE)].into_iter().flatten();
+        let sets: Vec<ReceiverSet> = ids.map(|id| table.set(id)).collect();
+        let (of_samples, of_vertices) = (table.samples.map(|_| 0), sets.len() - 1);
+        let look = |set, source: &LightSource, row: &Row, variance| {
+            if Some(set) == of_samples {
+                variances.push(variance);
+            }
+            if set != of_vertices || matches!(source.origin, Origin::Surface(_)) {
                 return;
             }
             let factors: Vec<f64> = vertices.of_coarse(row.to_dense().into_iter().map(f64::from).collect());
@@ -71,7 +74,15 @@ impl Setup {
             let flux =
                 mesh.energies.iter().zip(of_shares).map(|(share, factor)| share.area * factor).sum::<f64>();
             *if source.is_outside { &mut from_outside } else { &mut from_lights } += source.strength * flux;
-        })?;
+        };
+        let mut light = light::irradiance_of(&sources, &sets, cx.client, look)?.into_iter();
+        if table.samples.is_some() {
+            samples.set_direct(light.next().unwrap_or_default());
+        }
+        if table.middles.is_some() {
+            middles.set_direct(light.next().unwrap_or_default());
+        }
+        let direct = light.next().unwrap_or_default();
         let direct = vertices.of_coarse(direct);
         cx.end_step("light");
         mesh.preview(cx, &direct, || {

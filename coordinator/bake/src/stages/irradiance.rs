@@ -56,7 +56,7 @@ pub fn irradiance_at(
     };
     let mut direct = vec![];
     for light in lights {
-        direct.push(light::irradiance(light.sources, set, cx.client, |_, _, _| ())?);
+        direct.push(light::irradiance(light.sources, set, cx.client)?);
     }
     let radiosities: Vec<&[DVec3]> = lights.iter().map(|light| light.radiosity).collect();
     let Gathered { light, cover } = match place {

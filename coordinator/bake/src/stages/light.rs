@@ -143,7 +143,27 @@ impl SourceCounts {
     }
 }
 
-/// What the sources give a set of receivers, in all. `look` sees each source with its row and the row's variance.
+/// What the sources give some sets of receivers, in all. `look` sees each source with its row over the set of this index, and the
+/// row's variance.
+///
+/// # Errors
+/// When a row cannot be had.
+pub fn irradiance_of(
+    sources: &[LightSource],
+    sets: &[ReceiverSet],
+    client: &mut RowClient,
+    mut look: impl FnMut(usize, &LightSource, &Row, f64),
+) -> Result<Vec<Vec<DVec3>>, BakeError> {
+    let shooters: Vec<Shooter> = sources.iter().map(|source| source.shooter.clone()).collect();
+    let mut irradiance: Vec<_> = sets.iter().map(|set| vec![DVec3::ZERO; set.count()]).collect();
+    client.each_row(&shooters, sets, |set, index, row, variance| {
+        look(set, &sources[index], row, variance);
+        add_row(&mut irradiance[set], row, sources[index].strength);
+    })?;
+    Ok(irradiance)
+}
+
+/// What the sources give a set of receivers, in all.
 ///
 /// # Errors
 /// When a row cannot be had.
@@ -151,13 +171,6 @@ pub fn irradiance(
     sources: &[LightSource],
     set: ReceiverSet,
     client: &mut RowClient,
-    mut look: impl FnMut(&LightSource, &Row, f64),
 ) -> Result<Vec<DVec3>, BakeError> {
-    let shooters: Vec<Shooter> = sources.iter().map(|source| source.shooter.clone()).collect();
-    let mut irradiance = vec![DVec3::ZERO; set.count()];
-    client.each_row(&shooters, set, |index, row, variance| {
-        look(&sources[index], row, variance);
-        add_row(&mut irradiance, row, sources[index].strength);
-    })?;
-    Ok(irradiance)
+    Ok(irradiance_of(sources, &[set], client, |_, _, _, _| ())?.pop().unwrap_or_default())
 }

@@ -7,6 +7,7 @@ use super::measure::Measured;
 use super::solved::Solved;
 use crate::context::Context;
 use crate::error_budget::ErrorBudget;
+use crate::jobs::TimeParts;
 use crate::settings::RowStrategy;
 use crate::solver::balance::{EnergyBalance, RowSums};
 
@@ -62,6 +63,12 @@ pub struct BakeReport {
     pub warnings: Vec<String>,
     /// Seconds of each step.
     pub seconds: Vec<(&'static str, f64)>,
+    /// How the wall time divides.
+    #[serde(skip)]
+    pub time: TimeParts,
+    /// [`TimeParts::own`] by steps.
+    #[serde(skip)]
+    pub own_seconds: Vec<(&'static str, f64)>,
 }
 
 /// Parts of the model that a scene needed. A pair is a receiver and a polygon that sends light, or a light without area.
@@ -124,6 +131,8 @@ impl Measured {
             row_sums,
             busy_seconds: statistics.busy_nanoseconds as f64 * 1e-9,
             seconds: cx.work.seconds.clone(),
+            time: monitor.time(),
+            own_seconds: cx.work.own_seconds.clone(),
         }
     }
 

@@ -189,7 +189,7 @@ impl Solved {
         let table = &self.rows.table;
         let mut by_set = vec![];
         for set in table.vertices.sets() {
-            by_set.push(light::irradiance(sources, table.set(set), cx.client, |_, _, _| ())?);
+            by_set.push(light::irradiance(sources, table.set(set), cx.client)?);
         }
         let mut direct = table.vertices.join(by_set);
         table.bounds.apply(0, &mut direct);
@@ -205,7 +205,7 @@ impl Solved {
         };
         if let Some(id) = self.rows.table.middles {
             let set = self.rows.table.set(id);
-            solution.middles.set_direct(light::irradiance(sources, set, cx.client, |_, _, _| ())?);
+            solution.middles.set_direct(light::irradiance(sources, set, cx.client)?);
         }
         Ok(solution)
     }

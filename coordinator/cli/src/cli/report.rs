@@ -2,7 +2,7 @@ use std::time::Duration;
 
 use cluster::WorkerSummary;
 use comfy_table::{Table, presets};
-use pipeline::summary::{Summary, WorkerMetrics, busy_share};
+use pipeline::summary::{Summary, TimeDivision, WorkerMetrics, busy_share};
 
 use super::console;
 use super::progress::short;
@@ -26,6 +26,7 @@ impl Tables for Summary {
         let steps: Vec<String> =
             bake.seconds.iter().map(|(name, seconds)| format!("{name} {seconds:.2}")).collect();
         row("time", format!("{:.2} s ({})", self.seconds, steps.join(", ")));
+        row("  divided", divided(&self.time));
         row("vertices", format!("{} ({} shooting)", bake.vertices, bake.shooting_vertices));
         row("triangles", self.exported.triangles.to_string());
         let model = &bake.model;
@@ -167,6 +168,21 @@ fn worker_table(workers: &[WorkerSummary]) -> Table {
         ]);
     }
     table
+}
+
+/// How the time divides, in seconds and parts of it.
+fn divided(TimeDivision { parts, own }: &TimeDivision) -> String {
+    let all = parts.total().max(f64::MIN_POSITIVE);
+    let part = |name: &str, seconds: f64| format!("{name} {seconds:.2} ({:.0} %)", 100.0 * seconds / all);
+    let steps: Vec<String> = own.iter().map(|(step, seconds)| format!("{step} {seconds:.2}")).collect();
+    let mut text = vec![part("rows", parts.rows)];
+    if parts.other_rows >= 0.005 * all {
+        text.push(part("rows of others or twice", parts.other_rows));
+    }
+    text.push(part("waiting for rows", parts.waiting));
+    text.push(part("network", parts.network));
+    text.push(format!("{}: {}", part("coordinator", parts.own), steps.join(", ")));
+    text.join(", ")
 }
 
 /// Kinds with how many there are of each; `true`: also where there is none.

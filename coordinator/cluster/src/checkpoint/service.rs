@@ -12,7 +12,7 @@ use super::error::CheckpointError;
 use super::file::{CheckpointFile, LockedFile, read};
 use super::record::{decode_body, is_whole, keys};
 use super::writer::{Writer, Written};
-use bake::{BakeError, RowService};
+use bake::{BakeError, RowService, ThreadTime};
 
 /// Use of a checkpoint by a bake.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -202,6 +202,10 @@ impl<S: RowService> RowService for Checkpointed<S> {
 
     fn jobs_ahead(&self) -> usize {
         self.inner.jobs_ahead()
+    }
+
+    fn thread_time(&self) -> ThreadTime {
+        self.inner.thread_time()
     }
 
     fn next(&mut self, patience: Duration) -> Result<Option<FinishedJob>, BakeError> {

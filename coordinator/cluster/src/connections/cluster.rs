@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use bake::ThreadTime;
 use tokio::runtime::Runtime;
 use tokio::sync::oneshot;
 use tokio_util::sync::DropGuard;
@@ -122,6 +123,18 @@ impl Cluster {
     pub fn status(&self) -> ClusterStatus {
         let [workers, threads] = self.hub.connected();
         ClusterStatus { workers, threads, rays_per_second: self.hub.rays_per_second() }
+    }
+
+    /// How many jobs keep all threads busy: those computed, those that wait there, and those on their way.
+    #[must_use]
+    pub fn jobs_ahead(&self) -> usize {
+        self.hub.jobs_ahead()
+    }
+
+    /// What the threads of the workers did so far.
+    #[must_use]
+    pub fn thread_time(&self) -> ThreadTime {
+        self.hub.thread_time()
     }
 
     /// Summaries of all workers, lost ones included, in the order in which they were first connected.

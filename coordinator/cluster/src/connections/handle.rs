@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::Duration;
 
-use bake::{BakeError, RowService};
+use bake::{BakeError, RowService, ThreadTime};
 use kernel::picture::{FinishedTile, TileRequest, TileService};
 use kernel::replica::{Digest, EncodedReplica};
 use kernel::row::{FinishedJob, JobId, RowRequest};
@@ -153,6 +153,10 @@ impl RowService for Handle {
 
     fn jobs_ahead(&self) -> usize {
         self.jobs.hub.jobs_ahead()
+    }
+
+    fn thread_time(&self) -> ThreadTime {
+        self.jobs.hub.thread_time()
     }
 
     fn next(&mut self, patience: Duration) -> Result<Option<FinishedJob>, BakeError> {

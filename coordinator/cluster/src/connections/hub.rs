@@ -9,6 +9,7 @@ use std::sync::mpsc;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
+use bake::ThreadTime;
 use kernel::replica::{Digest, EncodedReplica};
 use kernel::row::JobId;
 use tokio::sync::mpsc::{UnboundedReceiver, UnboundedSender};
@@ -115,6 +116,11 @@ impl Hub {
     pub(super) fn jobs_ahead(&self) -> usize {
         let [_, threads] = self.connected();
         JOBS_AHEAD_PER_THREAD * threads + self.connected.ahead.load(Relaxed)
+    }
+
+    /// What the threads of the workers did so far.
+    pub(super) fn thread_time(&self) -> ThreadTime {
+        self.connected.ledger.time()
     }
 
     /// Rays cast per second lately.

@@ -19,6 +19,7 @@
 //! | `request`, `answer` | jobs of either kind, and their answers, checked |
 //! | `waiting` | why workers are absent, and how long they are waited for |
 //! | `accounts`, `summary`, `recent` | what each worker did, and the recent rate |
+//! | `ledger` | what the threads of all workers did, over time |
 //! | `network` | names and connections: sockets, or a simulation |
 //!
 //! Workers in this process and elsewhere speak the same protocol through the same code; only the bytes below it go through memory or
@@ -34,6 +35,7 @@ mod distance;
 mod error;
 mod handle;
 mod hub;
+mod ledger;
 mod members;
 mod message;
 pub mod network;

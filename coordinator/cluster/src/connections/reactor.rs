@@ -15,6 +15,7 @@ use super::accounts::Accounts;
 use super::answer::Checked;
 use super::distance::Distances;
 use super::error::ClusterError;
+use super::ledger::{Ledger, Threads};
 use super::members::Members;
 use super::message::{Joined, Message};
 use super::refusals::Refusals;
@@ -37,6 +38,8 @@ pub(super) struct Connected {
     pub(super) threads: AtomicUsize,
     /// Number of jobs that those far away hold beyond what others of their threads do.
     pub(super) ahead: AtomicUsize,
+    /// What the threads did so far.
+    pub(super) ledger: Ledger,
 }
 
 /// Observes the decisions of a reactor's scheduler. `()` observes nothing, at no cost; simulations check.
@@ -160,7 +163,7 @@ impl<O: ReactorObserver> Reactor<O> {
         }
     }
 
-    /// Shows what the scheduler holds and counted.
+    /// Shows what the scheduler holds and counted, and what the threads do.
     fn show(&self) {
         let (metrics, scheduler) = (&self.settings.metrics, &self.scheduler);
         metrics.unfinished(self.requests.len());
@@ -169,6 +172,11 @@ impl<O: ReactorObserver> Reactor<O> {
             scheduler.duplicates_dropped(),
             scheduler.ignored_answers(),
         );
+        self.connected.ledger.set(Threads {
+            connected: self.connected.threads.load(Relaxed),
+            occupied: scheduler.occupied_threads(),
+            loading: scheduler.loading_threads(),
+        });
     }
 
     fn take(&mut self, message: Message) {
@@ -350,6 +358,7 @@ impl<O: ReactorObserver> Reactor<O> {
         let actions = self.observer.decide(&mut self.scheduler, Event::Finished { worker, job });
         let is_first = actions.contains(&Action::Deliver { job });
         self.accounts.count(worker, is_first, &work, bytes);
+        self.connected.ledger.computed(work.busy());
         self.settings.metrics.answered(is_first, work.rows(), work.rays(), work.busy(), bytes);
         if is_first {
             let holder = actions.iter().find_map(|action| match action {

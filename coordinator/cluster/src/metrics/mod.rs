@@ -166,7 +166,7 @@ impl Metrics {
 
 #[cfg(test)]
 mod tests {
-    use bake::{Phase, Progress};
+    use bake::{Phase, Progress, TimeParts};
     use prometheus_client::encoding::text::encode;
 
     use super::*;
@@ -201,10 +201,13 @@ mod tests {
             rows_needed: 20,
             rays: 1,
             vertices: 30,
+            time: TimeParts { rows: 2.0, own: 0.5, ..TimeParts::default() },
         };
         let [first, second, over] = [metrics.bake(), metrics.bake(), metrics.bake()];
         first.progress(&Progress { phase: Phase::Shoot, unshot: 0.5, ..progress });
         first.progress(&progress);
+        let time = TimeParts { rows: 3.0, own: 0.25, ..TimeParts::default() };
+        first.progress(&Progress { time, ..progress });
         second.progress(&Progress { unshot: 0.125, vertices: 7, ..progress });
         over.progress(&Progress { phase: Phase::Shoot, unshot: 1.0, ..progress });
         drop(over);
@@ -238,6 +241,8 @@ mod tests {
             "unshot_flux_ratio 0.25",
             "vertices 37",
             "rows_needed 40",
+            "bake_seconds_total{part=\"rows\"} 7.0",
+            "bake_seconds_total{part=\"own\"} 1.5",
         ] {
             let line = format!("halflight_coordinator_{line}");
             assert!(text.lines().any(|found| found == line), "{line} is missing in:\n{text}");

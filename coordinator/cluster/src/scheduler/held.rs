@@ -52,6 +52,8 @@ pub(super) struct Standing {
     pub(super) has_room: bool,
     pub(super) is_idle: bool,
     pub(super) busy: usize,
+    /// Threads without a job while a replica is on its way.
+    pub(super) loading: usize,
     /// The job that comes to be computed last, by depth in the line.
     pub(super) deepest: Option<(Reverse<usize>, Candidate)>,
 }

@@ -32,6 +32,8 @@ pub(super) struct Index {
     idle: BTreeSet<Load>,
     /// Threads that compute.
     busy: usize,
+    /// Threads without a job of workers to which a replica is on its way.
+    loading: usize,
     /// Of each worker the deepest job in line that nobody else holds: deepest first.
     waiting: BTreeSet<(Reverse<usize>, Candidate)>,
     /// Jobs computed in time that nobody else holds, by when they were begun, and by order.
@@ -50,6 +52,11 @@ impl Index {
         self.busy
     }
 
+    /// Threads without a job of workers to which a replica is on its way.
+    pub(super) fn loading(&self) -> usize {
+        self.loading
+    }
+
     /// A worker has changed, or is new. `was` is where it stood before.
     pub(super) fn place(&mut self, was: &mut Option<Standing>, standing: Standing) {
         if *was == Some(standing) && !self.blocked.contains(&standing.load.worker) {
@@ -64,6 +71,7 @@ impl Index {
         }
         self.waiting.extend(standing.deepest);
         self.busy += standing.busy;
+        self.loading += standing.loading;
         *was = Some(standing);
     }
 
@@ -77,6 +85,7 @@ impl Index {
             self.waiting.remove(&deepest);
         }
         self.busy -= standing.busy;
+        self.loading -= standing.loading;
     }
 
     /// A worker holds a job in this state.
@@ -195,8 +204,9 @@ impl Index {
         fresh.pass_time(rounds);
         let all = |index: &Self| {
             let late: BTreeSet<Candidate> = index.overdue().chain(index.in_time()).collect();
-            let workers = (index.open.clone(), index.blocked.clone(), index.idle.clone(), index.busy);
-            (workers, index.waiting.clone(), late, index.copies_waiting, index.copies_begun.clone())
+            let workers = (index.open.clone(), index.blocked.clone(), index.idle.clone());
+            let threads = (index.busy, index.loading);
+            (workers, threads, index.waiting.clone(), late, index.copies_waiting, index.copies_begun.clone())
         };
         assert_eq!(all(self), all(&fresh), "the index is that of the workers");
         assert!(self.overdue.is_subset(&fresh.overdue), "only what is late is overdue");

@@ -61,6 +61,18 @@ impl Scheduler {
         self.duplicates_dropped
     }
 
+    /// Number of threads that their workers hold a job for.
+    #[must_use]
+    pub fn occupied_threads(&self) -> usize {
+        self.index.busy()
+    }
+
+    /// Number of threads without a job of workers to which a replica is on its way.
+    #[must_use]
+    pub fn loading_threads(&self) -> usize {
+        self.index.loading()
+    }
+
     /// Whether jobs wait although no worker that is there takes their replicas.
     #[must_use]
     pub fn has_refused_jobs(&self) -> bool {

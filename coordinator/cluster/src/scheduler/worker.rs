@@ -53,9 +53,11 @@ impl Worker {
 
     /// A thread has nothing to do, nor will have soon: no replica is on its way.
     pub(super) fn is_idle(&self) -> bool {
-        self.under_way.len() < self.threads
-            && !self.is_alone()
-            && self.replicas.values().all(|replica| *replica == ReplicaState::Loaded)
+        self.under_way.len() < self.threads && !self.is_alone() && !self.is_loading()
+    }
+
+    fn is_loading(&self) -> bool {
+        self.replicas.values().any(|replica| *replica == ReplicaState::Loading)
     }
 
     fn is_alone(&self) -> bool {
@@ -65,6 +67,11 @@ impl Worker {
     /// Threads that compute.
     pub(super) fn busy(&self) -> usize {
         self.under_way.len().min(self.threads)
+    }
+
+    /// Threads without a job while a replica is on its way.
+    fn loading(&self) -> usize {
+        if self.is_loading() { self.threads - self.busy() } else { 0 }
     }
 
     pub(super) fn load(&self) -> Load {
@@ -108,6 +115,7 @@ impl Worker {
             has_room: self.has_room(),
             is_idle: self.is_idle(),
             busy: self.busy(),
+            loading: self.loading(),
             deepest: self.deepest(),
         };
         index.place(&mut self.standing, standing);

@@ -7,7 +7,7 @@ use std::sync::atomic::Ordering::Relaxed;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::Duration;
 
-use bake::{BakeError, RowService};
+use bake::{BakeError, RowService, ThreadTime};
 use cluster::WorkerPart;
 use kernel::messages::Finished;
 use kernel::replica::{Digest, EncodedReplica};
@@ -81,6 +81,14 @@ impl<W: Write> RowService for PipeRows<W> {
         self.world.threads.load(Relaxed)
     }
 
+    fn jobs_ahead(&self) -> usize {
+        self.world.jobs_ahead.load(Relaxed)
+    }
+
+    fn thread_time(&self) -> ThreadTime {
+        self.world.thread_time()
+    }
+
     fn next(&mut self, patience: Duration) -> Result<Option<FinishedJob>, BakeError> {
         match self.answers.recv_timeout(patience) {
             Ok(Order::Rows(finished)) => self.take(&finished),
@@ -102,5 +110,25 @@ impl<W: Write> SharedRows for PipeRows<W> {
             _ => None,
         });
         answer.into_iter().flat_map(|workers| workers.parts).map(WorkerPart::from).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::mpsc;
+
+    use super::*;
+    use crate::pipes::messages::Surroundings;
+
+    #[test]
+    fn what_the_service_tells_of_the_workers_is_known_to_the_bake() {
+        let world = Arc::new(World::default());
+        let (_orders, answers) = mpsc::channel();
+        let rows = PipeRows::new(Arc::new(Outlet::new(vec![])), answers, Arc::clone(&world));
+        let [connected, occupied, loading, busy] = [400, 300, 50, 200].map(Duration::from_millis);
+        let time = ThreadTime { connected, occupied, loading, busy };
+        // Twenty of them because workers are far away.
+        world.set(Surroundings { threads: 2, is_watched: false, jobs_ahead: 28, time: time.into() });
+        assert_eq!((rows.threads(), rows.jobs_ahead(), rows.thread_time()), (2, 28, time));
     }
 }

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use bake::Progress;
+use bake::{Progress, ThreadTime};
 use bytes::Bytes;
 use cluster::WorkerPart;
 use kernel::messages::{Finished, ReplicaKind, RowJob};
@@ -79,6 +79,25 @@ pub struct Surroundings {
     /// Whether somebody wants previews.
     #[prost(bool, tag = "2")]
     pub is_watched: bool,
+    /// Jobs that keep all of them busy.
+    #[prost(uint64, tag = "3")]
+    pub jobs_ahead: u64,
+    /// What the threads of the workers did so far.
+    #[prost(message, required, tag = "4")]
+    pub time: Time,
+}
+
+/// A [`bake::ThreadTime`], in nanoseconds.
+#[derive(Clone, Copy, PartialEq, Eq, Message)]
+pub struct Time {
+    #[prost(uint64, tag = "1")]
+    pub connected: u64,
+    #[prost(uint64, tag = "2")]
+    pub occupied: u64,
+    #[prost(uint64, tag = "3")]
+    pub loading: u64,
+    #[prost(uint64, tag = "4")]
+    pub busy: u64,
 }
 
 /// Why rows cannot be had.
@@ -213,6 +232,24 @@ pub struct BakeProgress {
     pub rays: u64,
     #[prost(uint64, tag = "7")]
     pub vertices: u64,
+    /// How its wall time divides.
+    #[prost(message, optional, tag = "8")]
+    pub time: Option<TimeParts>,
+}
+
+/// A [`bake::TimeParts`].
+#[derive(Clone, Copy, PartialEq, Message)]
+pub struct TimeParts {
+    #[prost(double, tag = "1")]
+    pub rows: f64,
+    #[prost(double, tag = "2")]
+    pub other_rows: f64,
+    #[prost(double, tag = "3")]
+    pub network: f64,
+    #[prost(double, tag = "4")]
+    pub waiting: f64,
+    #[prost(double, tag = "5")]
+    pub own: f64,
 }
 
 /// An exported preview.
@@ -239,6 +276,7 @@ impl From<&Progress> for BakeProgress {
             rows_needed: progress.rows_needed,
             rays: progress.rays,
             vertices: progress.vertices as u64,
+            time: Some(progress.time.into()),
         }
     }
 }
@@ -255,7 +293,37 @@ impl BakeProgress {
             rows_needed: self.rows_needed,
             rays: self.rays,
             vertices: self.vertices as usize,
+            time: self.time.unwrap_or_default().into(),
         })
+    }
+}
+
+impl From<bake::TimeParts> for TimeParts {
+    fn from(bake::TimeParts { rows, other_rows, network, waiting, own }: bake::TimeParts) -> Self {
+        Self { rows, other_rows, network, waiting, own }
+    }
+}
+
+impl From<TimeParts> for bake::TimeParts {
+    fn from(TimeParts { rows, other_rows, network, waiting, own }: TimeParts) -> Self {
+        Self { rows, other_rows, network, waiting, own }
+    }
+}
+
+impl From<ThreadTime> for Time {
+    fn from(ThreadTime { connected, occupied, loading, busy }: ThreadTime) -> Self {
+        // Of 256 threads in two years.
+        let [connected, occupied, loading, busy] = [connected, occupied, loading, busy]
+            .map(|time| u64::try_from(time.as_nanos()).unwrap_or(u64::MAX));
+        Self { connected, occupied, loading, busy }
+    }
+}
+
+impl From<Time> for ThreadTime {
+    fn from(Time { connected, occupied, loading, busy }: Time) -> Self {
+        let [connected, occupied, loading, busy] =
+            [connected, occupied, loading, busy].map(Duration::from_nanos);
+        Self { connected, occupied, loading, busy }
     }
 }
 

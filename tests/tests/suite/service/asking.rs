@@ -12,6 +12,7 @@ use tonic::Code;
 use tonic_types::StatusExt;
 
 use super::{Asker, HANGS, Room, cornell, header, wait_for};
+use crate::telemetry::assert_parts_sum_up;
 
 #[test]
 fn the_same_key_gives_the_same_job() {
@@ -179,6 +180,7 @@ fn a_job_is_watched_to_its_end() {
     assert_eq!(last.state(), State::Done);
     let outcome = last.outcome.as_ref().unwrap();
     let report: serde_json::Value = serde_json::from_str(&outcome.report_json).unwrap();
+    assert_parts_sum_up(&report);
     let rows = report["bake"]["rows"].as_u64().unwrap();
     // All of them from the one worker that there is, but those that were asked for again and were on the disk.
     let read = report["checkpoint"]["rows_read"].as_u64().unwrap();

@@ -51,6 +51,8 @@ fn the_metrics_page_shows_what_was_done() {
     // The same scene is not sent again, and the same file is.
     let again = service.submit(&cornell(), &QUICK);
     assert_eq!(service.result(&again).len() as f64, lit);
+    let parts = sum(&metrics, "halflight_coordinator_bake_seconds_total");
+    assert!(parts > 0.0, "the time of the bake is divided");
     assert_eq!(shown("uploads_received_bytes_total"), scene);
     assert_eq!(shown("results_sent_bytes_total"), 2.0 * lit);
 

@@ -64,7 +64,7 @@ pub fn views(client: &mut RowClient, polygons: ReceiverSet, hemispheres: &[Shoot
     };
     let most = hemispheres.iter().map(rays).max().unwrap_or(1);
     let mut views = Vec::with_capacity(hemispheres.len());
-    client.each_row(hemispheres, polygons.seen_by(most), |_, row, _| {
+    client.each_row(hemispheres, &[polygons.seen_by(most)], |_, _, row, _| {
         views.push(row.iter().map(|(share, factor)| (share as u32, factor)).collect::<View>());
     })?;
     Ok(views)

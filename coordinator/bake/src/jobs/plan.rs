@@ -1,0 +1,112 @@
+//! What rows are over, and how they are cut into jobs: pure.
+
+use kernel::replica::Digest;
+use kernel::row::{Shape, Shooter};
+use kernel::visibility::MANY_POLYGONS;
+
+use super::sizes::RowKind;
+
+/// Cost of a ray of a hemisphere, in pairs.
+const PAIRS_PER_RAY: usize = 4;
+
+/// Receivers of a part of a row, where there are few rows: a multiple of the groups that receivers and factors come in.
+const RANGE: usize = 1 << 14;
+
+/// The same where a shooter has many polygons, like a sky: receivers times polygons, each of which takes as long as some pairs.
+const RANGE_OF_MANY: usize = 12 << 10;
+
+/// Bounds of the receivers then: a message has all polygons of the shooter.
+const LEAST_RANGE_OF_MANY: usize = 1 << 6;
+const MOST_RANGE_OF_MANY: usize = 1 << 10;
+
+/// From this number of rows on, all threads have work without any row being cut.
+const FEW_ROWS: usize = 64;
+
+/// A published set that rows are over: of receivers, or of polygons that receivers see.
+#[derive(Debug, Clone, Copy)]
+pub struct ReceiverSet {
+    pub(super) digest: Digest,
+    /// First receiver of the range.
+    pub(super) first: usize,
+    pub(super) count: usize,
+    /// Cost of a row, in pairs.
+    pub(super) pairs: usize,
+    /// Of the rows over it.
+    pub(super) kind: RowKind,
+}
+
+impl ReceiverSet {
+    /// Number of receivers.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// The set in consecutive parts of this many receivers.
+    fn parts(self, receivers: usize) -> impl Iterator<Item = Self> {
+        (0..self.count).step_by(receivers).map(move |first| {
+            let count = receivers.min(self.count - first);
+            Self { first: self.first + first, count, pairs: count, ..self }
+        })
+    }
+
+    /// The same where rows are over its polygons, with this number of rays.
+    #[must_use]
+    pub fn seen_by(self, rays: u32) -> Self {
+        // A ray through the scene takes about as long as some pairs with little between.
+        Self { pairs: PAIRS_PER_RAY * rays as usize, ..self }
+    }
+}
+
+/// Polygons of a shooter where they are many enough to compute their rows together.
+fn many_polygons(shooter: &Shooter) -> Option<usize> {
+    match &shooter.shape {
+        Shape::Polygons(polygons) => Some(polygons.len()).filter(|count| *count >= MANY_POLYGONS),
+        Shape::Weighted(polygons) => Some(polygons.len()),
+        _ => None,
+    }
+}
+
+/// How the rows of some shooters over a set are cut into jobs.
+pub(super) struct Plan {
+    pub(super) set: ReceiverSet,
+    /// One job each, in order; none where jobs are of whole rows. This does not depend on the time that rows take: a checkpoint
+    /// knows the pieces of a row by their receivers.
+    pub(super) pieces: Option<Vec<Piece>>,
+}
+
+/// A row over a part of a set.
+#[derive(Clone, Copy)]
+pub(super) struct Piece {
+    pub(super) shooter: usize,
+    pub(super) set: ReceiverSet,
+    pub(super) is_last: bool,
+}
+
+impl Plan {
+    /// Cuts rows only where there are few of them.
+    pub(super) fn new(shooters: &[Shooter], set: ReceiverSet) -> Self {
+        if set.kind == RowKind::Hemispheres {
+            return Self { set, pieces: None };
+        }
+        // Most receivers of a piece.
+        let range = |shooter: &Shooter| match many_polygons(shooter) {
+            Some(polygons) => {
+                let range = (RANGE_OF_MANY / polygons.max(1)).clamp(LEAST_RANGE_OF_MANY, MOST_RANGE_OF_MANY);
+                range / LEAST_RANGE_OF_MANY * LEAST_RANGE_OF_MANY
+            }
+            None => RANGE,
+        };
+        let has_many = shooters.iter().any(|shooter| many_polygons(shooter).is_some());
+        let set = ReceiverSet { kind: if has_many { RowKind::Many } else { RowKind::Plain }, ..set };
+        // Few rows over many receivers would leave most threads without work.
+        if shooters.len() >= FEW_ROWS || shooters.iter().all(|shooter| set.count <= range(shooter)) {
+            return Self { set, pieces: None };
+        }
+        let pieces_of = |(shooter, of): (usize, &Shooter)| {
+            let range = range(of);
+            let last = set.count.div_ceil(range) - 1;
+            set.parts(range).enumerate().map(move |(at, set)| Piece { shooter, set, is_last: at == last })
+        };
+        Self { set, pieces: Some(shooters.iter().enumerate().flat_map(pieces_of).collect()) }
+    }
+}
