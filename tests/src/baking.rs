@@ -1,9 +1,10 @@
 //! A scene baked in this process, and figures of the result.
 
 use bake::lit::{LitMesh, LitVertex};
-use bake::{BakeSettings, Baked, Unobserved, bake};
+use bake::{BakeSettings, Baked, Unobserved, bake_with_points};
 use cluster::{Cluster, Workers};
 use glam::DVec3;
+use kernel::replica::Receiver;
 use scene::Scene;
 use scene::{ImportOptions, import_slice};
 
@@ -22,8 +23,22 @@ pub fn imported(glb: &[u8]) -> Scene {
 /// When it cannot be baked.
 #[must_use]
 pub fn baked_by(scene: &Scene, settings: &BakeSettings, threads: usize) -> Baked {
+    baked_with_points(scene, settings, &[], threads)
+}
+
+/// Bakes a scene with so many threads of this process, and asks for the light of these points.
+///
+/// # Panics
+/// When it cannot be baked.
+#[must_use]
+pub fn baked_with_points(
+    scene: &Scene,
+    settings: &BakeSettings,
+    points: &[Receiver],
+    threads: usize,
+) -> Baked {
     let cluster = Cluster::start(&Workers::Embedded { threads }.into()).expect("threads can be started");
-    let baked = bake(scene, settings, &mut cluster.handle(0), &mut Unobserved)
+    let baked = bake_with_points(scene, settings, points, &mut cluster.handle(0), &mut Unobserved)
         .unwrap_or_else(|error| panic!("{error}"));
     cluster.shutdown();
     baked

@@ -48,6 +48,6 @@ pub use jobs::{RowService, ThreadTime, TimeParts};
 pub use light_parts::{LightGroup, LightPart};
 pub use observer::{Observer, Phase, Progress, Unobserved};
 pub use relight::{KeptLight, LightChange, NewLight, RelightError, RelightReport, Relit, relight};
-pub use run::{Baked, bake};
+pub use run::{Baked, bake, bake_with_points};
 pub use settings::{BakeSettings, Quality, RowStrategy};
 pub use stages::{BakeReport, Model, check_groups, listed, occluders, shooting_mesh};

@@ -20,12 +20,21 @@ pub enum Phase {
     FinalSolve,
     /// Light by groups of its sources.
     Groups,
+    /// Light of the texels of a lightmap.
+    Lightmap,
 }
 
 impl Phase {
     /// All phases, in the order in which they first begin.
-    pub const ALL: [Self; 6] =
-        [Self::Light, Self::Shoot, Self::Refine, Self::Measure, Self::FinalSolve, Self::Groups];
+    pub const ALL: [Self; 7] = [
+        Self::Light,
+        Self::Shoot,
+        Self::Refine,
+        Self::Measure,
+        Self::FinalSolve,
+        Self::Groups,
+        Self::Lightmap,
+    ];
 
     /// Its name in metrics.
     #[must_use]
@@ -37,6 +46,7 @@ impl Phase {
             Self::Measure => "measure",
             Self::FinalSolve => "final solve",
             Self::Groups => "groups",
+            Self::Lightmap => "lightmap",
         }
     }
 }

@@ -1,6 +1,7 @@
 use std::time::Instant;
 
-use kernel::replica::encode_translucent_scene;
+use glam::DVec3;
+use kernel::replica::{Receiver, encode_translucent_scene};
 
 use crate::context::{Context, Work};
 use crate::error::Result;
@@ -22,6 +23,8 @@ pub struct Baked {
     pub report: BakeReport,
     /// What relighting needs, if it was asked for.
     pub kept: Option<KeptLight>,
+    /// Irradiance at the points that were asked about: the part that the settings want, then each group's.
+    pub at_points: Vec<Vec<DVec3>>,
 }
 
 /// Bakes a scene. Rows come from `service`; `observer` is told of progress, often.
@@ -30,10 +33,24 @@ pub struct Baked {
 ///
 /// # Errors
 /// When the rows cannot be had, the scene gives no mesh, or the observer cancels it.
-#[tracing::instrument(skip_all)]
 pub fn bake(
     scene: &Scene,
     settings: &BakeSettings,
+    service: &mut dyn RowService,
+    observer: &mut dyn Observer,
+) -> Result<Baked> {
+    bake_with_points(scene, settings, &[], service, observer)
+}
+
+/// Bakes a scene as [`bake()`] does, and asks the solution for the light of these points of its surfaces.
+///
+/// # Errors
+/// As [`bake()`].
+#[tracing::instrument(skip_all)]
+pub fn bake_with_points(
+    scene: &Scene,
+    settings: &BakeSettings,
+    points: &[Receiver],
     service: &mut dyn RowService,
     observer: &mut dyn Observer,
 ) -> Result<Baked> {
@@ -52,7 +69,7 @@ pub fn bake(
         let setup = Setup::new(&mut cx, mesh)?;
         let (measured, better) = setup.light(&mut cx)?.solve(&mut cx)?.meet_error(&mut cx)?;
         let Some(better) = better else {
-            return finish(measured, cx, blockers.polygons.len());
+            return finish(measured, cx, blockers.polygons.len(), points);
         };
         work = Work { restarts: cx.work.restarts + 1, ..cx.work };
         measured.solved.rows.release(&mut client);
@@ -62,10 +79,12 @@ pub fn bake(
 }
 
 /// Computes what is only asked of the final solution.
-fn finish(mut measured: Measured, mut cx: Context, occluders: usize) -> Result<Baked> {
+fn finish(mut measured: Measured, mut cx: Context, occluders: usize, points: &[Receiver]) -> Result<Baked> {
     let cx = &mut cx;
     let warnings = measured.solved.back_face_check(cx)?;
     let layers = measured.solved.layers(cx)?;
+    let at_points = measured.solved.light_at(cx, points, &layers)?;
+    let layers = layers.into_iter().map(|layer| layer.lit).collect();
     let kept = keep_light(cx, &mut measured)?;
     let solved = &mut measured.solved;
     let (mesh, irradiance) = (&solved.mesh.mesh, &solved.solution.irradiance);
@@ -79,5 +98,5 @@ fn finish(mut measured: Measured, mut cx: Context, occluders: usize) -> Result<B
     cx.end_step("export mesh");
     let mut report = measured.report(cx, occluders);
     report.warnings.extend(warnings);
-    Ok(Baked { lit, report, kept })
+    Ok(Baked { lit, report, kept, at_points })
 }

@@ -8,11 +8,13 @@
 //! |---|---|
 //! | [`run`] | a bake, from file to file |
 //! | [`relight`] | a relight, from file to file |
+//! | [`lightmap_run`] | the lightmap of a bake |
 //! | [`options`] | options of the API, checked and turned into settings |
 //! | [`memory`], [`prediction`] | memory of processes, and of a scene before it is read |
 //! | [`summary`] | metrics of a run, and the extras of a lit file |
 
 mod files_beside;
+pub mod lightmap_run;
 pub mod memory;
 pub mod options;
 pub mod prediction;

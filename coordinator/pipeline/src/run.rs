@@ -6,14 +6,19 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
-use bake::{BakeError, BakeSettings, Baked, Observer, RelightError, RowService, bake, check_groups};
+use bake::{
+    BakeError, BakeSettings, Baked, Observer, RelightError, RowService, bake_with_points, check_groups,
+};
 use cluster::checkpoint::{CheckpointError, CheckpointSummary, Checkpointed, OpenCheckpoint, remove};
 use cluster::{Cluster, ClusterError, ClusterSettings, WorkerPart};
-use output::export::{ExportError, ExportSettings, export};
+use kernel::replica::Receiver;
+use lightmap::LightmapError;
+use output::export::{ExportError, ExportSettings, LightmapPages, export, export_lightmap};
 use output::files;
 use scene::{ImportError, ImportOptions, Scene, import, import_slice};
 
 use crate::files_beside::check_files;
+use crate::lightmap_run::{LightmapSettings, lay_out};
 use crate::memory::peak_memory_bytes;
 use crate::summary::{Summary, TimeDivision, WorkerMetrics, extras};
 
@@ -45,6 +50,8 @@ pub struct BakeRequest<'a> {
     pub bake: BakeSettings,
     /// How the lit file is written; its extras are added by the run.
     pub export: ExportSettings,
+    /// The lightmap that it gets, if any.
+    pub lightmap: Option<LightmapSettings>,
     /// The lit file.
     pub output: &'a Path,
     /// File for the light of each source, written if the bake keeps it ([`BakeSettings::keep_light`]).
@@ -100,6 +107,9 @@ pub enum RunError {
     /// The bake failed or was cancelled.
     #[error(transparent)]
     Bake(#[from] BakeError),
+    /// The scene can have no such lightmap.
+    #[error(transparent)]
+    Lightmap(#[from] LightmapError),
     /// The lit file cannot be written.
     #[error(transparent)]
     Export(#[from] ExportError),
@@ -175,15 +185,34 @@ pub fn run(
     if observer.is_cancelled() {
         return Err(BakeError::Cancelled.into());
     }
+    let laid_out = match &request.lightmap {
+        Some(settings) => Some(lay_out(&scene, settings, &request.bake, request.output, observer)?),
+        None => None,
+    };
+    if let Some((_, beside)) = &laid_out {
+        let pages = beside.iter().map(|path| ("page of the lightmap", Some(&**path)));
+        let written: Vec<_> = written.into_iter().chain(pages).collect();
+        check_files((&scene, file.as_deref()), None, request.output, &written)?;
+    }
     observer.imported(&scene);
     let imported = clock.elapsed().as_secs_f64();
+    let points = laid_out.as_ref().map_or(&[][..], |(plan, _)| plan.points());
+    let wanted = Wanted { settings: &request.bake, points };
     let (baked, workers, recorded) =
-        bake_on(workers, &scene, &request.bake, request.checkpoint.as_ref(), observer)?;
+        bake_on(workers, &scene, &wanted, request.checkpoint.as_ref(), observer)?;
     let done = clock.elapsed().as_secs_f64();
     observer.exporting();
     observer.warn(&baked.report.warnings);
     let settings = ExportSettings { extras: extras(&scene, &request.bake, &baked.report), ..request.export };
-    let exported = export(&scene, &baked.lit, &settings, request.output)?;
+    let lightmap = laid_out.map(|(plan, _)| plan.lightmap(&baked.at_points));
+    let exported = match (&lightmap, &request.lightmap) {
+        (Some(map), Some(LightmapSettings { format, .. })) => {
+            let groups = baked.lit.layers.iter().map(|layer| layer.name.clone()).collect();
+            let pages = LightmapPages { map, groups, format: *format };
+            export_lightmap(&scene, &baked.lit, &pages, &settings, request.output)?
+        }
+        _ => export(&scene, &baked.lit, &settings, request.output)?,
+    };
     observer.warn(&exported.warnings);
     if let (Some(path), Some(kept)) = (request.kept_light, &baked.kept) {
         files::write(path, &kept.to_bytes())
@@ -198,6 +227,7 @@ pub fn run(
         degenerate_triangles: scene.degenerate_triangles,
         peak_memory_bytes: peak_memory_bytes(),
         bake: baked.report,
+        lightmap: lightmap.map(|map| map.report),
         exported,
         workers,
         checkpoint: recorded,
@@ -211,22 +241,30 @@ pub fn run(
     Ok(Finished { summary, report_json, lights: baked.kept.map(names) })
 }
 
+/// What a bake is asked for.
+#[derive(Clone, Copy)]
+struct Wanted<'a> {
+    settings: &'a BakeSettings,
+    /// Texels of a lightmap.
+    points: &'a [Receiver],
+}
+
 /// Bakes on these workers, and releases them.
 fn bake_on(
     workers: Workers<'_>,
     scene: &Scene,
-    settings: &BakeSettings,
+    wanted: &Wanted<'_>,
     checkpoint: Option<&CheckpointFile<'_>>,
     observer: &mut dyn RunObserver,
 ) -> Result<(Baked, WorkerMetrics, Option<CheckpointSummary>), RunError> {
     match workers {
         Workers::Exclusive(workers) => {
             let cluster = Cluster::start(workers)?;
-            let (baked, recorded) = bake_with(&mut cluster.handle(0), scene, settings, checkpoint, observer)?;
+            let (baked, recorded) = bake_with(&mut cluster.handle(0), scene, wanted, checkpoint, observer)?;
             Ok((baked, WorkerMetrics::Exclusive(cluster.workers(), cluster.counts()), recorded))
         }
         Workers::Shared(rows) => {
-            let (baked, recorded) = bake_with(rows, scene, settings, checkpoint, observer)?;
+            let (baked, recorded) = bake_with(rows, scene, wanted, checkpoint, observer)?;
             Ok((baked, WorkerMetrics::Shared(rows.workers()), recorded))
         }
     }
@@ -236,13 +274,16 @@ fn bake_on(
 fn bake_with(
     rows: &mut dyn RowService,
     scene: &Scene,
-    settings: &BakeSettings,
+    wanted: &Wanted<'_>,
     checkpoint: Option<&CheckpointFile<'_>>,
     observer: &mut dyn RunObserver,
 ) -> Result<(Baked, Option<CheckpointSummary>), RunError> {
-    let Some(checkpoint) = checkpoint else { return Ok((bake(scene, settings, rows, observer)?, None)) };
+    let Wanted { settings, points } = *wanted;
+    let Some(checkpoint) = checkpoint else {
+        return Ok((bake_with_points(scene, settings, points, rows, observer)?, None));
+    };
     let mut rows = Checkpointed::new(rows, open_checkpoint(checkpoint)?);
-    let baked = bake(scene, settings, &mut rows, observer);
+    let baked = bake_with_points(scene, settings, points, &mut rows, observer);
     let (_, recorded) = rows.finish();
     Ok((baked?, Some(recorded)))
 }

@@ -6,6 +6,7 @@ use serde_json::{Value, json};
 use bake::{BakeReport, BakeSettings, Relit, TimeParts};
 use cluster::checkpoint::CheckpointSummary;
 use cluster::{ClusterCounts, WorkerPart, WorkerSummary};
+use lightmap::PlanReport;
 use output::export::Exported;
 use scene::ImportReport;
 use scene::Scene;
@@ -27,6 +28,8 @@ pub struct Summary {
     pub peak_memory_bytes: Option<u64>,
     /// The bake.
     pub bake: BakeReport,
+    /// The lightmap, if there is one.
+    pub lightmap: Option<PlanReport>,
     /// The lit file.
     pub exported: Exported,
     /// The workers.
@@ -126,6 +129,7 @@ impl Summary {
             "degenerate_triangles": self.degenerate_triangles,
             "peak_memory_bytes": self.peak_memory_bytes,
             "bake": self.bake,
+            "lightmap": self.lightmap,
             "settings": settings,
             "workers": workers,
             "checkpoint": self.checkpoint.as_ref().map(|checkpoint| json!({

@@ -60,6 +60,7 @@ fn bake(folder: &Path, keep: bool, observer: &mut Recorder) -> Result<Finished, 
             validation_samples: 64,
             ..BakeSettings::for_error(0.2)
         },
+        lightmap: None,
         export: ExportSettings::default(),
         output: &folder.join("lit.glb"),
         kept_light: Some(&folder.join("light")),

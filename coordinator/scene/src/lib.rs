@@ -27,7 +27,7 @@ pub use document::sky::{EXT_LIGHTS_IMAGE_BASED, SkyError, SkyImage};
 pub use document::{ImportError, ImportProblem, LightUnit, ReadOptions};
 pub use facet::{Corner, Facet, SourceTriangle};
 pub use frame::Frame;
-pub use import::{ImportOptions, LitDocument, LitPrimitive, import, import_lit, import_slice};
+pub use import::{ImportOptions, LitDocument, LitPrimitive, import, import_lit, import_slice, triangle_list};
 pub use light::{AreaLight, AreaShape, Light, LightEntry, LightKind, colour_and_rest};
 pub use model::{Scene, Side, SourceDocument, Surface};
 pub use report::ImportReport;

@@ -63,7 +63,8 @@ impl Inner {
         let mut wrong = Violations::default();
         let is_small = prost::Message::encoded_len(&header) <= HEADER_BYTES;
         wrong.demand(is_small, "header", format!("must have {HEADER_BYTES} bytes at most"));
-        let groups = wanted(&header, &mut wrong).bake.groups;
+        let wanted = wanted(&header, &mut wrong);
+        let groups = wanted.bake.groups;
         let asked = header.bake.and_then(|bake| bake.max_vertices);
         wrong.demand(
             asked.is_none_or(|vertices| vertices <= self.limits.vertices),
@@ -84,6 +85,11 @@ impl Inner {
             }
             Some(Source::Relight(relight)) => {
                 let light = new_light(relight, &mut wrong);
+                wrong.demand(
+                    wanted.lightmap.is_none(),
+                    "output.lightmap",
+                    "is not for relights: bake the scene again",
+                );
                 // Look up the job only for a valid request.
                 wrong = wrong.check().map(|()| Violations::default())?;
                 let light = NewLight { groups, ..light };

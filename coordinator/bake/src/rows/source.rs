@@ -76,6 +76,18 @@ pub trait RowSource {
         radiosities: &[&[DVec3]],
     ) -> Result<Gathered>;
 
+    /// The same of many receivers, whose light may be interpolated as that of vertices is.
+    fn gather_many(
+        &mut self,
+        cx: &mut Context,
+        mesh: &ShareMesh,
+        table: &mut RowTable,
+        receivers: (ReceiverSet, &Receivers),
+        radiosities: &[&[DVec3]],
+    ) -> Result<Gathered> {
+        self.gather_once(cx, mesh, table, receivers, radiosities)
+    }
+
     /// Irradiance from shares of this radiosity, interpolated between gather points as that of vertices is; `None` where the
     /// strategy does not interpolate.
     fn interpolated(

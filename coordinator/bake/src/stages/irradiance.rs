@@ -16,6 +16,8 @@ pub enum Place<'a> {
     Kept(SetId),
     /// At other receivers, whose rows are needed once.
     Once(&'a Receivers),
+    /// At many other receivers, whose light may be interpolated as that of vertices is.
+    Many(&'a Receivers),
 }
 
 /// Light of some sources, with the radiosity that they give the shares.
@@ -52,7 +54,7 @@ pub fn irradiance_at(
     let Rows { source, table } = rows;
     let set = match place {
         Place::Kept(id) => table.set(id),
-        Place::Once(receivers) => cx.client.publish_receivers(receivers),
+        Place::Once(receivers) | Place::Many(receivers) => cx.client.publish_receivers(receivers),
     };
     let mut direct = vec![];
     for light in lights {
@@ -65,6 +67,11 @@ pub fn irradiance_at(
         }
         Place::Once(receivers) => {
             let gathered = source.gather_once(cx, mesh, table, (set, receivers), &radiosities)?;
+            cx.client.release(set);
+            gathered
+        }
+        Place::Many(receivers) => {
+            let gathered = source.gather_many(cx, mesh, table, (set, receivers), &radiosities)?;
             cx.client.release(set);
             gathered
         }

@@ -90,13 +90,23 @@ pub fn names_of(scene: &Scene, origin: Origin) -> impl Iterator<Item = &str> {
     [node, material, sky].into_iter().flatten().filter(|name| !name.is_empty())
 }
 
+/// The light of a group.
+pub struct Layer {
+    /// At the vertices.
+    pub lit: LitLayer,
+    /// Its sources.
+    pub sources: Vec<LightSource>,
+    /// Radiosity that they give the shares; black where only direct light is wanted.
+    pub radiosity: Vec<DVec3>,
+}
+
 impl Solved {
     /// The light of each group.
     ///
     /// # Errors
     /// When rows cannot be had.
     #[tracing::instrument(skip_all)]
-    pub fn layers(&mut self, cx: &mut Context) -> Result<Vec<LitLayer>> {
+    pub fn layers(&mut self, cx: &mut Context) -> Result<Vec<Layer>> {
         if cx.settings.groups.is_empty() {
             return Ok(vec![]);
         }
@@ -111,21 +121,22 @@ impl Solved {
             };
             let sources: Vec<LightSource> = self.sources.all.iter().filter(is_meant).cloned().collect();
             let direct = self.direct_of(cx, &sources)?;
-            let part = if cx.settings.only == LightPart::Direct {
-                direct
+            let (part, radiosity) = if cx.settings.only == LightPart::Direct {
+                (direct, vec![DVec3::ZERO; self.mesh.shares.len()])
             } else {
                 let tolerance = cx.settings.threshold * PART_TOLERANCE;
                 let problem = Problem { mesh: &self.mesh, values: &means, direct: &direct, tolerance };
                 let dark = self.dark(cx, &sources)?;
                 let Rows { source, table } = &mut self.rows;
                 let solution = problem.solve(cx, source.as_mut(), table, dark)?;
-                cx.settings.only.of_all(&solution.irradiance, &direct)
+                (cx.settings.only.of_all(&solution.irradiance, &direct), solution.radiosity)
             };
-            layers.push(LitLayer {
+            let lit = LitLayer {
                 name: group.name.clone(),
                 lights: group.lights.clone(),
                 irradiance: best_fit_of_part(&self.mesh.mesh, &self.solution.irradiance, &part),
-            });
+            };
+            layers.push(Layer { lit, sources, radiosity });
         }
         cx.work.sweeps = sweeps;
         cx.end_step("groups");

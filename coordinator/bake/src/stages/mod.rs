@@ -10,6 +10,7 @@
 //! | [`Measured`](measure::Measured) | measure | the solution is compared with light gathered at random points |
 //! | | back-face check | light that falls on the backs of one-sided surfaces is reported |
 //! | | groups | the light of each group of sources is solved for separately; that of each source, where it is to be kept |
+//! | | lightmap | the solution is asked for the light of points that the caller names |
 //!
 //! Where an error is asked for, refining and measuring are repeated until it is met, or all of it with finer shooters or
 //! more rays.
@@ -17,6 +18,7 @@
 //! Shooters stay coarse while receivers are refined (substructuring): a share far away sends nearly the same light whether it
 //! is one polygon or sixteen, but a shadow line on the receiving side needs its vertices.
 
+mod asked;
 mod back_face_check;
 mod balance;
 mod direct_light;

@@ -1,7 +1,8 @@
 use bake::BakeSettings;
 use clap::Args;
 use output::export::ExportSettings;
-use pipeline::options::{Violations, export_settings, irradiance_unit, light_parts};
+use pipeline::lightmap_run::LightmapSettings;
+use pipeline::options::{Violations, export_settings, irradiance_unit, light_parts, lightmap_settings};
 use protocol::api;
 
 use super::options::Given;
@@ -36,6 +37,16 @@ impl OutputOptions {
         let export = export_settings(&options, irradiance_unit(scene), &mut wrong);
         wrong.check()?;
         Ok((BakeSettings { only, groups, ..bake }, export))
+    }
+}
+
+impl OutputOptions {
+    /// The lightmap that the options ask for.
+    pub fn lightmap(&self) -> anyhow::Result<Option<LightmapSettings>> {
+        let mut wrong = Violations::default();
+        let lightmap = lightmap_settings(&self.options(api::Format::Unspecified), &mut wrong);
+        wrong.check()?;
+        Ok(lightmap)
     }
 }
 

@@ -43,6 +43,9 @@ pub struct RelightArguments {
 /// Relights one file.
 pub fn run(arguments: &RelightArguments) -> anyhow::Result<()> {
     check_writable(&arguments.output)?;
+    if arguments.written.lightmap()?.is_some() {
+        anyhow::bail!("--lightmap: a relight writes light at vertices; bake the scene again for a lightmap");
+    }
     if let Some(report) = &arguments.report {
         check_report(report)?;
     }

@@ -29,6 +29,21 @@ impl Tables for Summary {
         row("  divided", divided(&self.time));
         row("vertices", format!("{} ({} shooting)", bake.vertices, bake.shooting_vertices));
         row("triangles", self.exported.triangles.to_string());
+        if let Some(map) = &self.lightmap {
+            let [width, height] = map.size;
+            row(
+                "lightmap",
+                format!(
+                    "{} x {width} x {height}, {} charts{}; texels of {:.4}, {} covered, {} of them hidden",
+                    map.pages,
+                    map.charts,
+                    if map.uses_second_set { " of the second set" } else { "" },
+                    map.texel_size,
+                    map.texels,
+                    map.hidden_texels
+                ),
+            );
+        }
         let model = &bake.model;
         row(
             "lights",

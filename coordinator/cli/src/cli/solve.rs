@@ -122,11 +122,13 @@ pub fn run(arguments: &SolveArguments, workers: &ClusterSettings) -> anyhow::Res
     let mut shown = Shown::new(&workers.metrics);
     let (settings, export) =
         arguments.written.settings(&arguments.options.options(), arguments.knobs.settings()?)?;
+    let lightmap = arguments.written.lightmap()?;
     let request = BakeRequest {
         scene: SceneSource::File(&arguments.scene),
         import: arguments.beside.allow(arguments.options.with_sky()?),
         bake: BakeSettings { keep_light: arguments.keep_light.is_some().then_some(u64::MAX), ..settings },
         export,
+        lightmap,
         output: &arguments.output,
         kept_light: arguments.keep_light.as_deref(),
         report: arguments.report.as_deref(),

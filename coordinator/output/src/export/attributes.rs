@@ -63,7 +63,7 @@ pub(super) fn read(
 }
 
 /// All components of an accessor, vertex by vertex; `None` when its buffer does not hold them.
-fn components(accessor: &Accessor<'_>, buffers: &[Vec<u8>]) -> Option<Vec<f64>> {
+pub(super) fn components(accessor: &Accessor<'_>, buffers: &[Vec<u8>]) -> Option<Vec<f64>> {
     let scale = |largest: f64| if accessor.normalized() { 1.0 / largest } else { 1.0 };
     // The most negative integer of a signed type lies below -1.
     let signed = |value: f64, largest: f64| {

@@ -55,7 +55,7 @@ pub(super) fn assemble(
         assembler.light_node(node, primitives)?;
     }
     assembler.settle_materials()?;
-    assembler.end_shape_animations(&lit_nodes);
+    end_shape_animations(&mut assembler.root, |node| lit_nodes.contains_key(&node));
     complete_texture_transforms(&mut assembler.root);
     let Assembler { mut root, mut new, vertices, triangles, .. } = assembler;
     let warnings = images::embed(&mut root, &scene.source, output, &mut new)?;
@@ -133,18 +133,7 @@ impl<'a> Assembler<'a> {
 
     /// Gives the node a mesh of its own, with its light.
     fn light_node(&mut self, node: usize, primitives: &LitPrimitives) -> Result<(), ExportError> {
-        let missing = || ExportError::Mismatch(format!("node {node} has no mesh"));
-        let input = &self.scene.source.root;
-        let source = input.nodes.get(node).and_then(|node| node.mesh).ok_or_else(missing)?;
-        let mut mesh: Mesh = input.get(source).ok_or_else(missing)?.clone();
-        // Pose and expression are those that the light was computed with.
-        mesh.weights = None;
-        for primitive in &mut mesh.primitives {
-            primitive.targets = None;
-            primitive
-                .attributes
-                .retain(|name, _| !matches!(name, Valid(Semantic::Joints(_) | Semantic::Weights(_))));
-        }
+        let (source, mut mesh) = posed(&self.scene.source.root, node)?;
         let mut further_sides = Vec::new();
         let mut hidden = BTreeSet::new();
         for (&index, surfaces) in primitives {
@@ -266,17 +255,34 @@ impl<'a> Assembler<'a> {
         root.materials = buffer::retain(materials, used, |material| material < inputs)?;
         Ok(())
     }
+}
 
-    /// Removes what animated the shape of lit meshes.
-    fn end_shape_animations(&mut self, lit_nodes: &BTreeMap<usize, LitPrimitives>) {
-        for animation in &mut self.root.animations {
-            animation.channels.retain(|channel| {
-                channel.target.path != Valid(Property::MorphTargetWeights)
-                    || !lit_nodes.contains_key(&channel.target.node.value())
-            });
-        }
-        self.root.animations.retain(|animation| !animation.channels.is_empty());
+/// The mesh of a node of the input, in the pose and with the expression that the light was computed with.
+///
+/// # Errors
+/// When the node has none.
+pub(super) fn posed(input: &Root, node: usize) -> Result<(Index<Mesh>, Mesh), ExportError> {
+    let missing = || ExportError::Mismatch(format!("node {node} has no mesh"));
+    let source = input.nodes.get(node).and_then(|node| node.mesh).ok_or_else(missing)?;
+    let mut mesh: Mesh = input.get(source).ok_or_else(missing)?.clone();
+    mesh.weights = None;
+    for primitive in &mut mesh.primitives {
+        primitive.targets = None;
+        primitive
+            .attributes
+            .retain(|name, _| !matches!(name, Valid(Semantic::Joints(_) | Semantic::Weights(_))));
     }
+    Ok((source, mesh))
+}
+
+/// Removes what animated the shape of lit meshes.
+pub(super) fn end_shape_animations(root: &mut Root, is_lit: impl Fn(usize) -> bool) {
+    for animation in &mut root.animations {
+        animation.channels.retain(|channel| {
+            channel.target.path != Valid(Property::MorphTargetWeights) || !is_lit(channel.target.node.value())
+        });
+    }
+    root.animations.retain(|animation| !animation.channels.is_empty());
 }
 
 /// Writes down who made the output and how, and which extensions it uses.

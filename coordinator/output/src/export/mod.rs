@@ -25,6 +25,8 @@
 //! | `layers` | attribute names of light groups |
 //! | `materials` | materials that show the light |
 //! | `document` | nodes, meshes and primitives of the output |
+//! | `lightmap` | instead of these: the input's own meshes and materials, with a lightmap |
+//! | `pages` | the pages of a lightmap as images |
 //! | `ply` | the lit mesh as PLY |
 //! | `buffer` | the output's buffer: new accessors in, unused old ones out |
 //! | `write` | files, all or nothing |
@@ -36,7 +38,9 @@ mod exposure;
 mod extensions;
 mod images;
 mod layers;
+mod lightmap;
 mod materials;
+mod pages;
 mod ply;
 mod refined;
 #[cfg(test)]
@@ -49,7 +53,9 @@ use bake::LightGroup;
 use bake::lit::LitMesh;
 use scene::Scene;
 
-use crate::files::FileError;
+use crate::files::{self, FileError};
+pub use lightmap::LightmapPages;
+pub use pages::PageFormat;
 
 /// Vertex sharing in the output.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -138,6 +144,12 @@ pub enum ExportError {
     /// The input's buffers do not hold what its document says.
     #[error("input's {0} lies outside its buffer")]
     Buffer(String),
+    /// A lightmap is written to glTF only.
+    #[error("output {0} cannot have a lightmap: write .glb or .gltf")]
+    NoLightmap(PathBuf),
+    /// An image cannot be encoded.
+    #[error("a page of the lightmap cannot be encoded: {0}")]
+    Image(String),
     /// The format's lengths have 32 bits.
     #[error("output would have {0} bytes, more than the format's 4 GiB: bake with a coarser mesh")]
     TooLarge(usize),
@@ -183,11 +195,7 @@ pub fn export(
     settings: &ExportSettings,
     path: &Path,
 ) -> Result<Exported, ExportError> {
-    let exposure = match settings.exposure {
-        Some(exposure) if exposure.is_finite() && exposure > 0.0 => exposure,
-        Some(exposure) => return Err(ExportError::Exposure(exposure)),
-        None => exposure::choose(scene, lit)?,
-    };
+    let exposure = exposure_of(scene, lit, settings)?;
     if write::format(path)? == write::Format::Ply {
         let (file, exported) = ply::encode(scene, lit, exposure, settings)?;
         write::write_files(vec![file], path)?;
@@ -202,4 +210,63 @@ pub fn export(
         triangles: assembled.triangles,
         warnings: assembled.warnings,
     })
+}
+
+/// Checks, before a long bake, that a lightmap of this number of pages can be written with an output. Returns the files of its pages
+/// beside it.
+///
+/// # Errors
+/// When the output is a `.ply`, or a file cannot be written.
+pub fn check_lightmap(path: &Path, pages: u32, format: PageFormat) -> Result<Vec<PathBuf>, ExportError> {
+    if write::format(path)? == write::Format::Ply {
+        return Err(ExportError::NoLightmap(path.to_owned()));
+    }
+    let beside = lightmap::files(path, pages, format);
+    beside.iter().try_for_each(|path| files::check(path))?;
+    Ok(beside)
+}
+
+/// Writes the scene with a lightmap to `path`, a `.glb` or `.gltf`: the input's own meshes and materials, which the lightmap is added
+/// to. `lit` tells the exposure.
+///
+/// # Errors
+/// As [`export`], and when the output is a `.ply`.
+pub fn export_lightmap(
+    scene: &Scene,
+    lit: &LitMesh,
+    pages: &LightmapPages,
+    settings: &ExportSettings,
+    path: &Path,
+) -> Result<Exported, ExportError> {
+    let exposure = exposure_of(scene, lit, settings)?;
+    if write::format(path)? == write::Format::Ply {
+        return Err(ExportError::NoLightmap(path.to_owned()));
+    }
+    let (mut assembled, extras) = lightmap::assemble(scene, pages, path)?;
+    let mut all = match &settings.extras {
+        serde_json::Value::Object(members) => members.clone(),
+        _ => serde_json::Map::new(),
+    };
+    all.insert("lightmap".into(), extras);
+    let settings = ExportSettings { extras: all.into(), ..settings.clone() };
+    document::describe(&mut assembled.root, &LitMesh::default(), exposure, &settings)?;
+    for (path, bytes) in lightmap::contents(pages, path)? {
+        files::write(&path, &bytes).map_err(|error| FileError::Write { path, error })?;
+    }
+    write::write(assembled.root, assembled.binary, path)?;
+    Ok(Exported {
+        exposure,
+        vertices: assembled.vertices,
+        triangles: assembled.triangles,
+        warnings: assembled.warnings,
+    })
+}
+
+/// The exposure that is asked for, or one that suits the light.
+fn exposure_of(scene: &Scene, lit: &LitMesh, settings: &ExportSettings) -> Result<f64, ExportError> {
+    match settings.exposure {
+        Some(exposure) if exposure.is_finite() && exposure > 0.0 => Ok(exposure),
+        Some(exposure) => Err(ExportError::Exposure(exposure)),
+        None => exposure::choose(scene, lit),
+    }
 }

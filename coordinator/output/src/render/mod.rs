@@ -36,6 +36,7 @@ pub use cameras::{CameraChoice, CameraError, FileCamera, LookAt};
 pub use exposure::suitable_exposure;
 pub use file::{LightOfFile, LitFile, read_lit};
 pub use tiles::{Picture, RenderError, TileSettings, render_tiles};
+pub(crate) use tone::srgb_byte;
 pub use tone::{ToneMap, display_colour};
 pub use view::choose_view;
 pub use write::{Caption, PictureFormat, encode_exr, encode_png};

@@ -84,7 +84,7 @@ fn neutral(colour: DVec3) -> DVec3 {
 
 /// The byte of sRGB (IEC 61966-2-1) for a linear value between 0 and 1. The power is computed in software: the same bits everywhere.
 #[must_use]
-pub(super) fn srgb_byte(linear: f64) -> u8 {
+pub(crate) fn srgb_byte(linear: f64) -> u8 {
     let encoded =
         if linear <= 0.003_130_8 { linear * 12.92 } else { 1.055 * libm::pow(linear, 1.0 / 2.4) - 0.055 };
     (encoded * 255.0).round().clamp(0.0, 255.0) as u8

@@ -20,9 +20,11 @@ use glam::DVec3;
 use protocol::api;
 
 use bake::{BakeSettings, LightChange, LightGroup, LightPart, NewLight};
-use output::export::{ExportSettings, check_group_names};
+use lightmap::Resolution;
+use output::export::{ExportSettings, PageFormat, check_group_names};
 use scene::ImportOptions;
 
+use crate::lightmap_run::LightmapSettings;
 pub use form::form;
 use schema::{Kind, Value};
 use tables::OutputSettings;
@@ -32,6 +34,9 @@ pub const LONGEST_TEXT: usize = 200;
 
 /// Most groups of lights, and most names in all of them.
 pub const MOST_NAMES: usize = 1000;
+
+/// Width of a lightmap's page, in pixels, where nothing else is said.
+const DEFAULT_PAGE: u32 = 1024;
 
 /// Most violations that are told: an error must fit into the head of an answer.
 const MOST_VIOLATIONS: usize = 20;
@@ -166,6 +171,22 @@ pub fn export_settings(
     if options.unit.is_empty() { ExportSettings { unit: default_unit.to_owned(), ..export } } else { export }
 }
 
+/// The lightmap that is asked for, if one is.
+pub fn lightmap_settings(options: &api::OutputOptions, wrong: &mut Violations) -> Option<LightmapSettings> {
+    let OutputSettings { lightmap, texel_size, lightmap_size, lightmap_format, .. } =
+        schema::settings(options, wrong);
+    let parts =
+        [(texel_size.is_some(), "output.texel_size"), (lightmap_size.is_some(), "output.lightmap_size")];
+    for (is_given, field) in parts {
+        wrong.demand(lightmap || !is_given, field, "is for lightmaps only: give lightmap, too");
+    }
+    let resolution = match (texel_size, lightmap_size) {
+        (Some(texel), _) => Resolution::Texel(texel),
+        (None, size) => Resolution::Page(size.unwrap_or(DEFAULT_PAGE)),
+    };
+    lightmap.then_some(LightmapSettings { resolution, format: lightmap_format })
+}
+
 /// All that a job needs to know of what was asked for.
 #[derive(Debug, Clone)]
 pub struct Wanted {
@@ -175,6 +196,8 @@ pub struct Wanted {
     pub bake: BakeSettings,
     /// How it is written.
     pub export: ExportSettings,
+    /// The lightmap that it gets.
+    pub lightmap: Option<LightmapSettings>,
 }
 
 /// What the options of a submission ask for.
@@ -184,10 +207,16 @@ pub fn wanted(header: &api::SubmitSceneHeader, wrong: &mut Violations) -> Wanted
     let (only, groups) = light_parts(&output, wrong);
     let bake = bake_settings(&header.bake.unwrap_or_default(), wrong);
     schema::settings(header, wrong);
+    let lightmap = lightmap_settings(&output, wrong);
+    let has_files = lightmap.is_some_and(|lightmap| lightmap.format == PageFormat::Exr);
+    wrong.demand(!has_files, "output.lightmap_format", "must be png or rgbm: a job has one file");
+    let is_mesh = output.format() == api::Format::Ply;
+    wrong.demand(lightmap.is_none() || !is_mesh, "output.lightmap", "needs the format GLB");
     Wanted {
         import: import_options(&scene, wrong),
         bake: BakeSettings { only, groups, ..bake },
         export: export_settings(&output, irradiance_unit(&scene), wrong),
+        lightmap,
     }
 }
 

@@ -4,7 +4,7 @@ use glam::DVec3;
 use protocol::api;
 
 use bake::{LightPart, Quality, RowStrategy};
-use output::export::Domain;
+use output::export::{Domain, PageFormat};
 use scene::LightUnit;
 
 use super::kind::Value;
@@ -127,4 +127,5 @@ choices! {
     LightUnit, api::LightUnit: Candela = Candela, Watt = Watt;
     LightPart, api::Part: All = All, Direct = Direct, Indirect = Indirect;
     Domain, api::Domain: Vertex = Vertex, Corner = Corner;
+    PageFormat, api::LightmapFormat: Png = Png, Rgbm = Rgbm, Exr = Exr;
 }

@@ -3,7 +3,7 @@
 use protocol::api::{self, BakeOptions, OutputOptions, SceneOptions, SubmitSceneHeader};
 
 use bake::{BakeSettings, LightPart, Quality};
-use output::export::ExportSettings;
+use output::export::{ExportSettings, PageFormat};
 use scene::ImportOptions;
 
 use super::kind::POSITIVE;
@@ -212,9 +212,23 @@ const PARTS: &[Choice] = &[
     choice("all", api::Part::All as i32, "both"),
 ];
 
+const PAGE_FORMATS: &[Choice] = &[
+    choice("png", api::LightmapFormat::Png as i32, "PNG of eight bits with the curve of sRGB"),
+    choice("rgbm", api::LightmapFormat::Rgbm as i32, "PNG of eight bits, linear, with a multiplier in alpha"),
+    choice("exr", api::LightmapFormat::Exr as i32, "PNG, and OpenEXR of half floats beside the output"),
+];
+
 /// The settings of the output that have an option of their own.
 #[derive(Debug, Clone, Default)]
 pub struct OutputSettings {
+    /// Whether a lightmap is written.
+    pub lightmap: bool,
+    /// Edge of its texels, units of the file.
+    pub texel_size: Option<f64>,
+    /// Width of its one page.
+    pub lightmap_size: Option<u32>,
+    /// Format of its pages.
+    pub lightmap_format: PageFormat,
     /// The part of the light.
     pub only: LightPart,
     /// How the lit file is written.
@@ -239,6 +253,25 @@ impl Options for OutputOptions {
         knob!("output." + only -> only, "only", Kind::Choice(PARTS))
             .value_name("PART")
             .help("Part of the light in the output"),
+        knob!("output." + lightmap -> lightmap, "lightmap", Kind::Flag)
+            .help("Write the light as a lightmap, on the input's own meshes and materials")
+            .details(
+                "Materials name it by MOZ_lightmap; texel x intensity is the irradiance. The input's second set of texture \
+                 coordinates is used where it has no overlaps and enough room between charts.",
+            ),
+        knob!("output." + texel_size -> texel_size, "texel-size", Kind::Number(POSITIVE))
+            .value_name("LENGTH")
+            .help("Edge of the lightmap's texels")
+            .unit("units of the file")
+            .default("what --lightmap-size allows")
+            .excludes(&["lightmap-size"]),
+        knob!("output." + lightmap_size -> lightmap_size, "lightmap-size", Kind::Whole(16..=4096))
+            .value_name("PIXELS")
+            .help("Width and largest height of the lightmap's one page, in pixels")
+            .default("1024 without --texel-size"),
+        knob!("output." + lightmap_format -> lightmap_format, "lightmap-format", Kind::Choice(PAGE_FORMATS))
+            .value_name("FORMAT")
+            .help("Format of the lightmap's pages"),
     ];
 }
 

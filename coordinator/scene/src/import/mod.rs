@@ -46,6 +46,7 @@ use kernel::geometry::Bounds;
 use rayon::prelude::*;
 
 pub use self::lit::{LitDocument, LitPrimitive, import_lit};
+pub use self::primitives::triangles as triangle_list;
 
 use self::extremes::Extents;
 use self::lights::WorldLight;

@@ -229,8 +229,10 @@ pub(super) fn check_count(
     Err(ImportProblem::AttributeCount { place, attribute, found, expected })
 }
 
-/// Triangles of a list, strip or fan, wound as glTF 2.0 section 3.7.2.1 defines. An incomplete last triangle is left out.
-fn triangles(mode: Mode, indices: &[u32]) -> Vec<[u32; 3]> {
+/// Triangles of a list, strip or fan of vertices, wound as glTF 2.0 section 3.7.2.1 defines. An incomplete last triangle is left out;
+/// points and lines have none.
+#[must_use]
+pub fn triangles(mode: Mode, indices: &[u32]) -> Vec<[u32; 3]> {
     match mode {
         Mode::Triangles => indices.chunks_exact(3).map(|corner| [corner[0], corner[1], corner[2]]).collect(),
         Mode::TriangleStrip => indices

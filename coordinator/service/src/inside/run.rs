@@ -116,6 +116,7 @@ fn attempt<W: Write>(
                     ..wanted.bake
                 },
                 export: wanted.export,
+                lightmap: wanted.lightmap,
                 output: &output,
                 kept_light: Some(&store.light(record.id)),
                 report: None,

@@ -335,6 +335,7 @@ fn api_phase(phase: bake::Phase) -> Phase {
         bake::Phase::Measure => Phase::Measure,
         bake::Phase::FinalSolve => Phase::FinalSolve,
         bake::Phase::Groups => Phase::Groups,
+        bake::Phase::Lightmap => Phase::Lightmap,
     }
 }
 

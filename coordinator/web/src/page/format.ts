@@ -26,6 +26,7 @@ export const PHASES: Record<Phase, string> = {
   [Phase.MEASURE]: 'measuring the error',
   [Phase.FINAL_SOLVE]: 'final solve',
   [Phase.GROUPS]: 'light groups',
+  [Phase.LIGHTMAP]: 'lightmap',
   [Phase.EXPORT]: 'writing the file',
 };
 

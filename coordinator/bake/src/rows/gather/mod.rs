@@ -219,6 +219,24 @@ impl RowSource for GatherRows {
         })
     }
 
+    fn gather_many(
+        &mut self,
+        cx: &mut Context,
+        _: &ShareMesh,
+        _: &mut RowTable,
+        (_, receivers): (ReceiverSet, &Receivers),
+        radiosities: &[&[DVec3]],
+    ) -> Result<Gathered> {
+        let points = self.points.receivers.len();
+        let rays = vec![self.rays; receivers.receivers.len()];
+        let weights = self.weigh(cx, &receivers.receivers, &rays)?;
+        let light = radiosities.iter().map(|radiosity| weights.of(&self.points.gather(radiosity))).collect();
+        let sums = weights.of(&self.points.covered()).into_iter().map(|sum| sum.x.clamp(0.0, 1.0)).collect();
+        // Those that became points themselves are asked about once.
+        self.points.truncate(points);
+        Ok(Gathered { light, cover: Cover { sums, ..Cover::default() } })
+    }
+
     fn interpolated(
         &mut self,
         cx: &mut Context,

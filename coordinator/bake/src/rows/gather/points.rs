@@ -43,6 +43,13 @@ impl GatherPoints {
         self.views.extend(views);
     }
 
+    /// Forgets all but the first `count` points.
+    pub fn truncate(&mut self, count: usize) {
+        self.receivers.truncate(count);
+        self.hemispheres.truncate(count);
+        self.views.truncate(count);
+    }
+
     /// Looks at other polygons, with the same rays.
     pub fn look_again(&mut self, client: &mut RowClient, polygons: ReceiverSet) -> Result<()> {
         self.views = views(client, polygons, &self.hemispheres)?;

@@ -81,6 +81,7 @@ fn step(phase: Phase) -> &'static str {
         Phase::Measure => "measure",
         Phase::FinalSolve => "final solve",
         Phase::Groups => "groups",
+        Phase::Lightmap => "lightmap",
         Phase::Export => "export",
     }
 }

@@ -1,0 +1,225 @@
+//! The lit sides of the input's primitives: their triangles as the file has them, and the facets that they became.
+
+use document::placement::world_matrices;
+use foldhash::{HashMap, HashMapExt};
+use glam::DVec3;
+use gltf::Semantic;
+use kernel::geometry::PlaneId;
+use scene::{Facet, Scene, Side, triangle_list};
+use smallvec::SmallVec;
+
+/// Cosine of the angle (one degree) up to which two normals count as one.
+const SAME_NORMAL: f64 = 0.999_847_695;
+
+/// The plane of no facet.
+const NO_PLANE: PlaneId = PlaneId(u32::MAX);
+
+/// A lit side of a primitive of a node.
+pub struct LitSide {
+    /// Its surface in the scene.
+    pub surface: usize,
+    /// Whether it is the back of a primitive whose front is lit, too.
+    pub is_back: bool,
+    /// For messages.
+    pub name: String,
+    /// Frame positions of the primitive's vertices.
+    pub positions: Vec<DVec3>,
+    /// `TEXCOORD_1`.
+    pub second_set: Option<Vec<[f32; 2]>>,
+    /// Its triangles, in the order of the file.
+    pub triangles: Vec<SideTriangle>,
+}
+
+/// A triangle of the file.
+#[derive(Debug, Clone, Copy)]
+pub struct SideTriangle {
+    /// Vertices of the primitive, wound as in the file.
+    pub vertices: [u32; 3],
+    /// Plane of its facet.
+    pub plane: PlaneId,
+    /// Unit normals at its vertices on the lit side; zero where it has no area.
+    pub normals: [DVec3; 3],
+    /// Whether it stands for a curved surface.
+    pub is_smooth: bool,
+}
+
+impl LitSide {
+    /// Frame positions of a triangle.
+    pub fn corners(&self, triangle: &SideTriangle) -> [DVec3; 3] {
+        triangle.vertices.map(|vertex| self.positions[vertex as usize])
+    }
+
+    /// Area of a triangle, square frame units.
+    pub fn area(&self, triangle: &SideTriangle) -> f64 {
+        let [a, b, c] = self.corners(triangle);
+        (b - a).cross(c - a).length() / 2.0
+    }
+}
+
+/// The lit sides of a scene, in the order of its surfaces.
+pub fn lit_sides(scene: &Scene) -> Vec<LitSide> {
+    let document = gltf::Document::from_json_without_validation(scene.source.root.clone());
+    let world = world_matrices(&document);
+    let nodes: Vec<gltf::Node> = document.nodes().collect();
+    let data = |buffer: gltf::Buffer<'_>| scene.source.buffers.get(buffer.index()).map(Vec::as_slice);
+    let mut sides = vec![];
+    for (index, surface) in scene.surfaces.iter().enumerate() {
+        let primitive = nodes
+            .get(surface.node)
+            .and_then(|node| node.mesh())
+            .and_then(|mesh| mesh.primitives().nth(surface.primitive));
+        let Some(primitive) = primitive else { continue };
+        let reader = primitive.reader(data);
+        let Some(local) = reader.read_positions() else { continue };
+        let to_world = world[surface.node];
+        let mut positions: Vec<DVec3> = local
+            .map(|position| {
+                let position = DVec3::from_array(position.map(f64::from));
+                scene.frame.to_frame(to_world.transform_point3(position))
+            })
+            .collect();
+        let indices: Vec<u32> = match reader.read_indices() {
+            Some(indices) => indices.into_u32().collect(),
+            None => (0..positions.len() as u32).collect(),
+        };
+        let has_second_set = primitive.get(&Semantic::TexCoords(1)).is_some();
+        let second_set = has_second_set.then(|| reader.read_tex_coords(1)).flatten();
+        let facets = FacetOf::new(&surface.facets, &mut positions);
+        let side = |vertices: [u32; 3]| facets.triangle(vertices, &positions);
+        sides.push(LitSide {
+            surface: index,
+            is_back: surface.side == Side::Back,
+            name: surface.name.clone(),
+            second_set: second_set.map(|set| set.into_f32().collect()),
+            triangles: triangle_list(primitive.mode(), &indices).into_iter().map(side).collect(),
+            positions,
+        });
+    }
+    sides
+}
+
+/// The facet of each triangle.
+struct FacetOf<'a> {
+    facets: &'a [Facet],
+    of: HashMap<[u32; 3], u32>,
+}
+
+impl<'a> FacetOf<'a> {
+    /// Takes over positions of vertices that the import moved.
+    fn new(facets: &'a [Facet], positions: &mut [DVec3]) -> Self {
+        let mut of = HashMap::new();
+        for (index, facet) in facets.iter().enumerate() {
+            for triangle in &facet.triangles {
+                of.insert(sorted(triangle.vertices), index as u32);
+                for (vertex, position) in triangle.vertices.iter().zip(triangle.positions) {
+                    if let Some(own) = positions.get_mut(*vertex as usize) {
+                        *own = position;
+                    }
+                }
+            }
+        }
+        Self { facets, of }
+    }
+
+    fn triangle(&self, vertices: [u32; 3], positions: &[DVec3]) -> SideTriangle {
+        let corners = vertices.map(|vertex| positions[vertex as usize]);
+        let facet = self.of.get(&sorted(vertices)).map(|facet| &self.facets[*facet as usize]);
+        let Some(facet) = facet else {
+            // Without area, or the same as another: lit as it lies.
+            let [a, b, c] = corners;
+            let normal = (b - a).cross(c - a).normalize_or_zero();
+            return SideTriangle { vertices, plane: NO_PLANE, normals: [normal; 3], is_smooth: true };
+        };
+        let normals = corners.map(|position| {
+            let corner = facet.corners.iter().find(|corner| corner.position == position);
+            corner.map_or(facet.normal, |corner| corner.normal)
+        });
+        let is_smooth = normals.iter().any(|normal| *normal != facet.normal);
+        SideTriangle { vertices, plane: facet.plane, normals, is_smooth }
+    }
+}
+
+fn sorted(mut vertices: [u32; 3]) -> [u32; 3] {
+    vertices.sort_unstable();
+    vertices
+}
+
+/// An edge of a triangle of a side.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct EdgeOf {
+    /// Index of the side.
+    pub side: u32,
+    /// Index of the triangle.
+    pub triangle: u32,
+    /// Its first corner in the triangle.
+    pub corner: u8,
+}
+
+impl EdgeOf {
+    /// The corners of the triangle that it joins.
+    pub fn corners(self) -> [usize; 2] {
+        [usize::from(self.corner), (usize::from(self.corner) + 1) % 3]
+    }
+}
+
+/// How the triangles of some sides meet.
+#[derive(Default)]
+pub struct Meetings {
+    /// Edges over which light goes on smoothly, as far as normals tell: each pair once.
+    pub smooth: Vec<[EdgeOf; 2]>,
+    /// All other edges.
+    pub sharp: Vec<EdgeOf>,
+}
+
+/// Finds where triangles of some sides meet: at edges with the same end points.
+pub fn meetings(sides: &[LitSide]) -> Meetings {
+    let bits = |position: DVec3| position.to_array().map(f64::to_bits);
+    let mut places: HashMap<[[u64; 3]; 2], usize> = HashMap::new();
+    let mut met: Vec<SmallVec<[EdgeOf; 2]>> = vec![];
+    for (side_index, side) in sides.iter().enumerate() {
+        for (index, triangle) in side.triangles.iter().enumerate() {
+            let corners = side.corners(triangle);
+            for corner in 0..3u8 {
+                let edge = EdgeOf { side: side_index as u32, triangle: index as u32, corner };
+                let mut key = edge.corners().map(|corner| bits(corners[corner]));
+                key.sort_unstable();
+                let place = *places.entry(key).or_insert(met.len());
+                if place == met.len() {
+                    met.push(SmallVec::new());
+                }
+                met[place].push(edge);
+            }
+        }
+    }
+    let mut meetings = Meetings::default();
+    for edges in met {
+        for (index, &edge) in edges.iter().enumerate() {
+            // Fronts and backs of a sheet share their edges, and do not face the same way.
+            let alike = |other: &&EdgeOf| **other != edge && goes_on(sides, edge, **other);
+            let mut others = edges.iter().filter(alike);
+            match (others.next(), others.next()) {
+                (Some(other), None) => {
+                    let is_first = edges[index..].contains(other);
+                    meetings.smooth.extend(is_first.then_some([edge, *other]));
+                }
+                _ => meetings.sharp.push(edge),
+            }
+        }
+    }
+    meetings
+}
+
+/// Whether two triangles have the same normals along an edge that they share.
+fn goes_on(sides: &[LitSide], one: EdgeOf, other: EdgeOf) -> bool {
+    let ends = |edge: EdgeOf| {
+        let side = &sides[edge.side as usize];
+        let triangle = &side.triangles[edge.triangle as usize];
+        let corners = side.corners(triangle);
+        edge.corners().map(|corner| (corners[corner], triangle.normals[corner]))
+    };
+    let others = ends(other);
+    ends(one).iter().all(|(position, normal)| {
+        let same = others.iter().find(|(other, _)| other == position);
+        same.is_some_and(|(_, other)| normal.dot(*other) >= SAME_NORMAL)
+    })
+}

@@ -1,0 +1,245 @@
+//! The point of each texel: in the middle of the part of the surface that it covers and that is open to light.
+
+use glam::{DVec2, DVec3};
+use kernel::geometry::PlaneId;
+use kernel::hemisphere::{SeenPolygons, directions};
+use kernel::replica::Receiver;
+use rayon::prelude::*;
+use scene::{Scene, Side};
+
+use crate::layout::barycentric;
+use crate::raster::covered;
+use crate::sides::LitSide;
+use crate::unwrap::Pages;
+use crate::{LightmapError, Stop};
+
+/// Least part of a texel that a surface must cover for the texel to have light of its own.
+const LEAST_PART: f64 = 1.0 / 256.0;
+
+/// Rays that tell whether a point lies inside of something.
+const RAYS: u32 = 16;
+
+/// Most rays of a point inside of something that do not meet backs of surfaces: in the corner of two sheets seen from behind it is a
+/// quarter of them.
+const MOST_FREE: usize = 1;
+
+/// Points per side of a texel that lies partly inside of something.
+const SUB: u32 = 4;
+
+/// How far points on curved surfaces are lifted, relative to the size of their triangle: facets around may rise over them.
+const LIFT: f64 = 1e-3;
+
+/// A texel without a point.
+pub const NO_POINT: u32 = u32::MAX;
+
+/// Covered texels and their points.
+pub struct Texels {
+    /// Number of each covered texel: page, row, column. Rising.
+    pub texels: Vec<u32>,
+    /// Index of the point of each; [`NO_POINT`] where it lies inside of something.
+    pub point_of: Vec<u32>,
+    /// Whether each lies inside of something whose backs are lit, too: if it is dark there, nobody looks in.
+    pub may_be_hidden: Vec<bool>,
+    /// The points.
+    pub points: Vec<Receiver>,
+}
+
+/// A point of a surface, and whether only backs that are lit are around it.
+type Point = (Receiver, bool);
+
+/// What of a texel a triangle covers.
+#[derive(Clone, Copy)]
+struct Piece {
+    texel: u32,
+    side: u32,
+    plane: PlaneId,
+    triangle: u32,
+    area: f32,
+    middle: DVec2,
+}
+
+/// Finds the points of all texels.
+pub fn texels(scene: &Scene, sides: &[LitSide], pages: &Pages, stop: Stop) -> Result<Texels, LightmapError> {
+    let pieces = pieces(sides, pages, stop)?;
+    let of_texels: Vec<&[Piece]> = pieces.chunk_by(|a, b| a.texel == b.texel).collect();
+    let facets =
+        || scene.surfaces.iter().flat_map(|own| own.facets.iter().map(move |facet| (own.side, facet)));
+    let polygons: Vec<_> = facets().map(|(_, facet)| facet.polygon()).collect();
+    let surroundings = Surroundings {
+        sides,
+        pages,
+        seen: SeenPolygons::new(&polygons, &[]),
+        is_back: facets().map(|(side, _)| side == Side::Back).collect(),
+    };
+    let checked = |work: &(dyn Fn(usize) -> Option<Point> + Sync)| -> Result<Vec<_>, LightmapError> {
+        let all: Vec<_> = (0..of_texels.len())
+            .into_par_iter()
+            .with_min_len(256)
+            .map(|index| if index % 256 == 0 && stop() { None } else { Some(work(index)) })
+            .collect();
+        all.into_iter().collect::<Option<Vec<_>>>().ok_or(LightmapError::Cancelled)
+    };
+    let whole = checked(&|index| surroundings.whole(of_texels[index]))?;
+    let texel_of = |index: usize| of_texels[index][0].texel;
+    let [width, height] = pages.size;
+    // Only next to texels inside of something can one be inside in part.
+    let at = |texel: u32| of_texels.binary_search_by_key(&texel, |pieces| pieces[0].texel).ok();
+    let is_mixed = |index: usize| {
+        let texel = texel_of(index);
+        let (x, y) = (texel % width, texel / width % height);
+        let near = [
+            (x > 0).then(|| texel - 1),
+            (x + 1 < width).then(|| texel + 1),
+            (y > 0).then(|| texel - width),
+            (y + 1 < height).then(|| texel + width),
+        ];
+        let kind = |index: usize| whole[index].map(|(_, may_be_hidden)| may_be_hidden);
+        near.into_iter().flatten().filter_map(at).any(|other| kind(other) != kind(index))
+    };
+    let found = checked(&|index| {
+        if is_mixed(index) { surroundings.part(of_texels[index]) } else { whole[index] }
+    })?;
+    let mut points = vec![];
+    let mut place = |point: &Option<Point>| {
+        point.map_or(NO_POINT, |(receiver, _)| {
+            points.push(receiver);
+            points.len() as u32 - 1
+        })
+    };
+    let point_of = found.iter().map(&mut place).collect();
+    let may_be_hidden = found.iter().map(|point| point.is_some_and(|(_, may_be)| may_be)).collect();
+    let texels = of_texels.iter().map(|pieces| pieces[0].texel).collect();
+    Ok(Texels { texels, point_of, may_be_hidden, points })
+}
+
+/// The pieces of all triangles, texel by texel: of each the surface in one plane that covers most of it.
+fn pieces(sides: &[LitSide], pages: &Pages, stop: Stop) -> Result<Vec<Piece>, LightmapError> {
+    let [width, height] = pages.size;
+    let of_side = |(side_index, side): (usize, &LitSide)| {
+        let layout = &pages.layouts[side_index];
+        let mut pieces = vec![];
+        for (index, triangle) in side.triangles.iter().enumerate() {
+            let Some(page) = layout.pages[index] else { continue };
+            if index % 64 == 0 && stop() {
+                break;
+            }
+            let first = page * width * height;
+            covered(layout.corners(index, pages.size), pages.size, |[x, y], area, middle| {
+                pieces.push(Piece {
+                    texel: first + y * width + x,
+                    side: side_index as u32,
+                    plane: triangle.plane,
+                    triangle: index as u32,
+                    area: area as f32,
+                    middle,
+                });
+            });
+        }
+        pieces
+    };
+    let mut pieces: Vec<Piece> = sides.par_iter().enumerate().flat_map_iter(of_side).collect();
+    if stop() {
+        return Err(LightmapError::Cancelled);
+    }
+    pieces.par_sort_unstable_by_key(|piece| (piece.texel, piece.side, piece.plane.0, piece.triangle));
+    let mut kept = Vec::with_capacity(pieces.len());
+    for of_texel in pieces.chunk_by(|a, b| a.texel == b.texel) {
+        let area = |pieces: &[Piece]| pieces.iter().map(|piece| piece.area).sum::<f32>();
+        let planes = of_texel.chunk_by(|a, b| (a.side, a.plane) == (b.side, b.plane));
+        let largest =
+            planes.map(|pieces| (area(pieces), pieces)).reduce(|a, b| if b.0 > a.0 { b } else { a });
+        kept.extend_from_slice(
+            largest.filter(|(area, _)| f64::from(*area) >= LEAST_PART).map_or(&[], |(_, p)| p),
+        );
+    }
+    Ok(kept)
+}
+
+/// What stands around texels.
+struct Surroundings<'a> {
+    sides: &'a [LitSide],
+    pages: &'a Pages,
+    seen: SeenPolygons,
+    /// Which of the polygons are backs of surfaces that are lit from both sides.
+    is_back: Vec<bool>,
+}
+
+impl Surroundings<'_> {
+    /// The middle of a texel's pieces, unless it lies inside of something.
+    fn whole(&self, pieces: &[Piece]) -> Option<Point> {
+        let area: f64 = pieces.iter().map(|piece| f64::from(piece.area)).sum();
+        let middle = pieces.iter().map(|piece| piece.middle * f64::from(piece.area)).sum::<DVec2>() / area;
+        self.open(pieces, middle)
+    }
+
+    /// The middle of the part of a texel's pieces that is not inside of something: of the part with the least around it.
+    fn part(&self, pieces: &[Piece]) -> Option<Point> {
+        let width = self.pages.size[0];
+        let texel = pieces[0].texel % (width * self.pages.size[1]);
+        let corner = DVec2::new(f64::from(texel % width), f64::from(texel / width));
+        let points: Vec<(DVec2, bool)> = (0..SUB * SUB)
+            .map(|index| {
+                let place = DVec2::new(f64::from(index % SUB), f64::from(index / SUB));
+                corner + (place + 0.5) / f64::from(SUB)
+            })
+            .filter(|place| self.holding(pieces, *place).is_some_and(|(_, depth)| depth >= 0.0))
+            .filter_map(|place| Some((place, self.open(pieces, place)?.1)))
+            .collect();
+        let may_be_hidden = points.iter().all(|(_, may_be)| *may_be);
+        let best = || points.iter().filter(|(_, may_be)| *may_be == may_be_hidden).map(|(place, _)| *place);
+        let middle = best().sum::<DVec2>() / best().count().max(1) as f64;
+        let nearest =
+            best().min_by(|a, b| a.distance_squared(middle).total_cmp(&b.distance_squared(middle)))?;
+        let in_middle = self.open(pieces, middle).filter(|(_, may_be)| *may_be == may_be_hidden);
+        in_middle.or_else(|| self.open(pieces, nearest))
+    }
+
+    /// The point of the surface at a place of the page, unless it lies inside of something.
+    fn open(&self, pieces: &[Piece], place: DVec2) -> Option<Point> {
+        let receiver = self.receiver(pieces, place)?;
+        let (mut free, mut lit_backs) = (0, 0);
+        // Most points see a front or nothing soon.
+        for (_, direction) in directions(receiver.normal, RAYS, 0) {
+            match self.seen.nearest(receiver.position, direction, 0.0, receiver.plane) {
+                Some(hit) if !hit.is_front => {}
+                Some(hit) if self.is_back[hit.polygon] => lit_backs += 1,
+                _ => free += 1,
+            }
+            if free > MOST_FREE {
+                return Some((receiver, false));
+            }
+        }
+        (lit_backs > 0).then_some((receiver, true))
+    }
+
+    /// The piece whose triangle holds a place, or is least far from it, and how deep inside it lies.
+    fn holding<'p>(&self, pieces: &'p [Piece], place: DVec2) -> Option<(&'p Piece, f64)> {
+        let depth = |piece: &'p Piece| {
+            let corners =
+                self.pages.layouts[piece.side as usize].corners(piece.triangle as usize, self.pages.size);
+            let weights = barycentric(corners, place)?;
+            Some((piece, weights.into_iter().fold(f64::INFINITY, f64::min)))
+        };
+        pieces.iter().filter_map(depth).reduce(|a, b| if b.1 > a.1 { b } else { a })
+    }
+
+    fn receiver(&self, pieces: &[Piece], place: DVec2) -> Option<Receiver> {
+        let (piece, _) = self.holding(pieces, place)?;
+        let side = &self.sides[piece.side as usize];
+        let triangle = &side.triangles[piece.triangle as usize];
+        let corners =
+            self.pages.layouts[piece.side as usize].corners(piece.triangle as usize, self.pages.size);
+        let weights = barycentric(corners, place)?.map(|weight| weight.max(0.0));
+        let sum: f64 = weights.iter().sum();
+        let mean = |values: [DVec3; 3]| {
+            values.iter().zip(weights).map(|(value, weight)| *value * (weight / sum)).sum::<DVec3>()
+        };
+        let normal = mean(triangle.normals).try_normalize()?;
+        let lift = if triangle.is_smooth { LIFT * side.area(triangle).sqrt() } else { 0.0 };
+        Some(Receiver {
+            position: mean(side.corners(triangle)) + normal * lift,
+            normal,
+            plane: triangle.plane,
+        })
+    }
+}

@@ -1,0 +1,151 @@
+//! Charts made and packed, by `uvunwrap`, where the input has none that can be used.
+
+use glam::DVec3;
+use scene::Scene;
+use uvunwrap::{Density, MeshInput, Options, Packing, generate_with_progress};
+
+use crate::layout::SideLayout;
+use crate::plan::Resolution;
+use crate::sides::{LitSide, Meetings};
+use crate::{LightmapError, Stop};
+
+/// Most texels that surfaces may have: a plan of as many takes some gigabytes.
+pub const MOST_TEXELS: u64 = 1 << 24;
+
+/// Longest side of a page, in texels: what graphics cards of phones take.
+pub const LARGEST_PAGE: u32 = 4096;
+
+/// Empty texels around each chart: twice as many lie between two of them.
+pub const PADDING: u32 = 2;
+
+/// Part of a page that charts fill, at least: with less, one page that grows to fit may become too large.
+const LEAST_FILL: f64 = 0.4;
+
+/// From this number of triangles on, charts are packed fast rather than tightly.
+const MANY_TRIANGLES: usize = 5_000;
+
+/// Sides laid out on pages.
+pub struct Pages {
+    /// Columns and rows of each page.
+    pub size: [u32; 2],
+    /// Number of pages.
+    pub count: u32,
+    /// Edge of a texel, units of the file.
+    pub texel: f64,
+    /// By side.
+    pub layouts: Vec<SideLayout>,
+    /// Connected parts of the surfaces.
+    pub charts: u32,
+}
+
+/// Area of some sides, in square units of the file.
+pub fn area(scene: &Scene, sides: &[LitSide]) -> f64 {
+    let of_side = |side: &LitSide| side.triangles.iter().map(|triangle| side.area(triangle)).sum::<f64>();
+    sides.iter().map(of_side).sum::<f64>() * scene.frame.scale * scene.frame.scale
+}
+
+/// Refuses texels that are too small for the surfaces.
+///
+/// # Errors
+/// When there would be more than [`MOST_TEXELS`].
+pub fn check_size(area: f64, texel: f64) -> Result<(), LightmapError> {
+    let texels = area / (texel * texel);
+    if texels <= MOST_TEXELS as f64 {
+        return Ok(());
+    }
+    Err(LightmapError::TooManyTexels { texel, texels, least: 1.05 * (area / MOST_TEXELS as f64).sqrt() })
+}
+
+/// Makes charts of all sides, which end at sharp edges, and packs them.
+pub fn unwrap(
+    scene: &Scene,
+    sides: &[LitSide],
+    meetings: &Meetings,
+    resolution: Resolution,
+    stop: Stop,
+) -> Result<Pages, LightmapError> {
+    let to_file = |position: &DVec3| (*position * scene.frame.scale).as_vec3().to_array();
+    let positions: Vec<Vec<[f32; 3]>> =
+        sides.iter().map(|side| side.positions.iter().map(to_file).collect()).collect();
+    let indices: Vec<Vec<u32>> = sides
+        .iter()
+        .map(|side| side.triangles.iter().flat_map(|triangle| triangle.vertices).collect())
+        .collect();
+    let mut seams: Vec<Vec<[bool; 3]>> =
+        sides.iter().map(|side| vec![[false; 3]; side.triangles.len()]).collect();
+    for edge in &meetings.sharp {
+        seams[edge.side as usize][edge.triangle as usize][usize::from(edge.corner)] = true;
+    }
+    let meshes: Vec<MeshInput> = positions
+        .iter()
+        .zip(&indices)
+        .zip(&seams)
+        .map(|((positions, indices), seams)| MeshInput {
+            seams: Some(seams),
+            ..MeshInput::new(positions, indices)
+        })
+        .collect();
+    let density = match resolution {
+        Resolution::Page(page_size) => Density::Auto { page_size },
+        Resolution::Texel(texel) => {
+            let texels = area(scene, sides) / (texel * texel);
+            let is_one = texels < LEAST_FILL * f64::from(LARGEST_PAGE) * f64::from(LARGEST_PAGE);
+            let page_size = (!is_one).then_some(LARGEST_PAGE);
+            Density::Fixed { texels_per_unit: (1.0 / texel) as f32, page_size }
+        }
+    };
+    let triangles: usize = sides.iter().map(|side| side.triangles.len()).sum();
+    let options = Options {
+        density,
+        padding: PADDING,
+        packing: if triangles < MANY_TRIANGLES { Packing::Shape } else { Packing::Fast },
+        max_chart_size: LARGEST_PAGE - 4 * PADDING,
+        ..Options::default()
+    };
+    let atlas = generate_with_progress(&meshes, &options, |_| !stop()).map_err(|error| match error {
+        uvunwrap::Error::Cancelled => LightmapError::Cancelled,
+        error => LightmapError::Layout(error.to_string()),
+    })?;
+    let layouts =
+        sides.iter().zip(&atlas.meshes).map(|(side, mesh)| layout(side, mesh)).collect::<Result<_, _>>()?;
+    Ok(Pages {
+        size: [atlas.width.max(1), atlas.height.max(1)],
+        count: atlas.page_count.max(1),
+        texel: f64::from(atlas.texels_per_unit).recip(),
+        layouts,
+        charts: atlas.chart_count,
+    })
+}
+
+/// Puts the input's vertices first, and copies of those on borders of charts behind them.
+fn layout(side: &LitSide, mesh: &uvunwrap::OutputMesh) -> Result<SideLayout, LightmapError> {
+    let count = side.positions.len();
+    let too_many = || LightmapError::TooManyVertices(side.name.clone());
+    let mut sources: Vec<u32> = (0..u32::try_from(count).map_err(|_| too_many())?).collect();
+    let mut coordinates = vec![[0.0; 2]; count];
+    let mut is_placed = vec![false; count];
+    let mut places = Vec::with_capacity(mesh.vertices.len());
+    for vertex in &mesh.vertices {
+        let source = vertex.xref as usize;
+        if std::mem::replace(&mut is_placed[source], true) {
+            // The last number restarts a primitive.
+            let place = u32::try_from(sources.len()).ok().filter(|place| *place < u32::MAX);
+            places.push(place.ok_or_else(too_many)?);
+            sources.push(vertex.xref);
+            coordinates.push(vertex.uv);
+        } else {
+            places.push(vertex.xref);
+            coordinates[source] = vertex.uv;
+        }
+    }
+    let (corners, _) = mesh.indices.as_chunks::<3>();
+    let triangles: Vec<[u32; 3]> = corners.iter().map(|t| t.map(|index| places[index as usize])).collect();
+    let page = |corners: &[u32; 3]| corners.iter().find_map(|index| mesh.vertices[*index as usize].page);
+    Ok(SideLayout {
+        surface: side.surface,
+        sources,
+        coordinates,
+        triangles,
+        pages: corners.iter().map(page).collect(),
+    })
+}

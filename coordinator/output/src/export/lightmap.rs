@@ -1,0 +1,334 @@
+//! The input document with a lightmap: its own meshes and materials, with texture coordinates and images of the light.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+use gltf::Semantic;
+use gltf::json::image::MimeType;
+use gltf::json::mesh::{Mode, Primitive};
+use gltf::json::texture::{MagFilter, MinFilter, Sampler, Texture, WrappingMode};
+use gltf::json::validation::Checked::Valid;
+use gltf::json::{Image, Index, Material, Mesh, Root};
+use serde_json::{Value, json};
+
+use super::attributes::components;
+use super::buffer::{self, NewData};
+use super::document::{Assembled, end_shape_animations, posed};
+use super::materials::complete_texture_transforms;
+use super::pages::{PageFormat, exr, largest, png};
+use super::{ExportError, extensions, images};
+use lightmap::{Lightmap, SideLayout};
+use scene::{Scene, Side};
+
+/// The extension by which a material names its lightmap.
+const MOZ_LIGHTMAP: &str = "MOZ_lightmap";
+
+/// The set of texture coordinates that a lightmap has, unless the input's materials use it.
+const FIRST_SET: u32 = 1;
+
+/// A lightmap with the names of its layers, and how its pages are written.
+pub struct LightmapPages<'a> {
+    /// The pages.
+    pub map: &'a Lightmap,
+    /// Names of the light groups, in the order of the layers behind the first.
+    pub groups: Vec<String>,
+    /// How they are written.
+    pub format: PageFormat,
+}
+
+/// Files beside the output: of each page, where the format has any.
+pub(super) fn files(path: &Path, pages: u32, format: PageFormat) -> Vec<PathBuf> {
+    if format != PageFormat::Exr {
+        return vec![];
+    }
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    (0..pages).map(|page| path.with_file_name(format!("{stem}-lightmap-{page}.exr"))).collect()
+}
+
+/// The files beside the output with their contents.
+pub(super) fn contents(pages: &LightmapPages, path: &Path) -> Result<Vec<(PathBuf, Vec<u8>)>, ExportError> {
+    let map = pages.map;
+    let names = || [None].into_iter().chain(pages.groups.iter().map(|name| Some(name.as_str())));
+    let file = |(page, path): (usize, PathBuf)| {
+        let layers: Vec<(Option<&str>, &[[f32; 3]])> =
+            names().zip(&map.images).map(|(name, layer)| (name, layer[page].as_slice())).collect();
+        Ok((path, exr(&layers, map.size)?))
+    };
+    files(path, map.report.pages, pages.format).into_iter().enumerate().map(file).collect()
+}
+
+/// Puts the lightmap into a copy of the input document. Returns it with what its extras say of the lightmap.
+pub(super) fn assemble(
+    scene: &Scene,
+    pages: &LightmapPages,
+    output: &Path,
+) -> Result<(Assembled, Value), ExportError> {
+    let mut by_node: BTreeMap<usize, BTreeMap<usize, Vec<&SideLayout>>> = BTreeMap::new();
+    for layout in &pages.map.layouts {
+        let surface = &scene.surfaces[layout.surface];
+        by_node.entry(surface.node).or_default().entry(surface.primitive).or_default().push(layout);
+    }
+    let root = scene.source.root.clone();
+    let mut assembler = Assembler {
+        scene,
+        document: gltf::Document::from_json_without_validation(root.clone()),
+        new: NewData::new(scene.source.buffers.len()),
+        set: free_set(&root, pages.map.report.uses_second_set)?,
+        root,
+        textures: vec![],
+        scale: 1.0,
+        materials: BTreeMap::new(),
+        taken_meshes: BTreeSet::new(),
+        vertices: 0,
+        triangles: 0,
+    };
+    let extras = assembler.add_pages(pages)?;
+    let unlit = |(node, _): &(usize, &gltf::json::Node)| !by_node.contains_key(node);
+    let nodes = scene.source.root.nodes.iter().enumerate().filter(unlit);
+    assembler.taken_meshes = nodes.filter_map(|(_, node)| node.mesh).map(|mesh| mesh.value()).collect();
+    for (&node, primitives) in &by_node {
+        assembler.light_node(node, primitives)?;
+    }
+    end_shape_animations(&mut assembler.root, |node| by_node.contains_key(&node));
+    complete_texture_transforms(&mut assembler.root);
+    let Assembler { mut root, mut new, vertices, triangles, .. } = assembler;
+    let warnings = images::embed(&mut root, &scene.source, output, &mut new)?;
+    let pinned = extensions::pinned(&scene.source.root)?;
+    let binary = buffer::gather(&mut root, &scene.source.buffers, new, pinned)?;
+    Ok((Assembled { root, binary, vertices, triangles, warnings }, extras))
+}
+
+/// The set of texture coordinates for the lightmap: no material may use it for anything else.
+fn free_set(root: &Root, uses_second_set: bool) -> Result<u32, ExportError> {
+    fn collect(value: &Value, used: &mut BTreeSet<u64>) {
+        match value {
+            Value::Array(items) => items.iter().for_each(|item| collect(item, used)),
+            Value::Object(members) => {
+                used.extend(members.get("texCoord").and_then(Value::as_u64));
+                members.values().for_each(|member| collect(member, used));
+            }
+            _ => {}
+        }
+    }
+    if uses_second_set {
+        return Ok(FIRST_SET);
+    }
+    let mut used = BTreeSet::new();
+    collect(&serde_json::to_value(&root.materials)?, &mut used);
+    Ok((FIRST_SET..).find(|set| !used.contains(&u64::from(*set))).unwrap_or(FIRST_SET))
+}
+
+struct Assembler<'a> {
+    scene: &'a Scene,
+    /// The input, to read from while the output changes.
+    document: gltf::Document,
+    root: Root,
+    new: NewData,
+    /// Set of texture coordinates of the lightmap.
+    set: u32,
+    /// Texture of each page.
+    textures: Vec<Index<Texture>>,
+    /// Irradiance that 1 stands for in them.
+    scale: f32,
+    /// By material of the input, page, and whether for one side only.
+    materials: BTreeMap<(Option<usize>, u32, bool), Index<Material>>,
+    /// Meshes of the input whose places are not free.
+    taken_meshes: BTreeSet<usize>,
+    vertices: usize,
+    triangles: usize,
+}
+
+impl Assembler<'_> {
+    /// Adds the images of all layers. Returns what the extras say of them.
+    fn add_pages(&mut self, pages: &LightmapPages) -> Result<Value, ExportError> {
+        let LightmapPages { map, groups, format } = pages;
+        let sampler = self.root.push(Sampler {
+            mag_filter: Some(Valid(MagFilter::Linear)),
+            min_filter: Some(Valid(MinFilter::Linear)),
+            name: None,
+            wrap_s: Valid(WrappingMode::ClampToEdge),
+            wrap_t: Valid(WrappingMode::ClampToEdge),
+            extensions: None,
+            extras: None,
+        });
+        let names =
+            ["lightmap".to_owned()].into_iter().chain(groups.iter().map(|name| format!("lightmap {name}")));
+        let mut layers = vec![];
+        for (name, images) in names.zip(&map.images) {
+            let scale = largest(images);
+            let mut textures = vec![];
+            for (page, image) in images.iter().enumerate() {
+                let view = self.new.push_view(&mut self.root, png(image, map.size, *format, scale)?, None);
+                let name = Some(format!("{name} {page}"));
+                let source = self.root.push(Image {
+                    buffer_view: Some(view),
+                    mime_type: Some(MimeType("image/png".into())),
+                    name: name.clone(),
+                    uri: None,
+                    extensions: None,
+                    extras: None,
+                });
+                textures.push(self.root.push(Texture {
+                    name,
+                    sampler: Some(sampler),
+                    source,
+                    extensions: None,
+                    extras: None,
+                }));
+            }
+            layers.push((scale, textures));
+        }
+        let mut layers = layers.into_iter();
+        (self.scale, self.textures) = layers.next().unwrap_or((1.0, vec![]));
+        let numbers = |textures: &[Index<Texture>]| -> Value {
+            textures.iter().map(|texture| texture.value()).collect()
+        };
+        let group = |(name, (scale, textures)): (&String, (f32, Vec<Index<Texture>>))| json!({ "name": name, "scale": scale, "textures": numbers(&textures) });
+        Ok(json!({
+            "texCoord": self.set,
+            "texelSize": map.report.texel_size,
+            "encoding": format.encoding(),
+            "scale": self.scale,
+            "textures": numbers(&self.textures),
+            "groups": groups.iter().zip(layers).map(group).collect::<Vec<_>>(),
+        }))
+    }
+
+    /// Gives the node a mesh of its own, with coordinates for its light.
+    fn light_node(
+        &mut self,
+        node: usize,
+        primitives: &BTreeMap<usize, Vec<&SideLayout>>,
+    ) -> Result<(), ExportError> {
+        let (source, mut mesh) = posed(&self.scene.source.root, node)?;
+        let mut all = vec![];
+        for (index, original) in std::mem::take(&mut mesh.primitives).into_iter().enumerate() {
+            match primitives.get(&index) {
+                Some(sides) => {
+                    for side in sides {
+                        all.extend(self.side(side, sides.len() > 1, source, &original)?);
+                    }
+                }
+                None => all.push(original),
+            }
+        }
+        mesh.primitives = all;
+        let place = if self.taken_meshes.insert(source.value()) {
+            self.root.meshes[source.value()] = mesh;
+            source
+        } else {
+            self.root.push(mesh)
+        };
+        let node = &mut self.root.nodes[node];
+        (node.mesh, node.skin, node.weights) = (Some(place), None, None);
+        Ok(())
+    }
+
+    /// The primitives of a side: one for each page that it lies on.
+    fn side(
+        &mut self,
+        layout: &SideLayout,
+        one_side: bool,
+        mesh: Index<Mesh>,
+        original: &Primitive,
+    ) -> Result<Vec<Primitive>, ExportError> {
+        let surface = &self.scene.surfaces[layout.surface];
+        let source = self
+            .document
+            .meshes()
+            .nth(mesh.value())
+            .and_then(|mesh| mesh.primitives().nth(surface.primitive))
+            .ok_or_else(|| ExportError::Mismatch(format!("{} has no primitive", surface.name)))?;
+        let is_back = surface.side == Side::Back;
+        let count = source.get(&Semantic::Positions).map_or(0, |positions| positions.count());
+        let has_copies = layout.sources.len() != count;
+        let mut attributes = BTreeMap::new();
+        for (semantic, accessor) in source.attributes() {
+            let turns = is_back && matches!(semantic, Semantic::Normals | Semantic::Tangents);
+            let kept = original.attributes.get(&Valid(semantic.clone())).copied();
+            let Some(kept) = kept else { continue };
+            if !has_copies && !turns {
+                attributes.insert(Valid(semantic), kept);
+                continue;
+            }
+            let width = accessor.dimensions().multiplicity();
+            if width > 4 || accessor.dimensions() == gltf::accessor::Dimensions::Mat2 {
+                continue;
+            }
+            let values = components(&accessor, &self.scene.source.buffers)
+                .ok_or_else(|| ExportError::Buffer(format!("attribute {}", semantic.to_string())))?;
+            let sign = if turns { -1.0 } else { 1.0 };
+            let of_vertex =
+                |vertex: &u32| values.get(*vertex as usize * width..).and_then(|rest| rest.get(..width));
+            let values: Option<Vec<&[f64]>> = layout.sources.iter().map(of_vertex).collect();
+            let values: Vec<f32> = values
+                .ok_or_else(|| ExportError::Mismatch(format!("{} lacks source vertices", surface.name)))?
+                .into_iter()
+                .flatten()
+                .map(|value| (sign * value) as f32)
+                .collect();
+            attributes.insert(
+                Valid(semantic.clone()),
+                self.new.push_attribute(&mut self.root, &semantic, width, &values),
+            );
+        }
+        let own = Semantic::TexCoords(self.set);
+        let coordinates = layout.coordinates.as_flattened();
+        let coordinates = self.new.push_attribute(&mut self.root, &own, 2, coordinates);
+        for set in 0..self.set {
+            // Sets must be numbered without gaps.
+            attributes.entry(Valid(Semantic::TexCoords(set))).or_insert(coordinates);
+        }
+        attributes.insert(Valid(own), coordinates);
+        self.vertices += layout.sources.len();
+        self.triangles += layout.triangles.len();
+        let by_page = layout.by_page();
+        let keeps_indices =
+            by_page.len() == 1 && !is_back && !has_copies && original.mode == Valid(Mode::Triangles);
+        let mut primitives = vec![];
+        for (page, mut indices) in by_page {
+            if is_back {
+                indices.chunks_exact_mut(3).for_each(|triangle| triangle.swap(1, 2));
+            }
+            let indices = if keeps_indices {
+                original.indices
+            } else {
+                Some(self.new.push_indices(&mut self.root, &indices, layout.sources.len()))
+            };
+            let material = Some(self.material(original.material, page, one_side)?);
+            let attributes = attributes.clone();
+            primitives.push(Primitive {
+                attributes,
+                indices,
+                material,
+                mode: Valid(Mode::Triangles),
+                ..original.clone()
+            });
+        }
+        Ok(primitives)
+    }
+
+    /// The material with the lightmap of a page.
+    fn material(
+        &mut self,
+        original: Option<Index<Material>>,
+        page: u32,
+        one_side: bool,
+    ) -> Result<Index<Material>, ExportError> {
+        let key = (original.map(|index| index.value()), page, one_side);
+        if let Some(&made) = self.materials.get(&key) {
+            return Ok(made);
+        }
+        let mut material = original.and_then(|index| self.root.get(index)).cloned().unwrap_or_default();
+        if one_side {
+            material.double_sided = false;
+        }
+        let texture = self.textures.get(page as usize);
+        let texture = texture.ok_or_else(|| ExportError::Mismatch(format!("lightmap has no page {page}")))?;
+        let link = json!({ "index": texture.value(), "texCoord": self.set, "intensity": self.scale });
+        material.extensions.get_or_insert_default().others.insert(MOZ_LIGHTMAP.into(), link);
+        let made = self.root.push(material);
+        self.materials.insert(key, made);
+        Ok(made)
+    }
+}

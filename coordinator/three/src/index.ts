@@ -1,0 +1,118 @@
+/**
+ * Baked light of Halflight in three.js.
+ *
+ *     const loader = new GLTFLoader().register(halflight());
+ *
+ * Light at vertices (`_IRRADIANCE`) and in lightmaps (`MOZ_lightmap`) is added to the indirect diffuse light of the file's own materials,
+ * so that lamps, shadows and reflections of the scene stay.
+ */
+import { Mesh, MeshStandardMaterial, ShaderChunk, SRGBColorSpace } from 'three';
+import type { Object3D, WebGLProgramParametersWithUniforms } from 'three';
+import type { GLTF, GLTFLoaderPlugin, GLTFParser } from 'three/addons/loaders/GLTFLoader.js';
+
+/** What the plugin does. */
+export interface Options {
+  /** Factor of the baked light [default: 1]. The file's unit of irradiance times it is what lamps of the scene give. */
+  intensity?: number;
+}
+
+/** A material's link to its lightmap. */
+interface Link {
+  index: number;
+  texCoord?: number;
+  intensity?: number;
+}
+
+/** Materials that reflect diffuse light. */
+type Lit = MeshStandardMaterial;
+
+/** Name of the attribute in three.js, which makes custom ones lower-case. */
+const ATTRIBUTE = '_irradiance';
+
+const EXTENSION = 'MOZ_lightmap';
+
+/** The plugin, for `GLTFLoader.register`. */
+export function halflight(options: Options = {}): (parser: GLTFParser) => GLTFLoaderPlugin {
+  return (parser) => new BakedLight(parser, options);
+}
+
+class BakedLight implements GLTFLoaderPlugin {
+  readonly name = EXTENSION;
+  /** The copy of each material for meshes without light at their vertices, and for those with it. */
+  private readonly copies = [new Map<Lit, Lit>(), new Map<Lit, Lit>()] as const;
+
+  constructor(
+    private readonly parser: GLTFParser,
+    private readonly options: Options,
+  ) {}
+
+  /** Gives a material its lightmap. */
+  async extendMaterialParams(index: number, params: Record<string, unknown>): Promise<void> {
+    const material = this.parser.json.materials?.[index];
+    const link: Link | undefined = material?.extensions?.[EXTENSION];
+    if (!link || material.extensions.KHR_materials_unlit) return;
+    const texture = { index: link.index, texCoord: link.texCoord };
+    await this.parser.assignTexture(params, 'lightMap', texture, this.encoding === 'srgb' ? SRGBColorSpace : undefined);
+    params['lightMapIntensity'] = link.intensity ?? 1;
+  }
+
+  /** Gives meshes with baked light materials that show it. */
+  async afterRoot({ scenes }: GLTF): Promise<void> {
+    for (const scene of scenes) scene.traverse((object) => this.light(object));
+  }
+
+  /** How the pages of the lightmap are encoded. */
+  private get encoding(): string | undefined {
+    return this.parser.json.asset.extras?.halflight?.lightmap?.encoding;
+  }
+
+  private light(object: Object3D): void {
+    if (!(object instanceof Mesh) || !(object.material instanceof MeshStandardMaterial)) return;
+    const hasVertices = object.geometry.hasAttribute(ATTRIBUTE);
+    if (hasVertices || object.material.lightMap) object.material = this.copy(object.material, hasVertices);
+  }
+
+  private copy(material: Lit, hasVertices: boolean): Lit {
+    const copies = this.copies[hasVertices ? 1 : 0];
+    const made = copies.get(material);
+    if (made) return made;
+    const copy = material.clone();
+    const hasMultiplier = this.encoding === 'rgbm';
+    const intensity = { value: this.options.intensity ?? 1 };
+    copy.onBeforeCompile = (shader) => addLight(shader, intensity, hasVertices, hasMultiplier);
+    copy.customProgramCacheKey = () => `halflight ${hasVertices} ${hasMultiplier}`;
+    copies.set(material, copy);
+    return copy;
+  }
+}
+
+/** Adds base colour x (1 - metalness) x irradiance / pi to what a shader shows, below ambient occlusion. */
+function addLight(
+  shader: WebGLProgramParametersWithUniforms,
+  intensity: { value: number },
+  hasVertices: boolean,
+  hasMultiplier: boolean,
+): void {
+  const texel = `lightMapTexel.rgb${hasMultiplier ? ' * lightMapTexel.a' : ''}`;
+  const maps = ShaderChunk.lights_fragment_maps.replace(
+    'irradiance += lightMapIrradiance;',
+    `baked += ${texel} * lightMapIntensity;`,
+  );
+  shader.uniforms['bakedIntensity'] = intensity;
+  shader.fragmentShader = shader.fragmentShader
+    .replace('#include <common>', '#include <common>\nuniform float bakedIntensity;')
+    .replace('#include <lights_fragment_maps>', `vec3 baked = vec3( 0.0 );\n${maps}`)
+    .replace(
+      '#include <lights_fragment_end>',
+      `#include <lights_fragment_end>
+reflectedLight.indirectDiffuse +=
+  bakedIntensity * baked * RECIPROCAL_PI * diffuseColor.rgb * ( 1.0 - metalnessFactor );`,
+    );
+  if (!hasVertices) return;
+  shader.vertexShader = shader.vertexShader
+    .replace('#include <common>', `#include <common>\nattribute vec3 ${ATTRIBUTE};\nvarying vec3 vBaked;`)
+    .replace('#include <begin_vertex>', `#include <begin_vertex>\nvBaked = ${ATTRIBUTE};`);
+  shader.fragmentShader = shader.fragmentShader
+    .replace('#include <common>', '#include <common>\nvarying vec3 vBaked;')
+    .replace('vec3 baked = vec3( 0.0 );', 'vec3 baked = vBaked;');
+}

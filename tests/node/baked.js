@@ -1,0 +1,132 @@
+// What baked.mjs runs in the browser: squares with baked light under a lamp, with the plugin and without it.
+import * as THREE from 'three';
+import { GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
+import { halflight } from 'halflight-three';
+
+// Irradiance at all vertices.
+const IRRADIANCE = [3, 2, 1];
+
+// Irradiance that 1 stands for in the lightmaps, and what their texels stand for.
+const SCALE = 8;
+const HALF = 188;
+const HALF_LINEAR = ((HALF / 255 + 0.055) / 1.055) ** 2.4;
+const MULTIPLIER = 128;
+
+const COLOUR = [0.8, 0.5, 0.2];
+const PAINT = [204, 102, 51];
+const painted = PAINT.map((byte) => ((byte / 255 + 0.055) / 1.055) ** 2.4);
+
+const pbr = (more) => ({ baseColorFactor: [...COLOUR, 1], metallicFactor: 0, roughnessFactor: 1, ...more });
+
+const mapped = (page) => ({
+  pbrMetallicRoughness: pbr(),
+  extensions: { MOZ_lightmap: { index: page, texCoord: 1, intensity: SCALE } },
+});
+
+// Of each kind its material, the light at its vertices, the encoding of its lightmap, and what of the light it reflects.
+const KINDS = [
+  { name: 'rough', material: { pbrMetallicRoughness: pbr() }, light: IRRADIANCE, albedo: COLOUR },
+  {
+    name: 'metal',
+    material: { pbrMetallicRoughness: pbr({ metallicFactor: 0.5, roughnessFactor: 0.6 }) },
+    light: IRRADIANCE,
+    albedo: COLOUR.map((value) => value / 2),
+  },
+  {
+    name: 'textured',
+    material: { pbrMetallicRoughness: { baseColorTexture: { index: 0 }, metallicFactor: 0, roughnessFactor: 1 } },
+    light: IRRADIANCE,
+    albedo: painted,
+  },
+  { name: 'sRGB page', material: mapped(1), encoding: 'srgb', albedo: COLOUR, read: SCALE * HALF_LINEAR },
+  { name: 'RGBM page', material: mapped(2), encoding: 'rgbm', albedo: COLOUR, read: (SCALE * MULTIPLIER) / 255 },
+];
+
+async function picture(colour) {
+  const canvas = new OffscreenCanvas(4, 4);
+  const context = canvas.getContext('2d');
+  context.fillStyle = colour;
+  context.fillRect(0, 0, 4, 4);
+  const bytes = new Uint8Array(await (await canvas.convertToBlob()).arrayBuffer());
+  return `data:image/png;base64,${btoa(String.fromCharCode(...bytes))}`;
+}
+
+// A square of two triangles before the camera, as a document.
+async function square({ material, light, encoding }) {
+  const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]];
+  const sets = [
+    corners.flatMap(([x, y]) => [x, y, 0]),
+    corners.flatMap(() => [0, 0, 1]),
+    corners.flatMap(([x, y]) => [(x + 1) / 2, (y + 1) / 2]),
+    corners.flatMap(() => light ?? IRRADIANCE),
+  ];
+  const floats = new Float32Array([...sets.flat()]);
+  const indices = new Uint16Array([0, 1, 2, 0, 2, 3]);
+  const bytes = new Uint8Array(floats.byteLength + indices.byteLength);
+  bytes.set(new Uint8Array(floats.buffer));
+  bytes.set(new Uint8Array(indices.buffer), floats.byteLength);
+  let offset = 0;
+  const view = (byteLength) => ({ buffer: 0, byteOffset: (offset += byteLength) - byteLength, byteLength });
+  const vector = (bufferView, type) => ({ bufferView, componentType: 5126, count: 4, type });
+  const images = [
+    `rgb(${PAINT.join(' ')})`,
+    `rgb(${HALF} ${HALF} ${HALF})`,
+    `rgb(255 255 255 / ${MULTIPLIER / 255})`,
+  ];
+  const attributes = { POSITION: 0, NORMAL: 1, TEXCOORD_0: 2, TEXCOORD_1: 2 };
+  if (light) attributes._IRRADIANCE = 3;
+  return JSON.stringify({
+    asset: { version: '2.0', extras: { halflight: { lightmap: { encoding } } } },
+    scene: 0,
+    scenes: [{ nodes: [0] }],
+    nodes: [{ mesh: 0 }],
+    meshes: [{ primitives: [{ attributes, indices: 4, material: 0 }] }],
+    materials: [material],
+    textures: images.map((_, source) => ({ source })),
+    images: await Promise.all(images.map(async (colour) => ({ uri: await picture(colour) }))),
+    accessors: [
+      { ...vector(0, 'VEC3'), min: [-1, -1, 0], max: [1, 1, 0] },
+      vector(1, 'VEC3'),
+      vector(2, 'VEC2'),
+      vector(3, 'VEC3'),
+      { bufferView: 4, componentType: 5123, count: 6, type: 'SCALAR' },
+    ],
+    bufferViews: [...sets.map((set) => view(4 * set.length)), view(indices.byteLength)],
+    buffers: [
+      {
+        byteLength: bytes.length,
+        uri: `data:application/octet-stream;base64,${btoa(String.fromCharCode(...bytes))}`,
+      },
+    ],
+  });
+}
+
+// The radiance in the middle of the picture.
+async function radiance(loader, document, renderer) {
+  const { scene } = await loader.parseAsync(document, '');
+  const lamp = new THREE.DirectionalLight(0xffffff, 2);
+  lamp.position.set(0.5, 0.5, 2);
+  scene.add(lamp);
+  const eye = new THREE.OrthographicCamera(-0.5, 0.5, 0.5, -0.5, 0.1, 10);
+  eye.position.z = 3;
+  const target = new THREE.WebGLRenderTarget(8, 8, { type: THREE.FloatType });
+  renderer.setRenderTarget(target);
+  renderer.render(scene, eye);
+  const pixel = new Float32Array(4);
+  renderer.readRenderTargetPixels(target, 4, 4, 1, 1, pixel);
+  return [...pixel.subarray(0, 3)];
+}
+
+globalThis.measure = async () => {
+  const renderer = new THREE.WebGLRenderer();
+  const found = [];
+  for (const kind of KINDS) {
+    const document = await square(kind);
+    const direct = await radiance(new GLTFLoader(), document, renderer);
+    const shown = await radiance(new GLTFLoader().register(halflight()), document, renderer);
+    const irradiance = kind.light ?? Array(3).fill(kind.read);
+    const expected = kind.albedo.map((albedo, i) => (albedo * irradiance[i]) / Math.PI);
+    found.push({ name: kind.name, shown, direct, expected });
+  }
+  return found;
+};
