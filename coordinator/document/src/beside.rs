@@ -137,8 +137,11 @@ fn json_of(path: &Path) -> Option<Vec<u8>> {
     let mut bytes = Vec::new();
     file.by_ref().take(BEFORE_JSON as u64).read_to_end(&mut bytes).ok()?;
     if !bytes.starts_with(b"glTF") {
-        file.read_to_end(&mut bytes).ok()?;
-        return Some(bytes);
+        // Other files may be as large as they like: they are no scenes.
+        let is_json = bytes.iter().find(|byte| !byte.is_ascii_whitespace()) == Some(&b'{');
+        let most = crate::ReadOptions::default().max_bytes;
+        file.take(if is_json { most } else { 0 }).read_to_end(&mut bytes).ok()?;
+        return is_json.then_some(bytes);
     }
     let length = u32::from_le_bytes(*bytes.get(12..)?.first_chunk()?);
     bytes.clear();

@@ -292,7 +292,7 @@ pub enum ImportProblem {
     },
     /// More triangles than [`super::ReadOptions::max_triangles`].
     #[error(
-        "{place}: the scene has more than {limit} triangles up to here; raise the limit or simplify the scene"
+        "{place}: the scene has more than {limit} triangles up to here, or three times as many vertices; raise the limit or simplify the scene"
     )]
     TooManyTriangles {
         /// Node and primitive.

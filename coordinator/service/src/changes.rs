@@ -62,6 +62,7 @@ impl Inner {
                 store: &inner.store,
                 workers: &inner.workers,
                 limits: &inner.limits,
+                jobs: inner.jobs,
             };
             tracing::info!(job = %record.id, client = %record.client, "begins");
             let ending = process.run(&record, &live);

@@ -93,6 +93,8 @@ struct Inner {
     store: Store,
     workers: Cluster,
     limits: Limits,
+    /// Jobs that may run at the same time.
+    jobs: usize,
     job_command: Vec<OsString>,
     /// Held while a job changes, on disk and in memory.
     changing: Mutex<()>,
@@ -134,6 +136,7 @@ impl Service {
             store,
             workers,
             limits: settings.limits.clone(),
+            jobs: settings.places.all,
             job_command: settings.job_command.clone(),
             changing: Mutex::new(()),
             arrived: Condvar::new(),

@@ -59,6 +59,8 @@ pub struct JobProcess<'a> {
     pub workers: &'a Cluster,
     /// Limits of a job.
     pub limits: &'a Limits,
+    /// Jobs that may run at the same time.
+    pub jobs: usize,
 }
 
 impl JobProcess<'_> {
@@ -107,7 +109,10 @@ impl JobProcess<'_> {
             record: Store::encode(record),
             row_cache: self.limits.row_cache(),
             light_bytes: self.limits.light_bytes,
-            checkpoint_bytes: self.limits.checkpoint_bytes.min(self.store.room_for_rows(record.id)),
+            checkpoint_bytes: self
+                .limits
+                .checkpoint_bytes
+                .min(self.store.room_for_rows(record.id, self.jobs)),
             memory: self.limits.memory,
             surroundings,
         });

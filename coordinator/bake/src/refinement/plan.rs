@@ -80,6 +80,9 @@ impl Plan {
         let (error, contrast) = (found(prediction.relative()), found(prediction.contrast()));
         // Contrast alone is no reason to say that the error asked for cannot be met.
         let stop = |obstacle| if error <= self.limit { Step::Done } else { Step::Stop(obstacle) };
+        if error > self.limit && error <= noise {
+            return Step::Stop(Obstacle::Noise);
+        }
         let is_over = |found: f64, limit: f64| found > limit.max(noise);
         // Contrast comes second: what it adds takes nothing from what the error needs.
         let (measure, over) = if is_over(error, self.limit) {
@@ -87,7 +90,7 @@ impl Plan {
         } else if is_over(contrast, self.contrast) {
             (Measure::Contrast, contrast / self.contrast)
         } else {
-            return stop(Obstacle::Noise);
+            return Step::Done;
         };
         let room = room(mesh, self.max_vertices);
         if room == 0 {
@@ -232,6 +235,11 @@ mod tests {
         assert!(matches!(met, Step::Done));
         let small = plan(2.0 * relative, 0.5 * contrast).next(&mesh, &error, 0.0, |_| false);
         assert!(matches!(small, Step::Done), "contrast is no obstacle to the error");
+        let noisy = plan(0.3 * relative, 0.1 * contrast).next(&mesh, &error, relative, |_| true);
+        assert!(
+            matches!(noisy, Step::Stop(Obstacle::Noise)),
+            "and takes no vertices before the error is met"
+        );
     }
 
     #[test]

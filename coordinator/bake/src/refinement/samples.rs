@@ -47,6 +47,8 @@ pub struct SamplePoints {
     direct: Vec<DVec3>,
     /// Total irradiance.
     irradiance: Vec<DVec3>,
+    /// Whether each sees any surface or light source. Known of middles only.
+    exposed: Vec<bool>,
     /// Scales the light of those that see more than a hemisphere: vertices there are scaled, too.
     bounds: Bounds,
 }
@@ -186,16 +188,23 @@ impl SamplePoints {
             .then(|| Self { points: patches.iter().zip(numbers).map(point).collect(), ..Self::default() })
     }
 
+    /// Sets which points see any surface or light source.
+    pub fn set_exposed(&mut self, covered: &[f64]) {
+        let sees = |(covered, direct): (&f64, &DVec3)| *covered > 0.0 || *direct != DVec3::ZERO;
+        self.exposed = covered.iter().zip(&self.direct).map(sees).collect();
+    }
+
     /// Mean irradiance of a leaf, from the mean of its corners and the light in its middle, if it is known: exact where light is
-    /// quadratic (Simpson's rule). Corners of a room are darker than its walls. A middle inside of something else sees nothing, and
-    /// does not count. Only of points made as middles, of leaves by rising number.
+    /// quadratic over a triangle, a parallelogram or a regular polygon (Simpson's rule). Corners of a room are darker than its walls.
+    /// A middle inside of something else is not exposed, and does not count. Only of points made as middles, of leaves by rising number.
     pub fn mean(&self, mesh: &Mesh, leaf: PatchId, of_corners: DVec3) -> DVec3 {
-        let part = if mesh.patch(leaf).corners.len() == 3 { 0.75 } else { 2.0 / 3.0 };
         let Ok(found) = self.points.binary_search_by_key(&leaf, |point| point.patch) else {
             return of_corners;
         };
-        match self.irradiance.get(found) {
-            Some(middle) if *middle != DVec3::ZERO => of_corners.lerp(*middle, part),
+        match (self.exposed.get(found), self.irradiance.get(found)) {
+            (Some(true), Some(middle)) => {
+                of_corners.lerp(*middle, part_of_middle(mesh.patch(leaf).corners.len()))
+            }
             _ => of_corners,
         }
     }
@@ -233,7 +242,8 @@ impl SamplePoints {
     /// Mean over the area of the square error of the radiosity, given errors of the irradiance at the points.
     pub fn mean_square_error(&self, errors: &[DVec3]) -> f64 {
         let of_radiosity = |(point, error): (&SamplePoint, &DVec3)| point.reflectance * *error;
-        self.mean_square(&self.points.iter().zip(errors).map(of_radiosity).collect::<Vec<_>>())
+        self.mean_square_and_its_error(&self.points.iter().zip(errors).map(of_radiosity).collect::<Vec<_>>())
+            .0
     }
 
     /// Whether light is gathered twice at each position.
@@ -250,29 +260,31 @@ impl SamplePoints {
         pairs.map(|((point, own), all)| point.reflectance * (all - *own)).collect()
     }
 
-    /// Root mean square of radiosity errors at the first points, relative to that of the radiosity.
+    /// Root mean square of radiosity errors at the first points, relative to that of the radiosity. Of two draws it is what the noise
+    /// could hide at least, where that is more: their mean square may be below 0 by chance.
     pub fn relative(&self, errors: &[DVec3]) -> f64 {
         let norm = self.mean_square_radiosity();
-        if norm > 0.0 { (self.mean_square(errors).max(0.0) / norm).sqrt() } else { 0.0 }
+        let (mean, standard_error) = self.mean_square_and_its_error(errors);
+        let least = if self.is_drawn_twice() { standard_error } else { 0.0 };
+        if norm > 0.0 { (mean.max(least) / norm).sqrt() } else { 0.0 }
     }
 
     /// What [`Self::relative`] tells, less the standard error of its square: where few points hold most of it, little is certain.
     pub fn relative_at_least(&self, errors: &[DVec3]) -> f64 {
-        let squares = self.squares(errors);
-        let count = squares.len() as f64;
         let norm = self.mean_square_radiosity();
-        if count < 2.0 || norm <= 0.0 {
-            return 0.0;
-        }
-        let mean = squares.iter().sum::<f64>() / count;
-        let variance = squares.iter().map(|square| (square - mean).powi(2)).sum::<f64>() / (count - 1.0);
-        ((mean - (variance / count).sqrt()).max(0.0) / norm).sqrt()
+        let (mean, standard_error) = self.mean_square_and_its_error(errors);
+        if norm > 0.0 { ((mean - standard_error).max(0.0) / norm).sqrt() } else { 0.0 }
     }
 
-    /// Mean over the area of the squares of values at the first points; below 0 where two draws of small ones have much noise.
-    fn mean_square(&self, values: &[DVec3]) -> f64 {
+    /// Mean over the area of the squares of values at the first points, below 0 where two draws of small ones have much noise, and its
+    /// standard error.
+    fn mean_square_and_its_error(&self, values: &[DVec3]) -> (f64, f64) {
         let squares = self.squares(values);
-        squares.iter().sum::<f64>() / squares.len().max(1) as f64
+        let count = squares.len().max(1) as f64;
+        let mean = squares.iter().sum::<f64>() / count;
+        let variance =
+            squares.iter().map(|square| (square - mean).powi(2)).sum::<f64>() / (count - 1.0).max(1.0);
+        (mean, (variance / count).sqrt())
     }
 
     /// Squares of values at the first points, weighted: one of each position.
@@ -310,6 +322,12 @@ impl SamplePoints {
     fn mean_square_radiosity(&self) -> f64 {
         self.mean_square_error(&self.irradiance).max(0.0)
     }
+}
+
+/// Weight of the light in the middle of a polygon with so many corners in its mean, beside that of the corners: for a regular one,
+/// 1 - r^2 / R^2 with r the radius of gyration and R that of the corners.
+fn part_of_middle(corners: usize) -> f64 {
+    1.0 - (2.0 + (std::f64::consts::TAU / corners as f64).cos()) / 6.0
 }
 
 #[cfg(test)]
@@ -351,5 +369,24 @@ mod tests {
         let (twice, errors) = noisy(2);
         assert!((twice.relative(&errors) - ERROR).abs() < 0.02, "{}", twice.relative(&errors));
         assert!(twice.relative_at_least(&errors) < twice.relative(&errors));
+    }
+    #[test]
+    fn few_draws_do_not_claim_that_there_is_no_error() {
+        let (points, errors) = noisy(2);
+        for count in [16, 64, 256] {
+            let first = SamplePoints {
+                points: points.points[..count].to_vec(),
+                irradiance: points.irradiance[..count].to_vec(),
+                ..SamplePoints::default()
+            };
+            assert!(first.relative(&errors[..count]) > 0.02, "{count}: {}", first.relative(&errors[..count]));
+        }
+    }
+
+    #[test]
+    fn middles_weigh_as_much_as_simpsons_rule_says() {
+        for (corners, part) in [(3, 0.75), (4, 2.0 / 3.0), (6, 7.0 / 12.0)] {
+            assert!((part_of_middle(corners) - part).abs() < 1e-12, "{corners}");
+        }
     }
 }

@@ -47,7 +47,7 @@ impl Lit {
     /// Solves for the light on the shooting mesh, well enough to see where it must be refined.
     #[tracing::instrument(skip_all)]
     pub fn solve(self, cx: &mut Context) -> Result<Solved> {
-        let Self { mesh, mut rows, sources, samples, middles, mut direct } = self;
+        let Self { mesh, mut rows, sources, samples, mut middles, mut direct } = self;
         cx.client.monitor.enter(Phase::Shoot, mesh.mesh.vertices.len());
         let Rows { source, table } = &mut rows;
         let mut radiosity = source.shoot(cx, &mesh, table, &direct)?;
@@ -61,6 +61,10 @@ impl Lit {
         if table.bounds.count() > 0 {
             // Shots were not bounded, and may have run away.
             radiosity.fill(DVec3::ZERO);
+        }
+        if let Some(set) = table.middles {
+            let seen = source.gather(cx, &mesh, table, &[set], &[], true)?.pop().unwrap_or_default();
+            middles.set_exposed(&seen.cover.sums);
         }
         let row_sums = source.row_sums(&mesh, &sums);
         let values = source.first_values(&mesh, &exposed);

@@ -26,7 +26,9 @@ impl Store {
         match self.write(record) {
             Err(error) if is_full(&error) => {
                 let _spending = lock(&self.lacks_room);
-                self.spend()?;
+                if self.spend().is_err() {
+                    return Err(error);
+                }
                 tracing::warn!("the disk is full: a change of a job takes room that was kept for it");
                 files::write(&self.record(record.id), &record::encode(record))
             }

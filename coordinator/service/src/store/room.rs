@@ -37,11 +37,12 @@ impl Store {
         Ok(disk.f_bavail.saturating_mul(disk.f_frsize))
     }
 
-    /// Returns the bytes that the rows of a job may take: half of what the disk has for them. Its lit file must find room, or it would
-    /// wait for ever for what its own rows take.
+    /// Returns the bytes that the rows of a job may take where so many may run at the same time: of what the disk has, each gets one part,
+    /// and one is left. Their lit files must find room, or they would wait for ever for what their own rows take.
     #[must_use]
-    pub fn room_for_rows(&self, job: JobId) -> u64 {
-        self.free().map_or(u64::MAX, |free| free.saturating_add(size(&self.checkpoint(job))) / 2)
+    pub fn room_for_rows(&self, job: JobId, jobs: usize) -> u64 {
+        let parts = (jobs as u64).saturating_add(1);
+        self.free().map_or(u64::MAX, |free| free.saturating_add(size(&self.checkpoint(job))) / parts)
     }
 
     /// Returns the bytes that deleting this job frees, without its scene, if no other job uses its light.

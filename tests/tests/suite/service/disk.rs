@@ -76,7 +76,6 @@ fn jobs_are_cancelled_on_a_full_disk() {
     let service = ServiceProcess::start(&small.join("data"), &["--workers", "127.0.0.1:1", "--jobs", "1"]);
     let jobs: Vec<String> = (0..3).map(|_| service.submit(&cornell(), &QUICK)).collect();
     let ballast = small.join("ballast");
-    // Down to single bytes: whole blocks first.
     let mut file = fs::File::create(&ballast).unwrap();
     while file.write(&[1; 4096]).is_ok_and(|written| written > 0) {}
     for job in &jobs {
