@@ -80,9 +80,6 @@ impl Plan {
         let (error, contrast) = (found(prediction.relative()), found(prediction.contrast()));
         // Contrast alone is no reason to say that the error asked for cannot be met.
         let stop = |obstacle| if error <= self.limit { Step::Done } else { Step::Stop(obstacle) };
-        if error > self.limit && error <= noise {
-            return Step::Stop(Obstacle::Noise);
-        }
         let is_over = |found: f64, limit: f64| found > limit.max(noise);
         // Contrast comes second: what it adds takes nothing from what the error needs.
         let (measure, over) = if is_over(error, self.limit) {
@@ -90,8 +87,10 @@ impl Plan {
         } else if is_over(contrast, self.contrast) {
             (Measure::Contrast, contrast / self.contrast)
         } else {
-            return Step::Done;
+            return stop(Obstacle::Noise);
         };
+        // Where contrast has its turn, nothing but noise is in the error's way.
+        let stop = |obstacle| stop(if measure == Measure::Contrast { Obstacle::Noise } else { obstacle });
         let room = room(mesh, self.max_vertices);
         if room == 0 {
             return stop(Obstacle::MaxVertices);
@@ -235,11 +234,21 @@ mod tests {
         assert!(matches!(met, Step::Done));
         let small = plan(2.0 * relative, 0.5 * contrast).next(&mesh, &error, 0.0, |_| false);
         assert!(matches!(small, Step::Done), "contrast is no obstacle to the error");
-        let noisy = plan(0.3 * relative, 0.1 * contrast).next(&mesh, &error, relative, |_| true);
-        assert!(
-            matches!(noisy, Step::Stop(Obstacle::Noise)),
-            "and takes no vertices before the error is met"
-        );
+    }
+
+    /// Where noise hides the error, contrast has what vertices are left, and is not said to be in its way.
+    #[test]
+    fn contrast_hides_no_noise() {
+        let mesh = squares(&[1.0; 2]);
+        let found: Vec<_> = (0..).map(PatchId).zip([0.1, 0.1].map(DVec3::splat)).collect();
+        let light = [10.0, 0.1].map(|light| [DVec3::splat(light); 4]).concat();
+        let error = MeshError::predict(&mesh, &light, &[DVec3::ONE], &found);
+        let next = |max_vertices| {
+            let plan = Plan { limit: 0.3 * error.relative(), contrast: 0.0, max_vertices, ..PLAN };
+            plan.next(&mesh, &error, error.relative(), |_| true)
+        };
+        assert_eq!(divided(next(1000)), ids(&[1]));
+        assert!(matches!(next(8), Step::Stop(Obstacle::Noise)));
     }
 
     #[test]

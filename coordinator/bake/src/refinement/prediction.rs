@@ -36,7 +36,7 @@ pub struct MeshError {
 }
 
 /// How errors of leaves are compared.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Measure {
     /// By the square error, integrated over the area.
     Error,
