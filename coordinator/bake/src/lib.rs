@@ -44,9 +44,9 @@ mod test_scenes;
 
 pub use error::BakeError;
 pub use error_budget::ErrorBudget;
-pub use jobs::{RowService, ThreadTime, TimeParts};
+pub use jobs::{RowService, ThreadTime};
 pub use light_parts::{LightGroup, LightPart};
-pub use observer::{Observer, Phase, Progress, Unobserved};
+pub use observer::{Observer, Phase, Progress, TimeParts, Unobserved};
 pub use relight::{KeptLight, LightChange, NewLight, RelightError, RelightReport, Relit, relight};
 pub use run::{Baked, bake, bake_with_points};
 pub use settings::{BakeSettings, Quality, RowStrategy};

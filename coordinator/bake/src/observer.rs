@@ -2,7 +2,6 @@
 
 use serde::Serialize;
 
-use crate::jobs::TimeParts;
 use crate::lit::LitMesh;
 
 /// A phase of a bake.
@@ -71,6 +70,30 @@ pub struct Progress {
     pub vertices: usize,
     /// How the wall time divides so far.
     pub time: TimeParts,
+}
+
+/// Parts of the wall time of a bake, in seconds. While some threads of the workers compute and others do not, each part gets its
+/// share: with one thread of four busy, a quarter of the time is [`Self::rows`].
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+pub struct TimeParts {
+    /// Threads of workers computed rows of this bake. Over the wall time, this is how well the workers were used.
+    pub rows: f64,
+    /// They computed for other bakes, or what another worker had computed before.
+    pub other_rows: f64,
+    /// They had nothing to compute while jobs and rows were on their way, and replicas loaded.
+    pub network: f64,
+    /// They had nothing to compute while the bake waited for rows of others.
+    pub waiting: f64,
+    /// They had nothing to compute while the coordinator did its own arithmetic.
+    pub own: f64,
+}
+
+impl TimeParts {
+    /// The wall time.
+    #[must_use]
+    pub fn total(&self) -> f64 {
+        self.rows + self.other_rows + self.network + self.waiting + self.own
+    }
 }
 
 /// An observer of a bake. It is called in the thread of the bake, often: each call should return at once.

@@ -21,4 +21,4 @@ mod time;
 pub use client::{RowBatch, RowClient};
 pub use plan::ReceiverSet;
 pub use service::RowService;
-pub use time::{ThreadTime, TimeParts};
+pub use time::ThreadTime;

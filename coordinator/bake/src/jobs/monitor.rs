@@ -5,9 +5,7 @@ use kernel::row::FinishedJob;
 
 use crate::error::{BakeError, Result};
 use crate::lit::LitMesh;
-use crate::observer::{Observer, Phase, Progress};
-
-use super::time::TimeParts;
+use crate::observer::{Observer, Phase, Progress, TimeParts};
 
 /// Form factors are summed up in this unit: 2^-50, far below the rounding of a row.
 const SUM_UNIT: f64 = 1.0 / (1_u64 << 50) as f64;

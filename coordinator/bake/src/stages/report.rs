@@ -7,7 +7,7 @@ use super::measure::Measured;
 use super::solved::Solved;
 use crate::context::Context;
 use crate::error_budget::ErrorBudget;
-use crate::jobs::TimeParts;
+use crate::observer::TimeParts;
 use crate::settings::RowStrategy;
 use crate::solver::balance::{EnergyBalance, RowSums};
 
