@@ -31,6 +31,7 @@ mod pieces;
 mod refine;
 mod report;
 mod setup;
+mod sides;
 mod sky;
 mod solved;
 
