@@ -127,15 +127,15 @@ mod tests {
             .map(|index| {
                 // Some lie in the same planes.
                 let point = DVec3::new(part(index, 0.754_877_67), part(index, 0.569_84), part(index, 0.32));
-                if index % 2 == 0 { (8.0 * point).round() / 8.0 } else { point }
+                if index.is_multiple_of(2) { (8.0 * point).round() / 8.0 } else { point }
             })
             .collect();
         let tree = PointTree::new(points.clone());
-        for index in 0..2000 {
-            let normal = if index % 3 == 0 { DVec3::AXES[index % 9 / 3] } else { direction(index) };
+        for index in 0..2000_usize {
+            let normal = if index.is_multiple_of(3) { DVec3::AXES[index % 9 / 3] } else { direction(index) };
             let origin = 1.1 * part(index, 0.447) * normal;
             let plane = Plane { origin, normal, tolerance: [0.0, 3e-4, 0.1][index % 3] };
-            let known = [index % 5 == 0, index % 7 == 0];
+            let known = [index.is_multiple_of(5), index.is_multiple_of(7)];
             let heights = || points.iter().map(|point| plane.height(*point));
             let above = known[0] || heights().any(|height| height > plane.tolerance);
             let below = known[1] || heights().any(|height| height < -plane.tolerance);
