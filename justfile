@@ -69,6 +69,11 @@ paper *scenes:
 bench-cluster *arguments:
     tests/bench/cluster {{ arguments }}
 
+# Scenes that ask for trouble, baked and cancelled for so many seconds; those that break a promise go to target/nasty.
+nasty seconds="600" triangles="2000" *arguments:
+    cargo build --release -p coordinator
+    cargo run --release -p tests --example nasty -- {{ seconds }} {{ triangles }} {{ arguments }}
+
 # A service under load: how long calls take while it bakes, and what memory it has. Wants a quiet machine.
 storm seconds="60":
     cargo build --release -p coordinator

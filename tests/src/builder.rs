@@ -126,6 +126,12 @@ impl SceneBuilder {
         self
     }
 
+    /// Triangles of all parts.
+    #[must_use]
+    pub fn triangles(&self) -> usize {
+        self.parts.iter().flat_map(|part| &part.polygons).map(|polygon| polygon.len() - 2).sum()
+    }
+
     /// Adds an isotropic point light.
     #[must_use]
     pub fn point_light(self, position: DVec3, intensity: f64) -> Self {

@@ -95,6 +95,26 @@ pub fn arguments(files: &TlsFiles) -> [&str; 6] {
     ["--tls-ca", path(&files.ca), "--tls-cert", path(&files.certificate), "--tls-key", path(&files.key)]
 }
 
+/// What a server needs of the files where its callers show a token.
+///
+/// # Panics
+/// As [`arguments`].
+#[must_use]
+pub fn of_server(files: &TlsFiles) -> [&str; 4] {
+    let [_, _, rest @ ..] = arguments(files);
+    rest
+}
+
+/// What their callers need.
+///
+/// # Panics
+/// As [`arguments`].
+#[must_use]
+pub fn of_caller(files: &TlsFiles) -> [&str; 2] {
+    let [option, ca, ..] = arguments(files);
+    [option, ca]
+}
+
 fn path(file: &Path) -> &str {
     file.to_str().expect("temporary paths are text")
 }

@@ -6,6 +6,7 @@ use glam::DVec3;
 use serde_json::json;
 
 use crate::builder::{Material, SceneBuilder, pack};
+use crate::numbers::Numbers;
 use crate::shapes::{Polygon, box_facing_in, box_facing_out};
 
 /// The room's far corner; the near one is the origin. Metres, y up.
@@ -22,20 +23,6 @@ const FURNITURE: [(DVec3, DVec3); 4] = [
     (DVec3::new(4.5, 0.0, 0.5), DVec3::new(5.0, 1.5, 1.0)),
 ];
 
-/// Splitmix64: numbers that are the same everywhere.
-struct Numbers(u64);
-
-impl Numbers {
-    /// In [0, 1).
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ z >> 31) >> 11) as f64 / (1u64 << 53) as f64
-    }
-}
-
 /// The room with faces of one polygon each: what there is to see of the dirty one, but for its clutter.
 #[must_use]
 pub fn clean_room() -> SceneBuilder {
@@ -46,7 +33,7 @@ pub fn clean_room() -> SceneBuilder {
 /// ones stand beside tiny ones, three sheets meet at one edge, and a ball has smooth normals.
 #[must_use]
 pub fn dirty_room(triangles: usize) -> Vec<u8> {
-    let mut numbers = Numbers(1);
+    let mut numbers = Numbers::new(1);
     let faces = 6 * (2 + FURNITURE.len());
     let builder = room(|face| careless(face, triangles / faces, &mut numbers));
     // Three sheets of no thickness at one edge, above the lamp's height where they shade little.
@@ -87,9 +74,9 @@ fn careless(face: &Polygon, triangles: usize, numbers: &mut Numbers) -> Vec<Poly
     for i in 0..cells {
         for j in 0..cells {
             let [a, b, c, d] = [point(i, j), point(i + 1, j), point(i + 1, j + 1), point(i, j + 1)];
-            let halves = if numbers.next() < 0.5 { [[a, b, c], [a, c, d]] } else { [[a, b, d], [b, c, d]] };
+            let halves = if numbers.part() < 0.5 { [[a, b, c], [a, c, d]] } else { [[a, b, d], [b, c, d]] };
             for half in halves {
-                let kind = numbers.next();
+                let kind = numbers.part();
                 if kind < 0.02 {
                     // The same once more, from another corner.
                     polygons.push(vec![half[1], half[2], half[0]]);

@@ -13,6 +13,8 @@
 //! | [`scenes`] | a furnished room, a house and a Cornell box with textures, as they stand in `tests/scenes` |
 //! | [`rooms_only`] | rows of a building whose rooms do not see each other: what a bake costs beside visibility |
 //! | [`dirty`] | a furnished room as careless tools write it |
+//! | [`nasty`] | scenes that ask for trouble, made from a seed, and what must hold of their bakes |
+//! | [`numbers`] | random numbers that are the same everywhere |
 //! | [`flip`] | how different two pictures look |
 //! | [`certificates`] | certificates of an authority of the test's own |
 //! | [`programs`] | the binaries of the workspace as processes |
@@ -27,6 +29,8 @@ pub mod city;
 pub mod dirty;
 pub mod flip;
 pub mod measured;
+pub mod nasty;
+pub mod numbers;
 pub mod painting;
 pub mod programs;
 pub mod rooms_only;

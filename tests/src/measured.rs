@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 use bake::{BakeReport, BakeSettings};
 use output::export::{ExportSettings, export};
-use scene::{ImportOptions, import};
+use scene::{ImportOptions, ReadOptions, import};
 use verify::score::{Score, score};
 
 use crate::baking::baked;
@@ -42,7 +42,8 @@ pub fn measured_as(name: &str, options: &ImportOptions, settings: &BakeSettings)
     let lit: PathBuf = std::env::temp_dir().join(format!("halflight-{}-{number}.glb", std::process::id()));
     let export_settings = ExportSettings::default();
     export(&scene, &baked.lit, &export_settings, &lit).unwrap_or_else(|error| panic!("{error}"));
-    let score = score(&lit, &data(&format!("references/{name}.reference.csv")), &path);
+    let score =
+        score(&lit, &data(&format!("references/{name}.reference.csv")), &path, &ReadOptions::default());
     let _ = std::fs::remove_file(&lit);
     Measured { report: baked.report, score: score.unwrap_or_else(|error| panic!("{error}")) }
 }

@@ -62,6 +62,7 @@ async fn run(options: Options) -> anyhow::Result<()> {
     }
     let transport = options.listening()?;
     let token = options.token()?;
+    transport.check_callers(token.is_some()).context("give --token-file or --tls-ca")?;
     transport.allows(options.listen).with_context(|| format!("cannot listen on {}", options.listen))?;
     let listener = TcpListener::bind(options.listen)
         .await

@@ -33,7 +33,7 @@ pub struct Options {
         hide_default_value = true
     )]
     pub replica_bytes: ReplicaBytes,
-    /// Certificate of the authority that signs certificates of coordinators, PEM.
+    /// Certificate of the authority that signs certificates of coordinators, PEM [default: --token-file is enough].
     #[arg(long, env = "WORKER_TLS_CA", value_name = "FILE", value_parser = path())]
     tls_ca: Option<PathBuf>,
     /// This worker's certificate, PEM; valid for the name that coordinators dial.
@@ -69,13 +69,9 @@ impl Options {
     /// Security of incoming connections.
     pub fn listening(&self) -> Result<Transport, SecurityError> {
         let names: Vec<String> = self.tls_callers.iter().filter(|name| !name.is_empty()).cloned().collect();
-        self.transport()?.accepting(&names)
-    }
-
-    /// Transport security.
-    pub fn transport(&self) -> Result<Transport, SecurityError> {
         let Self { tls_ca, tls_cert, tls_key, plaintext, .. } = self;
-        Transport::from_options(tls_ca.clone(), tls_cert.clone(), tls_key.clone(), *plaintext)
+        let (ca, certificate, key) = (tls_ca.clone(), tls_cert.clone(), tls_key.clone());
+        Transport::of_server(ca, certificate, key, *plaintext)?.accepting(&names)
     }
 
     /// The token that calls must carry.
@@ -86,7 +82,10 @@ impl Options {
     /// Security of health checks.
     pub fn client(&self) -> Result<ClientSecurity, SecurityError> {
         let server_name = self.tls_name.clone().filter(|name| !name.is_empty());
-        Ok(ClientSecurity { transport: self.transport()?, server_name, token: self.token()? })
+        let Self { tls_ca, tls_cert, tls_key, plaintext, .. } = self;
+        let (ca, certificate, key) = (tls_ca.clone(), tls_cert.clone(), tls_key.clone());
+        let transport = Transport::of_caller(ca, certificate, key, *plaintext)?;
+        Ok(ClientSecurity { transport, server_name, token: self.token()? })
     }
 
     /// Address of the metrics.

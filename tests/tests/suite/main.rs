@@ -30,6 +30,7 @@
 //! | `size` | how a bake grows with its scene, and what is made again where rows are not kept, in counts |
 //! | `determinism` | bakes against bakes by other workers, bit for bit |
 //! | `dirty` | meshes as careless tools write them, against the same surfaces written with care |
+//! | `nasty` | scenes that ask for trouble, made from seeds, against what must hold of every bake |
 //! | `stability` | hard cases, and scenes told in several ways, against what is true of every bake |
 //! | `security` | workers with certificates and tokens against those who have none or others, and against garbage |
 //! | `service` | the long-running service against `solve`, crashes, wrong clients and what its protocol promises |
@@ -54,6 +55,7 @@ mod lightmaps;
 mod lights;
 mod made_scenes;
 mod mesh;
+mod nasty;
 mod occlusion;
 mod output_mesh;
 mod pictures;

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use protocol::security::TlsFiles;
 use tempfile::TempDir;
 use tests::builder::{Material, SceneBuilder};
-use tests::certificates::{Authority, ExtendedKeyUsagePurpose, arguments};
+use tests::certificates::{Authority, ExtendedKeyUsagePurpose, arguments, of_caller, of_server};
 use tests::programs::{Solved, Solving, WorkerProcess, binary};
 use tests::shapes;
 
@@ -114,6 +114,40 @@ fn certificates_that_are_not_right_are_refused() {
     assert!(after.success, "the worker does not live on: {}", after.said);
 }
 
+/// A worker's certificate is enough where coordinators show a token: they have none themselves.
+#[test]
+fn tokens_take_the_place_of_the_callers_certificates() {
+    let (bench, authority, other) = (Bench::new(), Authority::new(), Authority::new());
+    let worker = here(&authority);
+    let token = ["--token-file", &bench.file("token", "right-0123456789")];
+    let wrong = ["--token-file", &bench.file("wrong", "wrong-0123456789")];
+    let process = start(&[&of_server(&worker)[..], &token].concat());
+    let caller = of_caller(&worker);
+    let baked = bench.solve(&process.address, &[&caller[..], &token].concat());
+    assert!(baked.success, "{}", baked.said);
+    // A certificate that nobody asks for does no harm.
+    let baked = bench.solve(&process.address, &[&arguments(&worker)[..], &token].concat());
+    assert!(baked.success, "{}", baked.said);
+    assert!(health(&process.address, &[&caller[..], &token].concat()).0);
+
+    bench.assert_refused(&process, &caller, &["demands a token", "--token-file"]);
+    bench.assert_refused(&process, &[&caller[..], &wrong].concat(), &["token is not this worker's"]);
+    bench.assert_refused(&process, &token, &["--tls-ca"]);
+    // The token goes to no worker that another authority has signed.
+    let impostor = other.sign(&["127.0.0.1"]);
+    let strangers = [&of_caller(&impostor)[..], &token].concat();
+    bench.assert_refused(&process, &strangers, &["not of the authority in --tls-ca"]);
+    // Where a certificate is demanded, a token is none.
+    let mutual = start(&[&arguments(&worker)[..], &token].concat());
+    let without = [&caller[..], &token].concat();
+    bench.assert_refused(&mutual, &without, &["demands a certificate: give --tls-cert and --tls-key"]);
+
+    let mut command = Command::new(binary("worker"));
+    let refused = command.args(["--listen", "127.0.0.1:0"]).args(of_server(&worker)).output().unwrap();
+    let said = String::from_utf8(refused.stderr).unwrap();
+    assert!(!refused.status.success() && said.contains("give --token-file or --tls-ca"), "{said}");
+}
+
 /// A certificate of a client or a worker is none of a coordinator, where the operator says so: by name, or by purpose.
 #[test]
 fn certificates_have_roles() {
@@ -147,7 +181,10 @@ fn callers_that_show_nothing_shut_nobody_out() {
     let with_token = vec!["--token-file".to_owned(), token];
     let files = |files| arguments(files).map(str::to_owned).to_vec();
     let (worker, coordinator) = (here(&authority), authority.sign(&["coordinator"]));
-    for (worker, coordinator) in [(with_token.clone(), with_token), (files(&worker), files(&coordinator))] {
+    let of_both = |files: &[&str]| files.iter().map(ToString::to_string).chain(with_token.clone()).collect();
+    let by_token = (of_both(&of_server(&worker)), of_both(&of_caller(&worker)));
+    let by_certificate = (files(&worker), files(&coordinator));
+    for (worker, coordinator) in [(with_token.clone(), with_token.clone()), by_certificate, by_token] {
         let words = |arguments: &[String]| arguments.iter().map(String::as_str).collect::<Vec<_>>().join(" ");
         let (worker, coordinator) = (words(&worker), words(&coordinator));
         let process = start(&worker.split(' ').collect::<Vec<_>>());

@@ -38,7 +38,7 @@ pub struct ConnectionLimits {
     pub connections: usize,
     /// How long one may be silent, in both directions.
     pub silence: Duration,
-    /// Whether callers show a token; else a certificate is enough, and without certificates all are trusted.
+    /// Whether callers show a token; else a certificate is enough, and without encryption all are trusted.
     pub token: bool,
 }
 
@@ -58,8 +58,8 @@ const FAREWELL: Duration = Duration::from_secs(1);
 /// core busy.
 const PAUSE: Duration = Duration::from_millis(100);
 
-/// Takes connections for as long as the stream is held. With certificates, only those that have one of the same authority
-/// come out of it; the others are logged. Changed files count for the connections after.
+/// Takes connections for as long as the stream is held. Where certificates are demanded, only those that have one of the same
+/// authority come out of it; the others are logged. Changed files count for the connections after.
 ///
 /// Must be called within a runtime.
 pub fn incoming(
@@ -146,8 +146,10 @@ async fn admit(arrival: Arrival, tls: Option<Tls>, limits: ConnectionLimits, adm
 /// Encrypts a connection with the certificates as their files have them now.
 async fn shake_hands(tls: Tls, socket: TcpStream) -> Result<TlsStream<TcpStream>, (io::Error, TcpStream)> {
     // A slow disk holds nobody up but this caller.
-    let Ok(server) = spawn_blocking(move || tls.server()).await else {
-        return Err((io::Error::other("the certificates cannot be read"), socket));
+    let server = match spawn_blocking(move || tls.server()).await {
+        Ok(Ok(server)) => server,
+        Ok(Err(error)) => return Err((io::Error::other(error), socket)),
+        Err(_) => return Err((io::Error::other("the certificates cannot be read"), socket)),
     };
     TlsAcceptor::from(server).accept(socket).into_fallible().await
 }

@@ -7,6 +7,12 @@ impl Mesh {
     /// Divides a leaf about its centroid into one quadrilateral per corner. Coarser neighbours are divided first, so
     /// that no edge ever has more than one vertex between its ends. Does nothing to a divided patch.
     pub fn divide(&mut self, id: PatchId) {
+        self.divide_within(id, usize::MAX);
+    }
+
+    /// The same, as far as the mesh then has no more vertices than this: false where it would have more. Neighbours may be divided
+    /// where the patch itself is not.
+    pub fn divide_within(&mut self, id: PatchId, most: usize) -> bool {
         let mut todo = vec![id];
         while let Some(&id) = todo.last() {
             if self.patch(id).first_child.is_some() {
@@ -14,13 +20,18 @@ impl Mesh {
                 continue;
             }
             let coarser: Vec<PatchId> = self.coarser_neighbours(id);
-            if coarser.is_empty() {
-                self.divide_one(id);
-                todo.pop();
-            } else {
+            if !coarser.is_empty() {
                 todo.extend(coarser);
+                continue;
             }
+            // One in the middle and one on each side, unless a neighbour has it.
+            if self.vertices.len() + self.patch(id).corners.len() + 1 > most {
+                return false;
+            }
+            self.divide_one(id);
+            todo.pop();
         }
+        true
     }
 
     /// Leaves that have the whole edge of which this patch has one half.
@@ -83,5 +94,35 @@ impl Mesh {
         };
         self.vertices.push(Vertex { position, normal, plane: first.plane, smooth });
         id
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::mesh::{Mesh, MeshLimits};
+    use crate::test_scenes::{facet, scene};
+
+    /// Towards a corner, so that each division makes coarser neighbours divide.
+    #[test]
+    fn divisions_stay_within_the_vertices_that_there_may_be() {
+        let square = facet(0, &[[0., 0., 0.], [1., 0., 0.], [1., 1., 0.], [0., 1., 0.]]);
+        let scene = scene(vec![vec![square]], vec![]);
+        for most in 4..120 {
+            let mut mesh = Mesh::within(MeshLimits::NONE, &scene, 1.0, 2.0, 12, &[]).unwrap();
+            loop {
+                let from_middle = |id| {
+                    let corners = &mesh.patch(id).corners;
+                    let sum: glam::DVec3 = corners.iter().map(|corner| mesh.position(*corner)).sum();
+                    (sum / corners.len() as f64 - glam::DVec3::new(0.49, 0.49, 0.0)).length()
+                };
+                let leaves = mesh.leaves().map(|(id, _)| id);
+                let nearest = leaves.min_by(|a, b| from_middle(*a).total_cmp(&from_middle(*b))).unwrap();
+                if !mesh.divide_within(nearest, most) {
+                    break;
+                }
+            }
+            let vertices = mesh.vertices.len();
+            assert!(vertices <= most && vertices + 5 > most, "{vertices} of {most} vertices");
+        }
     }
 }

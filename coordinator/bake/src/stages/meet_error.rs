@@ -34,6 +34,13 @@ const LONGEST_STEP: f64 = 0.6;
 /// Refining and measuring are repeated this often at most.
 const MAX_ROUNDS: u32 = 12;
 
+/// Part of the emitted flux that may be missing, or too much, where an error is said to be met. Samples may miss small bright places;
+/// the balance does not.
+const IMBALANCE: f64 = 0.02;
+
+/// Most rounds for the sake of the balance alone: not every imbalance is one of interpolation.
+const ROUNDS_FOR_BALANCE: u32 = 4;
+
 /// Most new starts.
 const MAX_RESTARTS: u32 = 3;
 
@@ -44,6 +51,7 @@ impl Solved {
         let mut solved = self;
         let mut limit = MARGIN * cx.settings.mesh_error;
         let mut round = 1;
+        let mut rounds_for_balance = 0;
         let mut shooters = None;
         loop {
             let vertices = solved.mesh.mesh.vertices.len();
@@ -56,21 +64,29 @@ impl Solved {
                 shooters = None;
             }
             let mut better = measured.better_settings(cx);
-            let is_end = |measured: &Measured, better: &Option<BakeSettings>| {
+            // Noise of rays is no reason for more vertices.
+            let may_balance =
+                rounds_for_balance < ROUNDS_FOR_BALANCE && measured.solved.rows.source.leaves_cost_rows();
+            let needs_balance = |measured: &Measured, cx: &Context| may_balance && !measured.is_balanced(cx);
+            let is_end = |measured: &Measured, better: &Option<BakeSettings>, cx: &Context| {
                 round == MAX_ROUNDS
                     || measured.is_enough(cx.settings)
+                        && (measured.obstacle.is_some() || !needs_balance(measured, cx))
                     || measured.others_take_all(cx.settings) && better.is_some()
             };
-            if shooters.is_some() && is_end(&measured, &better) {
+            if shooters.is_some() && is_end(&measured, &better, cx) {
                 measured = measured.measure_shooters(cx)?;
                 better = measured.better_settings(cx);
             }
-            if is_end(&measured, &better) {
+            if is_end(&measured, &better, cx) {
                 return Ok((measured, better));
             }
             // Where the prediction did not see what was found, only a lower limit goes on.
             let is_unchanged = measured.solved.mesh.mesh.vertices.len() == vertices;
-            limit = if is_unchanged {
+            limit = if measured.is_enough(cx.settings) {
+                rounds_for_balance += 1;
+                UNSEEN_STEP * limit.min(measured.of_mesh())
+            } else if is_unchanged {
                 limit * UNSEEN_STEP
             } else {
                 (MARGIN * measured.aim_for_mesh(cx.settings)).max(LONGEST_STEP * measured.of_mesh())
@@ -89,6 +105,18 @@ impl Measured {
         let limited_by_others =
             self.others_take_all(settings) && self.of_mesh() <= self.aim_for_mesh(settings);
         is_met || limited_by_others || self.obstacle.is_some()
+    }
+
+    /// Whether emitted light is accounted for, where an error is asked for. What comes from outside is known from the first mesh alone,
+    /// whose vertices may miss where the sun falls in: where that is much, the balance tells nothing.
+    fn is_balanced(&self, cx: &Context) -> bool {
+        if cx.settings.error.is_none() {
+            return true;
+        }
+        let balance = self.solved.balance(cx);
+        let outside = self.solved.sources.from_outside * cx.scene.frame.scale.powi(2);
+        let allowed = IMBALANCE * balance.emitted.iter().sum::<f64>();
+        balance.imbalance.iter().sum::<f64>().abs() <= allowed || outside.element_sum() > allowed
     }
 
     /// The error of interpolation on the mesh.
@@ -167,7 +195,8 @@ impl Measured {
     }
 
     /// Why the asked error is not met, in words for the user.
-    pub fn describe_obstacle(&self, settings: &BakeSettings) -> Option<String> {
+    pub fn describe_obstacle(&self, cx: &Context) -> Option<String> {
+        let settings = cx.settings;
         if settings.error.is_some() && self.is_predicted() {
             return Some(
                 "the error asked for was predicted, not measured: give --validation-samples".to_owned(),
@@ -176,7 +205,7 @@ impl Measured {
         let asked = settings.asked_error();
         let estimate = if settings.error.is_some() { self.error.total } else { self.error.receivers };
         if estimate <= asked {
-            return None;
+            return (!self.is_balanced(cx)).then(|| self.describe_imbalance(cx, asked));
         }
         let error = &self.error;
         let interpolation = "interpolation between the vertices";
@@ -197,5 +226,16 @@ impl Measured {
             100.0 * asked,
             100.0 * estimate
         ))
+    }
+
+    /// Why the asked error is not met although it is estimated to be.
+    fn describe_imbalance(&self, cx: &Context, asked: f64) -> String {
+        let part = 100.0 * self.solved.balance(cx).relative_imbalance();
+        let what = if part > 0.0 { "is lost between the vertices" } else { "is too much" };
+        format!(
+            "an error of {:.2} % was asked for and may not be met: {:.1} % of the emitted light {what}; lower --error",
+            100.0 * asked,
+            part.abs()
+        )
     }
 }

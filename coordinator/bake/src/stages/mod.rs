@@ -33,6 +33,7 @@ mod pieces;
 mod refine;
 mod report;
 mod setup;
+mod sides;
 mod sky;
 mod solved;
 

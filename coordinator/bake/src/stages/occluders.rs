@@ -5,17 +5,12 @@ use kernel::geometry::ConvexPolygon;
 use kernel::occluder::convex_bodies;
 use kernel::replica::ScenePolygons;
 
+use super::sides::{Plane, PointTree};
 use super::{pieces, sky};
 use scene::{Facet, Scene};
 
 /// Heights up to this, in frame units, count as in the plane: a few ulps of f32 coordinates.
 const IN_PLANE: f64 = 3e-4;
-
-/// Directions whose extreme points are tried first.
-const PROBES: i32 = 2;
-
-/// Most pairs of facet and point that are tested; further facets count as occluders.
-const MAX_TESTS: usize = 2_000_000_000;
 
 /// The facets that can occlude two points of the scene, or a point and its lights and sky: all but those with all of these
 /// on one side, such as the walls of a convex room; convex bodies stay whole. The back sides of double-sided surfaces are left
@@ -27,21 +22,14 @@ pub fn occluders(scene: &Scene) -> ScenePolygons {
         .chain(scene.lights.iter().flat_map(|light| light.kind.extremes()))
         .chain(sky::corners(scene))
         .collect();
-    let extremes = extreme_points(&points);
+    let points = PointTree::new(points);
     let far: Vec<DVec3> = scene
         .lights
         .iter()
         .filter(|light| light.intensity != DVec3::ZERO)
         .filter_map(|light| light.kind.from_far())
         .collect();
-    let mut tests = 0;
-    let mut can_block = |facet: &Facet| {
-        if has_both_sides(facet, &extremes, &far) {
-            return true;
-        }
-        tests += points.len();
-        tests > MAX_TESTS || has_both_sides(facet, &points, &far)
-    };
+    let can_block = |facet: &Facet| has_both_sides(facet, &points, &far);
     let mut blocks: Vec<bool> = vec![];
     let mut polygons: Vec<ConvexPolygon> = vec![];
     let mut translucent = ScenePolygons::default();
@@ -73,32 +61,8 @@ pub fn occluders(scene: &Scene) -> ScenePolygons {
 }
 
 /// Whether some of these points, or of the points infinitely far in some directions, are above a facet and some below.
-fn has_both_sides(facet: &Facet, points: &[DVec3], far: &[DVec3]) -> bool {
-    let origin = facet.corners[0].position;
+fn has_both_sides(facet: &Facet, points: &PointTree, far: &[DVec3]) -> bool {
     let is_far = |side: f64| far.iter().any(|direction| facet.normal.dot(*direction) * side > 0.0);
-    let (mut above, mut below) = (is_far(1.0), is_far(-1.0));
-    if above && below {
-        return true;
-    }
-    for point in points {
-        let height = facet.normal.dot(*point - origin);
-        above |= height > IN_PLANE;
-        below |= height < -IN_PLANE;
-        if above && below {
-            return true;
-        }
-    }
-    false
-}
-
-/// The farthest points in a fixed set of directions: enough to find both sides of nearly every inner facet.
-fn extreme_points(points: &[DVec3]) -> Vec<DVec3> {
-    let steps = || -PROBES..=PROBES;
-    let directions = steps().flat_map(|x| steps().flat_map(move |y| steps().map(move |z| (x, y, z))));
-    directions
-        .filter_map(|(x, y, z)| {
-            let direction = DVec3::new(f64::from(x), f64::from(y), f64::from(z));
-            points.iter().copied().reduce(|a, b| if direction.dot(b) > direction.dot(a) { b } else { a })
-        })
-        .collect()
+    let plane = Plane { origin: facet.corners[0].position, normal: facet.normal, tolerance: IN_PLANE };
+    points.sides(&plane, [is_far(1.0), is_far(-1.0)]) == [true, true]
 }

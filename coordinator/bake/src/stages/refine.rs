@@ -38,7 +38,9 @@ impl Solved {
                 Step::Done => break None,
                 Step::Stop(obstacle) => break Some(obstacle),
                 Step::Divide(patches) => {
-                    self.divide(cx, patches)?;
+                    if !self.divide(cx, patches)? {
+                        break Some(Obstacle::MaxVertices);
+                    }
                     self.preview(cx);
                 }
             }
@@ -56,22 +58,29 @@ impl Solved {
         let most = cx.settings.most_vertices(cx.scene);
         loop {
             let long = long_patches(&self.mesh.mesh, longest, most);
-            if long.is_empty() {
+            if long.is_empty() || !self.divide(cx, long)? {
                 return Ok(());
             }
-            self.divide(cx, long)?;
         }
     }
 
-    fn divide(&mut self, cx: &mut Context, mut patches: Vec<PatchId>) -> Result<()> {
+    /// Divides patches, as far as the mesh may have more vertices: false where it could have none.
+    fn divide(&mut self, cx: &mut Context, mut patches: Vec<PatchId>) -> Result<bool> {
+        let most = cx.settings.most_vertices(cx.scene);
         let mesh = &mut self.mesh.mesh;
         let first = VertexId(mesh.vertices.len() as u32);
         // Vertices follow each other in the order of their patches.
         mesh.sort_by_place(&mut patches);
         for id in patches {
-            mesh.divide(id);
+            if !mesh.divide_within(id, most) {
+                break;
+            }
+        }
+        if mesh.vertices.len() == first.index() {
+            return Ok(false);
         }
         cx.work.rounds += 1;
-        self.receive(cx, first)
+        self.receive(cx, first)?;
+        Ok(true)
     }
 }

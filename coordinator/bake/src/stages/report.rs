@@ -157,7 +157,7 @@ impl Measured {
     fn warnings(&self, cx: &Context, row_sums: &RowSums) -> Vec<String> {
         let settings = cx.settings;
         let mut warnings = vec![];
-        warnings.extend(self.describe_obstacle(settings));
+        warnings.extend(self.describe_obstacle(cx));
         let bounds = &self.solved.rows.table.bounds;
         let largest = row_sums.largest.max(bounds.largest_sum());
         if largest > LARGEST_ROW_SUM {
@@ -166,8 +166,8 @@ impl Measured {
             let place =
                 worst.map_or("", |(_, share)| cx.scene.surfaces[share.surface as usize].name.as_str());
             warnings.push(format!(
-                "form factors of {} vertices sum to more than 1, up to {largest:.4}, most on {place}: their light is scaled down; \
-                 surfaces overlap, or smooth normals bend far",
+                "form factors of {} vertices sum to more than 1, up to {largest:.4}, most on {place}: their light is scaled down, and \
+                 the estimated error does not count that; surfaces overlap, or smooth normals bend far",
                 bounds.count(),
             ));
         }

@@ -9,6 +9,7 @@ use verify::score::score_points;
 
 use super::console::print;
 use super::outputs::{check_distinct, check_place};
+use super::scene_options::BesideOptions;
 
 #[derive(Args)]
 pub struct CompareArguments {
@@ -23,6 +24,8 @@ pub struct CompareArguments {
     /// Write the values of the lit scene at the points of the reference to this CSV file
     #[arg(long, value_name = "CSV")]
     points: Option<PathBuf>,
+    #[command(flatten)]
+    beside: BesideOptions,
 }
 
 /// Prints the score of a lit scene as one line of JSON.
@@ -33,7 +36,8 @@ pub fn run(arguments: &CompareArguments) -> anyhow::Result<()> {
         check_distinct(&read.map(|(name, path)| (name, Some(&**path))), &[("list of points", Some(points))])?;
         check_place(points, "list of points", "--points")?;
     }
-    let (score, points) = score_points(&arguments.lit, &arguments.reference, &arguments.scene)?;
+    let (score, points) =
+        score_points(&arguments.lit, &arguments.reference, &arguments.scene, &arguments.beside.read())?;
     if let Some(path) = &arguments.points {
         files::write(path, to_csv(&points).as_bytes())
             .with_context(|| format!("{} cannot be written: choose another --points", path.display()))?;

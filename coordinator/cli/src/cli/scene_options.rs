@@ -9,7 +9,7 @@ use glam::DVec3;
 use pipeline::options::schema::{Kind, Options, Value};
 use pipeline::options::{Violations, import_options};
 use protocol::api;
-use scene::{ImportOptions, SkyImage, SkyPattern};
+use scene::{ImportOptions, ReadOptions, SkyImage, SkyPattern};
 
 use super::options::{Given, Unused, positive};
 
@@ -93,6 +93,11 @@ pub struct BesideOptions {
 }
 
 impl BesideOptions {
+    /// The options of a reader that may read these files.
+    pub fn read(&self) -> ReadOptions {
+        ReadOptions { outside_files: self.outside_files, ..ReadOptions::default() }
+    }
+
     /// The options of an import that may read these files.
     pub fn allow(&self, mut options: ImportOptions) -> ImportOptions {
         options.read.outside_files = self.outside_files;

@@ -37,7 +37,7 @@ const MIB: u64 = 1 << 20;
 pub struct ServeArguments {
     /// Address to listen on; port 0 takes a free one
     ///
-    /// An address that other machines reach needs the three --listen-tls files, or --listen-plaintext.
+    /// An address that other machines reach needs the --listen-tls files, or --listen-plaintext.
     #[arg(long, env = "COORDINATOR_LISTEN", value_name = "HOST:PORT", default_value = "127.0.0.1:7000")]
     listen: SocketAddr,
     /// Folder for scenes, jobs and lit files, created if missing
@@ -68,10 +68,10 @@ struct AccessArguments {
     /// Clients: a file with a line NAME TOKEN each [default: everybody who reaches the port, as one client]
     #[arg(long, env = "COORDINATOR_CLIENTS", value_name = "FILE", value_parser = path())]
     clients: Option<PathBuf>,
-    /// CA certificate of the clients, PEM; with the next two options all traffic is encrypted
+    /// CA certificate of the clients, PEM [default: they show a token of --clients instead]
     #[arg(long, env = "COORDINATOR_LISTEN_TLS_CA", value_name = "FILE", value_parser = path())]
     listen_tls_ca: Option<PathBuf>,
-    /// Certificate of the service, PEM
+    /// Certificate of the service, PEM; with --listen-tls-key all traffic is encrypted
     #[arg(long, env = "COORDINATOR_LISTEN_TLS_CERT", value_name = "FILE", value_parser = path())]
     listen_tls_cert: Option<PathBuf>,
     /// Private key of --listen-tls-cert, PEM
@@ -166,17 +166,15 @@ impl ServeArguments {
     fn transport(&self) -> anyhow::Result<Transport> {
         let AccessArguments { listen_tls_ca: ca, listen_tls_cert: certificate, listen_tls_key: key, .. } =
             &self.access;
-        let transport = Transport::from_options(
-            ca.clone(),
-            certificate.clone(),
-            key.clone(),
-            self.access.listen_plaintext,
-        )
-        .and_then(|transport| {
-            let names = self.access.listen_tls_callers.iter().filter(|name| !name.is_empty());
-            transport.accepting(&names.cloned().collect::<Vec<_>>())
-        })
-        .context("the options --listen-tls-ca, --listen-tls-cert, --listen-tls-key and --listen-plaintext")?;
+        let transport =
+            Transport::of_server(ca.clone(), certificate.clone(), key.clone(), self.access.listen_plaintext)
+                .and_then(|transport| {
+                    let names = self.access.listen_tls_callers.iter().filter(|name| !name.is_empty());
+                    transport.accepting(&names.cloned().collect::<Vec<_>>())
+                })
+                .context(
+                    "the options --listen-tls-ca, --listen-tls-cert, --listen-tls-key and --listen-plaintext",
+                )?;
         transport.allows(self.listen).with_context(|| {
             format!("cannot listen on {}: give the --listen-tls files, or --listen-plaintext", self.listen)
         })?;
@@ -207,6 +205,7 @@ async fn serve(arguments: &ServeArguments, workers: ClusterSettings, metrics: Me
         Some(path) => Clients::read(path)?,
         None => Clients::default(),
     };
+    transport.check_callers(clients.are_named()).context("give --clients or --listen-tls-ca")?;
     // Workers that are not there now come later, and jobs wait for them, unless this process may take their place.
     let grace = if workers.fallback.is_none() { ClusterSettings::ENDLESS_GRACE } else { workers.grace };
     let forgives = Some(ClusterSettings::FORGIVES);

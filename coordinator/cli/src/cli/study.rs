@@ -15,6 +15,7 @@ use verify::study::{Circumstances, Measurement, PlanSize, RunReport, Step, markd
 use super::console::{print, say};
 use super::machine;
 use super::outputs::check_distinct;
+use super::scene_options::BesideOptions;
 use super::workers::WorkerArguments;
 
 #[derive(Args)]
@@ -37,6 +38,8 @@ pub struct StudyArguments {
     #[arg(long)]
     quick: bool,
     #[command(flatten)]
+    beside: BesideOptions,
+    #[command(flatten)]
     pub workers: WorkerArguments,
 }
 
@@ -50,7 +53,7 @@ impl StudyArguments {
 /// Bakes a scene many times, and writes how its error falls with time.
 pub fn run(arguments: &StudyArguments, workers: &Workers) -> anyhow::Result<()> {
     let size = arguments.size();
-    check_reference(&arguments.reference, &arguments.scene)?;
+    check_reference(&arguments.reference, &arguments.scene, &arguments.beside.read())?;
     let outputs = Outputs::prepare(&arguments.output, &arguments.reference)?;
     let bench = Bench::new(arguments, workers)?;
     let steps = plan(size, BakeSettings::default().seed);
@@ -152,6 +155,9 @@ impl<'a> Bench<'a> {
             .arg("--report")
             .arg(&report);
         command.args(step.arguments()).args(&self.workers);
+        if self.arguments.beside.outside_files {
+            command.arg("--outside-files");
+        }
         // The arguments say which workers; the variables could contradict them. The port of the metrics is this process's.
         for variable in ["COORDINATOR_WORKERS", "COORDINATOR_THREADS", "COORDINATOR_METRICS"] {
             command.env_remove(variable);
@@ -172,7 +178,8 @@ impl<'a> Bench<'a> {
         let text = fs::read_to_string(&report).with_context(|| format!("{} left no report", run()))?;
         let report = RunReport::parse(&text)
             .with_context(|| format!("{} left a report that cannot be read", run()))?;
-        let score = score(&lit, &self.arguments.reference, &self.arguments.scene)?;
+        let read = self.arguments.beside.read();
+        let score = score(&lit, &self.arguments.reference, &self.arguments.scene, &read)?;
         Ok(Measurement { step, seconds, score, report })
     }
 }

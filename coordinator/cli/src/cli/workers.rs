@@ -73,10 +73,10 @@ fn threads(text: &str) -> Result<NonZeroUsize, String> {
 #[derive(Args)]
 #[command(next_help_heading = "Security")]
 pub struct SecurityArguments {
-    /// CA certificate of the other side, PEM; with --tls-cert and --tls-key all traffic is encrypted
+    /// CA certificate of the other side, PEM; all traffic is encrypted
     #[arg(long, env = "COORDINATOR_TLS_CA", value_name = "FILE", value_parser = path())]
     tls_ca: Option<PathBuf>,
-    /// Certificate to present, PEM
+    /// Certificate to present, PEM [default: none; --token-file is enough where the other side has no --tls-ca]
     #[arg(long, env = "COORDINATOR_TLS_CERT", value_name = "FILE", value_parser = path())]
     tls_cert: Option<PathBuf>,
     /// Private key of --tls-cert, PEM
@@ -103,7 +103,7 @@ impl SecurityArguments {
     pub fn security(&self) -> anyhow::Result<ClientSecurity> {
         let (ca, certificate, key) = (self.tls_ca.clone(), self.tls_cert.clone(), self.tls_key.clone());
         Ok(ClientSecurity {
-            transport: Transport::from_options(ca, certificate, key, self.plaintext)?,
+            transport: Transport::of_caller(ca, certificate, key, self.plaintext)?,
             server_name: self.tls_name.clone().filter(|name| !name.is_empty()),
             token: Token::from_option(self.token_file.as_deref())?,
         })

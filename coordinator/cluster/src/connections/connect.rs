@@ -251,7 +251,7 @@ mod tests {
         fn connect(&self, _: SocketAddr) -> Answer<Box<dyn ByteStream>> {
             *self.connections.lock().unwrap() += 1;
             let (near, far) = tokio::io::duplex(MEMORY_BUFFER);
-            let (acceptor, hangs_up) = (TlsAcceptor::from(self.tls.server()), self.hangs_up);
+            let (acceptor, hangs_up) = (TlsAcceptor::from(self.tls.server().unwrap()), self.hangs_up);
             tokio::spawn(async move {
                 let _stream = acceptor.accept(far).await.unwrap();
                 if !hangs_up {

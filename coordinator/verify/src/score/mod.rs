@@ -12,11 +12,12 @@ mod tests;
 
 use std::path::{Path, PathBuf};
 
+use document::ReadOptions;
 use glam::DVec3;
 use kernel::geometry::Bounds;
 
 use self::locate::TriangleGrid;
-use crate::plain::{PlainError, PlainScene};
+use crate::plain::{PlainError, PlainOptions, PlainScene};
 use crate::reference::{Place, ReferenceFileError, ReferencePoint, locate, materials, read};
 
 /// Weights of linear RGB in luminance, after Rec. 709.
@@ -114,12 +115,12 @@ const MOST_OFF_SCENE: f64 = 0.01;
 /// Part of a reference's points that must lie on the lit scene.
 const LEAST_COVERED: f64 = 0.5;
 
-/// Compares a lit GLB with a reference (CSV) of the GLB `scene`, which has the reflectances.
+/// Compares a lit GLB with a reference (CSV) of the scene that it was, which has the reflectances and is read with these options.
 ///
 /// # Errors
 /// When a file cannot be read or is malformed; when the reference does not fit the scenes.
-pub fn score(lit: &Path, reference: &Path, scene: &Path) -> Result<Score, ScoreError> {
-    score_points(lit, reference, scene).map(|(score, _)| score)
+pub fn score(lit: &Path, reference: &Path, scene: &Path, options: &ReadOptions) -> Result<Score, ScoreError> {
+    score_points(lit, reference, scene, options).map(|(score, _)| score)
 }
 
 /// As [`score`], with what the lit scene has at the points of the reference, as if it were a reference itself; points under which
@@ -131,9 +132,10 @@ pub fn score_points(
     lit: &Path,
     reference: &Path,
     scene: &Path,
+    options: &ReadOptions,
 ) -> Result<(Score, Vec<ReferencePoint>), ScoreError> {
     let points = read(reference)?;
-    let source = PlainScene::open(scene)?;
+    let source = open(scene, options)?;
     check_fit(&points, &source, reference, scene)?;
     let mesh = lit_glb::read(lit)?;
     let extent = Bounds::around(mesh.triangles.as_flattened()).extent();
@@ -166,12 +168,16 @@ pub fn score_points(
     Ok((Score { vertices: mesh.vertices, triangles: mesh.triangles.len(), ..score }, lit_points))
 }
 
-/// Checks that a reference (CSV) belongs to the GLB `scene`, as [`score`] does, before there is a lit scene.
+/// Checks that a reference (CSV) belongs to a scene, as [`score`] does, before there is a lit scene.
 ///
 /// # Errors
 /// When a file cannot be read or is malformed; when the reference does not fit the scene.
-pub fn check_reference(reference: &Path, scene: &Path) -> Result<(), ScoreError> {
-    check_fit(&read(reference)?, &PlainScene::open(scene)?, reference, scene)
+pub fn check_reference(reference: &Path, scene: &Path, options: &ReadOptions) -> Result<(), ScoreError> {
+    check_fit(&read(reference)?, &open(scene, options)?, reference, scene)
+}
+
+fn open(scene: &Path, options: &ReadOptions) -> Result<PlainScene, PlainError> {
+    PlainScene::open_with(scene, &PlainOptions { read: options.clone(), ..PlainOptions::default() })
 }
 
 /// Checks that the points lie on the scene.

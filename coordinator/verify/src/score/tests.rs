@@ -1,5 +1,6 @@
 use std::fs;
 
+use document::ReadOptions;
 use tempfile::TempDir;
 
 use super::*;
@@ -41,7 +42,8 @@ impl Files {
     }
 
     fn score(&self) -> Result<Score, ScoreError> {
-        score(&self.path("lit.glb"), &self.path("reference.csv"), &test_scene("cornell.glb"))
+        let scene = test_scene("cornell.glb");
+        score(&self.path("lit.glb"), &self.path("reference.csv"), &scene, &ReadOptions::default())
     }
 }
 
@@ -209,7 +211,9 @@ fn scenes_that_are_missing_broken_or_not_lit_are_refused() {
         (test_scene("cornell.glb"), "a primitive of node floor has no _IRRADIANCE"),
     ] {
         let error =
-            score(&lit, &files.path("reference.csv"), &test_scene("cornell.glb")).unwrap_err().to_string();
+            score(&lit, &files.path("reference.csv"), &test_scene("cornell.glb"), &ReadOptions::default())
+                .unwrap_err()
+                .to_string();
         assert!(error.contains(expected), "{error}");
     }
 }

@@ -5,13 +5,19 @@ use std::path::PathBuf;
 /// Why a connection would not be safe, or cannot be made so.
 #[derive(Debug, thiserror::Error)]
 pub enum SecurityError {
-    /// Only some of the three files are given.
-    #[error("encryption needs --tls-ca, --tls-cert and --tls-key together: {} missing", missing.join(" and "))]
+    /// Only some of the files are given.
+    #[error(
+        "{} missing: a server needs --tls-cert and --tls-key, a caller --tls-ca; with all three, each end proves who it is",
+        missing.join(" and ")
+    )]
     Incomplete {
         /// The options that are not given.
         missing: Vec<&'static str>,
     },
-    /// Names of certificates without encryption.
+    /// Encryption alone, for callers who prove nothing.
+    #[error("everybody could call: demand a token, or certificates with --tls-ca")]
+    Anybody,
+    /// Names of certificates that nobody shows.
     #[error("names of callers are those in their certificates: give --tls-ca, --tls-cert and --tls-key, too")]
     CallersWithoutTls,
     /// Encryption and plain text are both asked for.

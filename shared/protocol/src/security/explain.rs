@@ -53,7 +53,7 @@ fn explain_http(error: &h2::Error) -> Option<String> {
         // An alert of TLS, read as a frame, is far too long.
         return Some(format!(
             "the other end does not speak HTTP/2 in plain text: a worker with certificates takes --tls-ca, --tls-cert and \
-             --tls-key ({error})"
+             --tls-key, or --tls-ca and a token ({error})"
         ));
     }
     error.get_io().and_then(alert).map(|alert| words(&alert))
@@ -106,7 +106,7 @@ fn words(error: &TlsError) -> String {
             _ => "the other end refuses the connection",
         },
         TlsError::InvalidMessage(_) => {
-            "the other end does not speak TLS: give it --tls-ca, --tls-cert and --tls-key too"
+            "the other end does not speak TLS: give it --tls-cert and --tls-key too"
         }
         _ => "no agreement on encryption",
     };

@@ -12,7 +12,7 @@
 //! | `explain` | messages for refused handshakes, with the cure |
 //!
 //! Certificates are mutual: a worker demands a certificate of its own authority from every caller, and the coordinator verifies the
-//! worker's. A token can replace them between programs of one machine, or be demanded in addition.
+//! worker's. A token can replace that of the caller, or both between programs of one machine, or be demanded in addition.
 
 mod caller;
 mod callers;

@@ -15,7 +15,7 @@ use super::callers::NamedCallers;
 /// Name of HTTP/2 in a handshake.
 const HTTP2: &[u8] = b"h2";
 
-/// PEM files of one end, and the authority of the other.
+/// PEM files of one end, and the authority of the other: both ends prove who they are.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TlsFiles {
     /// Certificate of the authority that the other end's certificate must be signed by.
@@ -32,57 +32,105 @@ impl TlsFiles {
     /// # Errors
     /// When a file cannot be read, is not the PEM that it should be, or the key is another certificate's.
     pub fn load(self) -> Result<Tls, SecurityError> {
-        Tls::new(self, vec![])
+        let Self { ca, certificate, key } = self;
+        Tls::new(Files { ca: Some(ca), own: Some(Own { certificate, key }) }, vec![])
     }
+}
 
+/// What one end has: without an authority it cannot tell who the other end is, without a certificate it cannot prove who it is itself.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Files {
+    pub ca: Option<PathBuf>,
+    pub own: Option<Own>,
+}
+
+/// A certificate and its private key.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Own {
+    pub certificate: PathBuf,
+    pub key: PathBuf,
+}
+
+impl Files {
     fn read(&self) -> Result<Contents, SecurityError> {
-        let ca = read("--tls-ca", &self.ca)?;
-        let certificate = read("--tls-cert", &self.certificate)?;
-        let key = read("--tls-key", &self.key)?;
-        Ok(Contents { ca, certificate, key })
+        let ca = self.ca.as_ref().map(|ca| read("--tls-ca", ca)).transpose()?;
+        let own = self
+            .own
+            .as_ref()
+            .map(|own| Ok((read("--tls-cert", &own.certificate)?, read("--tls-key", &own.key)?)));
+        Ok(Contents { ca, own: own.transpose()? })
     }
 
     fn check(&self, contents: Contents, callers: &[ServerName<'static>]) -> Result<Loaded, SecurityError> {
-        let content = |option, path: &Path, expected, reason: String| SecurityError::Content {
-            option,
-            path: path.into(),
-            expected,
-            reason,
+        let roots = match (&self.ca, &contents.ca) {
+            (Some(path), Some(ca)) => Some(roots(path, ca)?),
+            _ => None,
         };
-        const CERTIFICATE: &str = "a certificate in PEM";
-        let not_authority = |reason| content("--tls-ca", &self.ca, CERTIFICATE, reason);
-        let not_certificate = |reason| content("--tls-cert", &self.certificate, CERTIFICATE, reason);
-        let not_key = |reason| content("--tls-key", &self.key, "a private key in PEM", reason);
-
-        let mut roots = RootCertStore::empty();
-        for authority in certificates(&contents.ca).map_err(not_authority)? {
-            roots.add(authority).map_err(|error| not_authority(error.to_string()))?;
-        }
-        let chain = certificates(&contents.certificate).map_err(not_certificate)?;
-        let private = PrivateKeyDer::from_pem_slice(&contents.key).map_err(|error| not_key(pem(&error)))?;
-        let provider = Arc::new(ring::default_provider());
-        let server =
-            server(provider, (roots, callers), chain, private).map_err(|error| SecurityError::Mismatch {
-                certificate: self.certificate.clone(),
-                key: self.key.clone(),
-                reason: error.to_string(),
-            })?;
-        Ok(Loaded { contents, server: Arc::new(server) })
+        let server = match (&self.own, &contents.own) {
+            (Some(own), Some((certificate, key))) => {
+                Some(Arc::new(own.server(certificate, key, roots, callers)?))
+            }
+            _ => None,
+        };
+        Ok(Loaded { contents, server })
     }
+
+    /// The files' names, for a log.
+    fn names(&self) -> String {
+        let own = self.own.as_ref().map(|own| &own.certificate);
+        own.or(self.ca.as_ref()).map(|path| path.display().to_string()).unwrap_or_default()
+    }
+}
+
+impl Own {
+    /// Configuration of a server that demands a certificate of these roots, where there are some.
+    fn server(
+        &self,
+        certificate: &[u8],
+        key: &[u8],
+        roots: Option<RootCertStore>,
+        callers: &[ServerName<'static>],
+    ) -> Result<ServerConfig, SecurityError> {
+        let chain = certificates(certificate)
+            .map_err(|reason| content("--tls-cert", &self.certificate, CERTIFICATE, reason))?;
+        let private = PrivateKeyDer::from_pem_slice(key)
+            .map_err(|error| content("--tls-key", &self.key, "a private key in PEM", pem(&error)))?;
+        let provider = Arc::new(ring::default_provider());
+        server(provider, (roots, callers), chain, private).map_err(|error| SecurityError::Mismatch {
+            certificate: self.certificate.clone(),
+            key: self.key.clone(),
+            reason: error.to_string(),
+        })
+    }
+}
+
+const CERTIFICATE: &str = "a certificate in PEM";
+
+fn content(option: &'static str, path: &Path, expected: &'static str, reason: String) -> SecurityError {
+    SecurityError::Content { option, path: path.into(), expected, reason }
+}
+
+fn roots(path: &Path, pem: &[u8]) -> Result<RootCertStore, SecurityError> {
+    let wrong = |reason| content("--tls-ca", path, CERTIFICATE, reason);
+    let mut roots = RootCertStore::empty();
+    for authority in certificates(pem).map_err(wrong)? {
+        roots.add(authority).map_err(|error| wrong(error.to_string()))?;
+    }
+    Ok(roots)
 }
 
 /// What is in the files of one end.
 #[derive(PartialEq, Eq)]
 struct Contents {
-    ca: Vec<u8>,
-    certificate: Vec<u8>,
-    key: Vec<u8>,
+    ca: Option<Vec<u8>>,
+    /// Certificate and key.
+    own: Option<(Vec<u8>, Vec<u8>)>,
 }
 
 /// Contents that fit each other.
 struct Loaded {
     contents: Contents,
-    server: Arc<ServerConfig>,
+    server: Option<Arc<ServerConfig>>,
 }
 
 struct State {
@@ -91,48 +139,65 @@ struct State {
     refused: Option<String>,
 }
 
-/// Certificates of this end and the authority of the other. Every new connection takes the files as they are then; where those do not
+/// Certificate of this end, or the authority of the other, or both. Every new connection takes the files as they are then; where those do not
 /// fit each other, as while they are being replaced, it takes the last that did. Clones share what was read.
 #[derive(Clone)]
 pub struct Tls {
-    files: TlsFiles,
+    files: Files,
     /// Names that callers must have one of, if any.
     callers: Vec<ServerName<'static>>,
     state: Arc<Mutex<State>>,
 }
 
 impl Tls {
-    fn new(files: TlsFiles, callers: Vec<ServerName<'static>>) -> Result<Self, SecurityError> {
+    pub(super) fn new(files: Files, callers: Vec<ServerName<'static>>) -> Result<Self, SecurityError> {
         let loaded = Arc::new(files.check(files.read()?, &callers)?);
         Ok(Self { files, callers, state: Arc::new(Mutex::new(State { loaded, refused: None })) })
     }
 
     /// The same for a server that takes callers only whose certificate has one of these names.
     pub(super) fn accepting(self, names: &[String]) -> Result<Self, SecurityError> {
+        if !self.demands_certificates() {
+            return Err(SecurityError::CallersWithoutTls);
+        }
         let name = |name: &String| {
             ServerName::try_from(name.clone()).map_err(|_| SecurityError::Name { name: name.clone() })
         };
         Self::new(self.files, names.iter().map(name).collect::<Result<_, _>>()?)
     }
 
-    /// Configuration of a server for its next connection: it demands a certificate of the authority. Reads the files.
+    /// Whether a server with these files demands certificates: else callers prove nothing by encryption.
     #[must_use]
-    pub fn server(&self) -> Arc<ServerConfig> {
-        Arc::clone(&self.newest().server)
+    pub fn demands_certificates(&self) -> bool {
+        self.files.ca.is_some()
+    }
+
+    /// Configuration of a server for its next connection: it demands a certificate of the authority, if there is one. Reads the files.
+    ///
+    /// # Errors
+    /// When there is no certificate to show.
+    pub fn server(&self) -> Result<Arc<ServerConfig>, SecurityError> {
+        self.newest()
+            .server
+            .clone()
+            .ok_or(SecurityError::Incomplete { missing: vec!["--tls-cert", "--tls-key"] })
     }
 
     /// Configuration of a client for its next connection: the other end's certificate must be of the authority and have this name (a
-    /// DNS name or an IP address). Reads the files.
+    /// DNS name or an IP address). It shows this end's certificate, if there is one. Reads the files.
     ///
     /// # Errors
-    /// When no certificate can have that name.
+    /// When no certificate can have that name, or there is no authority.
     pub fn client(&self, name: &str) -> Result<ClientTlsConfig, SecurityError> {
         ServerName::try_from(name).map_err(|_| SecurityError::Name { name: name.into() })?;
-        let Contents { ca, certificate, key } = &self.newest().contents;
-        Ok(ClientTlsConfig::new()
-            .domain_name(name)
-            .ca_certificate(Certificate::from_pem(ca))
-            .identity(Identity::from_pem(certificate, key)))
+        let newest = self.newest();
+        let ca =
+            newest.contents.ca.as_ref().ok_or(SecurityError::Incomplete { missing: vec!["--tls-ca"] })?;
+        let config = ClientTlsConfig::new().domain_name(name).ca_certificate(Certificate::from_pem(ca));
+        Ok(match &newest.contents.own {
+            Some((certificate, key)) => config.identity(Identity::from_pem(certificate, key)),
+            None => config,
+        })
     }
 
     /// The files as they are now, or the last that fitted each other.
@@ -146,7 +211,7 @@ impl Tls {
         } else {
             match read.and_then(|contents| self.files.check(contents, &self.callers)) {
                 Ok(loaded) => {
-                    tracing::info!(certificate = %self.files.certificate.display(), "read changed certificates");
+                    tracing::info!(certificate = self.files.names(), "read changed certificates");
                     *state = State { loaded: Arc::new(loaded), refused: None };
                 }
                 Err(error) => {
@@ -179,12 +244,16 @@ impl fmt::Debug for Tls {
 /// Versions of a server: TLS 1.3 alone, since both ends are of one release.
 fn server(
     provider: Arc<CryptoProvider>,
-    (roots, callers): (RootCertStore, &[ServerName<'static>]),
+    (roots, callers): (Option<RootCertStore>, &[ServerName<'static>]),
     chain: Vec<CertificateDer<'static>>,
     key: PrivateKeyDer<'static>,
 ) -> Result<ServerConfig, Box<dyn std::error::Error>> {
-    let mut verifier =
-        WebPkiClientVerifier::builder_with_provider(roots.into(), Arc::clone(&provider)).build()?;
+    let mut verifier = match roots {
+        Some(roots) => {
+            WebPkiClientVerifier::builder_with_provider(roots.into(), Arc::clone(&provider)).build()?
+        }
+        None => WebPkiClientVerifier::no_client_auth(),
+    };
     if !callers.is_empty() {
         verifier = Arc::new(NamedCallers { inner: verifier, names: callers.to_vec() });
     }
@@ -267,18 +336,32 @@ mod tests {
     fn a_connection_takes_the_files_as_they_are_then() {
         let ((_folder, files), (_other, others)) = (files(), files());
         let tls = files.clone().load().unwrap();
-        let (first, shared) = (tls.server(), tls.clone());
-        assert!(Arc::ptr_eq(&first, &tls.server()), "nothing has changed");
+        let server = |tls: &Tls| tls.server().unwrap();
+        let (first, shared) = (server(&tls), tls.clone());
+        assert!(Arc::ptr_eq(&first, &server(&tls)), "nothing has changed");
 
         std::fs::copy(&others.key, &files.key).unwrap();
-        assert!(Arc::ptr_eq(&first, &tls.server()), "the key does not fit");
+        assert!(Arc::ptr_eq(&first, &server(&tls)), "the key does not fit");
         std::fs::remove_file(&files.ca).unwrap();
-        assert!(Arc::ptr_eq(&first, &tls.server()), "a file is missing");
+        assert!(Arc::ptr_eq(&first, &server(&tls)), "a file is missing");
         std::fs::copy(&others.ca, &files.ca).unwrap();
         std::fs::copy(&others.certificate, &files.certificate).unwrap();
-        let second = tls.server();
+        let second = server(&tls);
         assert!(!Arc::ptr_eq(&first, &second), "the files have changed");
-        assert!(Arc::ptr_eq(&second, &shared.server()), "clones differ");
+        assert!(Arc::ptr_eq(&second, &server(&shared)), "clones differ");
+    }
+
+    #[test]
+    fn an_end_has_what_its_part_needs() {
+        let (_folder, TlsFiles { ca, certificate, key }) = files();
+        let caller = Tls::new(Files { ca: Some(ca), own: None }, vec![]).unwrap();
+        assert!(caller.client("worker").is_ok());
+        assert!(caller.server().unwrap_err().to_string().contains("--tls-cert and --tls-key missing"));
+        let server = Tls::new(Files { ca: None, own: Some(Own { certificate, key }) }, vec![]).unwrap();
+        assert!(server.server().is_ok() && !server.demands_certificates());
+        assert!(server.client("worker").unwrap_err().to_string().contains("--tls-ca missing"));
+        let named = server.accepting(&["coordinator".to_owned()]).unwrap_err().to_string();
+        assert!(named.contains("--tls-ca"), "{named}");
     }
 
     #[test]

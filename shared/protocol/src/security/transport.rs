@@ -1,7 +1,8 @@
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
-use super::{SecurityError, Tls, TlsFiles};
+use super::tls::{Files, Own};
+use super::{SecurityError, Tls};
 
 /// Encryption between two processes.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -11,7 +12,7 @@ pub enum Transport {
         /// Allowed beyond this machine, by an explicit option.
         anywhere: bool,
     },
-    /// Encrypted, and both ends have proved who they are.
+    /// Encrypted: the server has proved who it is, and the caller too where the server demands that.
     Tls(Tls),
 }
 
@@ -23,30 +24,70 @@ impl Default for Transport {
 }
 
 impl Transport {
-    /// Transport of the options `--tls-ca`, `--tls-cert`, `--tls-key` and `--plaintext`. An empty path counts as not given, as compose
-    /// files have it. Files are read here, and again for each connection.
+    /// Transport of a caller, of the options `--tls-ca`, `--tls-cert`, `--tls-key` and `--plaintext`: the authority alone is enough to call
+    /// servers that demand a token instead of a certificate. An empty path counts as not given, as compose files have it. Files are read
+    /// here, and again for each connection.
     ///
     /// # Errors
     /// When some of the files are missing or wrong, or both encryption and plain text are asked for.
-    pub fn from_options(
+    pub fn of_caller(
         ca: Option<PathBuf>,
         certificate: Option<PathBuf>,
         key: Option<PathBuf>,
         plaintext: bool,
     ) -> Result<Self, SecurityError> {
-        let given = |path: Option<PathBuf>| path.filter(|path| !path.as_os_str().is_empty());
-        match (given(ca), given(certificate), given(key)) {
-            (None, None, None) => Ok(Self::Plain { anywhere: plaintext }),
-            (Some(_), Some(_), Some(_)) if plaintext => Err(SecurityError::Contradiction),
-            (Some(ca), Some(certificate), Some(key)) => {
-                Ok(Self::Tls(TlsFiles { ca, certificate, key }.load()?))
-            }
-            (ca, certificate, key) => {
-                let all = [("--tls-ca", ca), ("--tls-cert", certificate), ("--tls-key", key)];
-                let missing =
-                    all.into_iter().filter(|(_, path)| path.is_none()).map(|(option, _)| option).collect();
-                Err(SecurityError::Incomplete { missing })
-            }
+        Self::new([ca, certificate, key], plaintext, [true, false])
+    }
+
+    /// The same for a server: its certificate and key alone are enough where callers show a token. See [`Self::check_callers`].
+    ///
+    /// # Errors
+    /// As [`Self::of_caller`].
+    pub fn of_server(
+        ca: Option<PathBuf>,
+        certificate: Option<PathBuf>,
+        key: Option<PathBuf>,
+        plaintext: bool,
+    ) -> Result<Self, SecurityError> {
+        Self::new([ca, certificate, key], plaintext, [false, true])
+    }
+
+    fn new(
+        files: [Option<PathBuf>; 3],
+        plaintext: bool,
+        [needs_ca, needs_own]: [bool; 2],
+    ) -> Result<Self, SecurityError> {
+        let [ca, certificate, key] = files.map(|path| path.filter(|path| !path.as_os_str().is_empty()));
+        if ca.is_none() && certificate.is_none() && key.is_none() {
+            return Ok(Self::Plain { anywhere: plaintext });
+        }
+        let needs_own = needs_own || certificate.is_some() || key.is_some();
+        let missing: Vec<&str> = [
+            ("--tls-ca", needs_ca && ca.is_none()),
+            ("--tls-cert", needs_own && certificate.is_none()),
+            ("--tls-key", needs_own && key.is_none()),
+        ]
+        .into_iter()
+        .filter_map(|(option, is_missing)| is_missing.then_some(option))
+        .collect();
+        if !missing.is_empty() {
+            return Err(SecurityError::Incomplete { missing });
+        }
+        if plaintext {
+            return Err(SecurityError::Contradiction);
+        }
+        let own = certificate.zip(key).map(|(certificate, key)| Own { certificate, key });
+        Ok(Self::Tls(Tls::new(Files { ca, own }, vec![])?))
+    }
+
+    /// Checks that callers of a server prove who they are where it is encrypted: by a certificate, or by a token.
+    ///
+    /// # Errors
+    /// When they do neither.
+    pub fn check_callers(&self, demands_token: bool) -> Result<(), SecurityError> {
+        match self {
+            Self::Tls(tls) if !demands_token && !tls.demands_certificates() => Err(SecurityError::Anybody),
+            _ => Ok(()),
         }
     }
 
@@ -109,11 +150,19 @@ mod tests {
     #[test]
     fn some_files_without_the_others_are_refused() {
         let path = |name: &str| Some(PathBuf::from(name));
-        let refused = Transport::from_options(path("ca"), path(""), None, false).unwrap_err().to_string();
+        let refused = Transport::of_server(path("ca"), path(""), None, false).unwrap_err().to_string();
         assert!(refused.contains("--tls-cert and --tls-key missing"), "{refused}");
-        let nothing = Transport::from_options(path(""), path(""), path(""), true).unwrap();
+        let nothing = Transport::of_server(path(""), path(""), path(""), true).unwrap();
         assert_eq!(nothing, Transport::Plain { anywhere: true });
-        let both = Transport::from_options(path("ca"), path("cert"), path("key"), true);
+        let both = Transport::of_server(path("ca"), path("cert"), path("key"), true);
         assert!(matches!(both, Err(SecurityError::Contradiction)));
+        for (ca, certificate, key, missing) in [
+            (None, path("cert"), None, "--tls-ca and --tls-key missing"),
+            (None, path("cert"), path("key"), "--tls-ca missing"),
+            (path("ca"), None, path("key"), "--tls-cert missing"),
+        ] {
+            let refused = Transport::of_caller(ca, certificate, key, false).unwrap_err().to_string();
+            assert!(refused.contains(missing), "{missing} is not in: {refused}");
+        }
     }
 }

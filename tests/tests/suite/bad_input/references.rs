@@ -4,7 +4,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
+use tests::builder::{Material, SceneBuilder};
 use tests::programs::binary;
+use tests::shapes;
 
 use super::{Answer, Bench, HANGS};
 
@@ -29,16 +31,26 @@ impl Lit {
         Self { bench, reference }
     }
 
-    fn compare(&self) -> Answer {
+    fn comparison(&self) -> Command {
         let mut command = coordinator("compare");
         command.arg(self.bench.output()).arg("--reference").arg(&self.reference).arg("--scene");
-        answer(command.arg(&self.bench.input))
+        command.arg(&self.bench.input);
+        command
+    }
+
+    fn compare(&self) -> Answer {
+        answer(&mut self.comparison())
+    }
+
+    fn quick_study(&self, output: &Path) -> Command {
+        let mut command = coordinator("study");
+        command.arg(&self.bench.input).arg("--reference").arg(&self.reference).arg("--quick");
+        command.arg("-o").arg(output);
+        command
     }
 
     fn study(&self, output: &Path) -> Answer {
-        let mut command = coordinator("study");
-        command.arg(&self.bench.input).arg("--reference").arg(&self.reference).arg("--quick");
-        answer(command.arg("-o").arg(output))
+        answer(&mut self.quick_study(output))
     }
 
     fn write_reference(&self, lines: &[&str]) {
@@ -93,6 +105,31 @@ fn references_that_do_not_fit() {
     lit.compare().assert_refused(&["reference.csv", "cannot be read"]);
     lit.study(&output).assert_refused(&["reference.csv", "cannot be read"]);
     assert!(!output.exists(), "a folder was left behind");
+}
+
+/// Buffers outside the scene's folder are read where that is allowed, by the runs of a study too.
+#[test]
+fn scenes_with_files_outside_their_folder() {
+    let lit = Lit::new();
+    lit.write_reference(&[HEADER, GOOD]);
+    // Dark: the runs of a study find nothing to bake, once they have read it.
+    let dark = SceneBuilder::new().part("walls", &shapes::unit_room(), Material::grey(0.5));
+    let (mut document, buffer) = dark.document();
+    document["buffers"][0]["uri"] = "../outside.bin".into();
+    let within = lit.bench.folder.path().join("within");
+    fs::create_dir(&within).unwrap();
+    fs::write(lit.bench.folder.path().join("outside.bin"), buffer).unwrap();
+    let scene = within.join("dark.gltf");
+    fs::write(&scene, document.to_string()).unwrap();
+    let lit = Lit { bench: Bench { input: scene, ..lit.bench }, ..lit };
+    let output = lit.bench.folder.path().join("study");
+    for refused in [lit.compare(), lit.study(&output)] {
+        refused.assert_refused(&["outside.bin", "--outside-files"]);
+    }
+    let allowed = answer(lit.comparison().arg("--outside-files"));
+    assert!(allowed.success, "{}", allowed.stderr);
+    let allowed = answer(lit.quick_study(&output).arg("--outside-files"));
+    allowed.assert_said(&["dark.gltf --error 0.1 --seed 0 failed", "no light"]);
 }
 
 #[test]

@@ -1,8 +1,10 @@
 use std::io::{ErrorKind, Read, Write};
 use std::net::TcpStream;
+use std::process::Command;
 
 use protocol::security::TlsFiles;
-use tests::certificates::{Authority, arguments};
+use tests::certificates::{Authority, arguments, of_caller, of_server};
+use tests::programs::binary;
 use tests::service::ServiceProcess;
 
 use super::{HANGS, QUICK, Room, cornell, text};
@@ -49,6 +51,36 @@ fn only_clients_with_a_certificate_of_the_authority_get_in() {
         }
     }
     assert_eq!(room.names("jobs"), [job]);
+}
+
+/// Clients with a token need no certificate, only the authority of the service's.
+#[test]
+fn tokens_take_the_place_of_the_clients_certificates() {
+    let (room, authority) = (Room::new(), Authority::new());
+    let listening = authority.sign(&["127.0.0.1"]);
+    let [_, certificate, _, key] = of_server(&listening);
+    let encrypted = ["--listen-tls-cert", certificate, "--listen-tls-key", key];
+    let clients = room.file("clients", b"ann right-0123456789\n");
+    let service = room.start(&[&encrypted[..], &["--clients", text(&clients)]].concat());
+    let (right, wrong) = (room.file("right", b"right-0123456789"), room.file("wrong", b"wrong-0123456789"));
+    let caller = of_caller(&listening);
+    let ask = |arguments: &[&str]| service.ask(&[&["jobs"][..], arguments].concat());
+    let asked = ask(&[&caller[..], &["--token-file", text(&right)]].concat());
+    assert!(asked.success, "{}", asked.errors);
+    for (arguments, words) in [
+        (&[&caller[..], &["--token-file", text(&wrong)]].concat()[..], "token"),
+        (&caller[..], "--token-file"),
+        (&["--token-file", text(&right)][..], "--tls-ca"),
+    ] {
+        let refused = ask(arguments);
+        assert!(!refused.success && refused.errors.contains(words), "{words}: {}", refused.errors);
+    }
+    let mut command = Command::new(binary("coordinator"));
+    let folder = room.folder.path().join("other");
+    let alone = command.args(["serve", "--listen", "127.0.0.1:0", "--data", text(&folder)]).args(encrypted);
+    let refused = alone.output().unwrap();
+    let said = String::from_utf8(refused.stderr).unwrap();
+    assert!(!refused.status.success() && said.contains("give --clients or --listen-tls-ca"), "{said}");
 }
 
 /// Neither HTTP nor gRPC without encryption gets an answer of the service's.
