@@ -210,8 +210,8 @@ fn what_cannot_be_a_lightmap_is_refused_before_the_bake() {
     std::fs::write(folder.path().join("scene.glb"), room()).unwrap();
     for (arguments, words) in [
         (&["-o", "lit.glb", "--lightmap", "--texel-size", "0.00001"][..], "give a --texel-size of"),
-        (&["-o", "lit.ply", "--lightmap"], "write .glb or .gltf"),
-        (&["-o", "lit.glb", "--texel-size", "0.1"], "give lightmap, too"),
+        (&["-o", "lit.ply", "--lightmap"][..], "write .glb or .gltf"),
+        (&["-o", "lit.glb", "--texel-size", "0.1"][..], "give lightmap, too"),
     ] {
         let answer = solve(folder.path(), arguments);
         let said = String::from_utf8(answer.stderr).unwrap();
