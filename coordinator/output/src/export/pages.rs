@@ -108,6 +108,8 @@ pub(super) fn exr(layers: &[(Option<&str>, &[[f32; 3]])], size: [u32; 2]) -> Res
 
 #[cfg(test)]
 mod tests {
+    use exr::prelude::{ReadChannels, ReadLayers};
+
     use super::*;
 
     #[test]
