@@ -52,7 +52,7 @@ fn checked(scene: &Scene, sides: &[LitSide], resolution: Resolution) -> Result<P
             .filter(|side| side.is_back)
             .map(|side| area(scene, std::slice::from_ref(side)))
             .sum::<f64>();
-    if !(in_page > 0.0) {
+    if in_page.is_nan() || in_page <= 0.0 {
         return Err("its charts have no area".to_owned());
     }
     let edge = match resolution {
