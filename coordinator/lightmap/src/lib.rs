@@ -10,14 +10,16 @@
 //! |---|---|
 //! | `plan` | from a scene to texels; [`Plan::lightmap`]: from their light to images |
 //! | `own_set` | the input's second set of texture coordinates, checked |
-//! | `unwrap` | charts made and packed, where the input has none |
-//! | `layout` | the vertices and triangles of each side with their coordinates |
 //! | `texels` | the point of each texel, and which texels lie inside of something |
 //! | `seams` | texels on both sides of a border between charts made to agree |
+//! | `unwrap` | charts made and packed, where the input has none |
 //! | `fill` | texels without light, filled from their neighbours |
+//! | `layout` | the vertices and triangles of each side with their coordinates |
 //! | `raster` | which texels a triangle covers |
 //! | `sides` | the lit sides of the input's primitives |
+//! | `error` | why there is no lightmap |
 
+mod error;
 mod fill;
 mod layout;
 mod own_set;
@@ -30,36 +32,7 @@ mod tests;
 mod texels;
 mod unwrap;
 
+pub use error::{LightmapError, MOST_TEXELS, Stop};
 pub use layout::SideLayout;
-pub use plan::{Lightmap, Plan, PlanReport, Resolution, plan};
-pub use unwrap::MOST_TEXELS;
-
-/// Why a scene can have no lightmap of this resolution.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum LightmapError {
-    /// The texels are too small for the surfaces.
-    #[error(
-        "a lightmap with texels of {texel} would need {texels:.1e} texels, and at most {MOST_TEXELS} are allowed: give a \
-         --texel-size of {least:.2e} or more"
-    )]
-    TooManyTexels {
-        /// Edge of a texel, units of the file.
-        texel: f64,
-        /// Texels that the surfaces would need.
-        texels: f64,
-        /// A texel size that is allowed.
-        least: f64,
-    },
-    /// The charts do not fit.
-    #[error("the lightmap cannot be laid out: {0}; give a larger --texel-size or --lightmap-size")]
-    Layout(String),
-    /// A primitive with so many vertices that charts cannot add to them.
-    #[error("{0} has too many vertices for a lightmap: split its mesh")]
-    TooManyVertices(String),
-    /// The caller wants the plan no more.
-    #[error("the lightmap was cancelled")]
-    Cancelled,
-}
-
-/// Asks whether to stop, from any thread.
-pub type Stop<'a> = &'a (dyn Fn() -> bool + Sync);
+pub use plan::{Lightmap, Plan, PlanReport, plan};
+pub use unwrap::Resolution;

@@ -4,10 +4,9 @@ use foldhash::{HashMap, HashMapExt};
 use scene::Scene;
 
 use crate::layout::SideLayout;
-use crate::plan::Resolution;
 use crate::raster::covered;
 use crate::sides::LitSide;
-use crate::unwrap::{LARGEST_PAGE, Pages, area};
+use crate::unwrap::{LARGEST_PAGE, Pages, Resolution, area};
 
 /// How far coordinates may lie outside of the page: roundings of coordinates of 16 bits.
 const OUTSIDE: f32 = 1.0 / 32_768.0;

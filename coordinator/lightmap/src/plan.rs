@@ -5,30 +5,20 @@ use kernel::replica::Receiver;
 use scene::Scene;
 use serde::Serialize;
 
+use crate::error::{LightmapError, MOST_TEXELS, Stop};
 use crate::fill::{State, fill};
 use crate::layout::SideLayout;
 use crate::own_set::own_set;
 use crate::seams::{Equation, agree, equations};
 use crate::sides::{lit_sides, meetings};
 use crate::texels::{NO_POINT, Texels, texels};
-use crate::unwrap::{MOST_TEXELS, Pages, area, check_size, unwrap};
-use crate::{LightmapError, Stop};
+use crate::unwrap::{Pages, Resolution, area, check_size, unwrap};
 
 /// Most texels of all pages, with what is between charts.
 const MOST_IN_PAGES: u64 = 4 * MOST_TEXELS;
 
 /// Light below this part of the mean is none, inside of something.
 const DARK: f64 = 1e-3;
-
-/// How fine a lightmap is.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Resolution {
-    /// Edge of a texel, units of the file.
-    Texel(f64),
-    /// Width and largest height of its one page, in texels.
-    Page(u32),
-}
 
 /// Texels of a lightmap, before their light is known.
 pub struct Plan {

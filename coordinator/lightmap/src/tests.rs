@@ -4,10 +4,10 @@ use glam::DVec3;
 use scene::{ImportOptions, Scene, import_slice};
 use serde_json::{Value, json};
 
-use crate::plan::{Plan, Resolution, plan};
+use crate::plan::{Plan, plan};
 use crate::seams::bilinear;
 use crate::texels::NO_POINT;
-use crate::{LightmapError, MOST_TEXELS};
+use crate::{LightmapError, MOST_TEXELS, Resolution};
 
 /// A mesh of a scene.
 #[derive(Default)]

@@ -7,11 +7,11 @@ use kernel::replica::Receiver;
 use rayon::prelude::*;
 use scene::{Scene, Side};
 
+use crate::error::{LightmapError, Stop};
 use crate::layout::barycentric;
 use crate::raster::covered;
 use crate::sides::LitSide;
 use crate::unwrap::Pages;
-use crate::{LightmapError, Stop};
 
 /// Least part of a texel that a surface must cover for the texel to have light of its own.
 const LEAST_PART: f64 = 1.0 / 256.0;

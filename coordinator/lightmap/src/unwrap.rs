@@ -2,15 +2,12 @@
 
 use glam::DVec3;
 use scene::Scene;
+use serde::Serialize;
 use uvunwrap::{Density, MeshInput, Options, Packing, generate_with_progress};
 
+use crate::error::{LightmapError, MOST_TEXELS, Stop};
 use crate::layout::SideLayout;
-use crate::plan::Resolution;
 use crate::sides::{LitSide, Meetings};
-use crate::{LightmapError, Stop};
-
-/// Most texels that surfaces may have: a plan of as many takes some gigabytes.
-pub const MOST_TEXELS: u64 = 1 << 24;
 
 /// Longest side of a page, in texels: what graphics cards of phones take.
 pub const LARGEST_PAGE: u32 = 4096;
@@ -23,6 +20,16 @@ const LEAST_FILL: f64 = 0.4;
 
 /// From this number of triangles on, charts are packed fast rather than tightly.
 const MANY_TRIANGLES: usize = 5_000;
+
+/// How fine a lightmap is.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Resolution {
+    /// Edge of a texel, units of the file.
+    Texel(f64),
+    /// Width and largest height of its one page, in texels.
+    Page(u32),
+}
 
 /// Sides laid out on pages.
 pub struct Pages {

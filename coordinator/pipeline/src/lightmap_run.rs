@@ -1,16 +1,13 @@
 //! The lightmap of a run: laid out before the bake, in a thread of its own while the observer is asked whether to stop.
 
-use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
 
-use bake::{BakeError, BakeSettings, LightPart};
+use bake::{BakeSettings, LightPart};
 use lightmap::{LightmapError, Plan, PlanReport, Resolution, plan};
-use output::export::{PageFormat, check_lightmap};
+use output::export::PageFormat;
 use scene::Scene;
-
-use crate::run::{RunError, RunObserver};
 
 /// Time between two questions whether the run is cancelled.
 const PATIENCE: Duration = Duration::from_millis(20);
@@ -24,36 +21,26 @@ pub struct LightmapSettings {
     pub format: PageFormat,
 }
 
-/// Lays a lightmap out. Returns it with the files of its pages beside the output.
+/// Lays a lightmap out; `is_cancelled` is asked often.
 pub(crate) fn lay_out(
     scene: &Scene,
-    settings: &LightmapSettings,
-    bake: &BakeSettings,
-    output: &Path,
-    observer: &mut dyn RunObserver,
-) -> Result<(Plan, Vec<PathBuf>), RunError> {
-    check_lightmap(output, 0, settings.format)?;
-    let is_cancelled = AtomicBool::new(false);
-    let plan = thread::scope(|scope| {
-        let stop = || is_cancelled.load(Ordering::Relaxed);
-        let planning = scope.spawn(move || plan(scene, settings.resolution, &stop));
+    resolution: Resolution,
+    mut is_cancelled: impl FnMut() -> bool,
+) -> Result<Plan, LightmapError> {
+    let stops = AtomicBool::new(false);
+    thread::scope(|scope| {
+        let stop = || stops.load(Ordering::Relaxed);
+        let planning = scope.spawn(move || plan(scene, resolution, &stop));
         while !planning.is_finished() {
-            is_cancelled.fetch_or(observer.is_cancelled(), Ordering::Relaxed);
+            stops.fetch_or(is_cancelled(), Ordering::Relaxed);
             thread::sleep(PATIENCE);
         }
         planning.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
-    });
-    let plan = plan.map_err(|error| match error {
-        LightmapError::Cancelled => RunError::Bake(BakeError::Cancelled),
-        error => RunError::Lightmap(error),
-    })?;
-    let warnings = warnings(scene, bake, plan.report());
-    observer.warn(&warnings);
-    let beside = check_lightmap(output, plan.report().pages, settings.format)?;
-    Ok((plan, beside))
+    })
 }
 
-fn warnings(scene: &Scene, bake: &BakeSettings, report: &PlanReport) -> Vec<String> {
+/// What there is to say of a lightmap before the bake.
+pub(crate) fn warnings(scene: &Scene, bake: &BakeSettings, report: &PlanReport) -> Vec<String> {
     let problem = report.second_set_problem.as_ref();
     let problem = problem.map(|problem| {
         format!(

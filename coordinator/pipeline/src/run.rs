@@ -13,12 +13,12 @@ use cluster::checkpoint::{CheckpointError, CheckpointSummary, Checkpointed, Open
 use cluster::{Cluster, ClusterError, ClusterSettings, WorkerPart};
 use kernel::replica::Receiver;
 use lightmap::LightmapError;
-use output::export::{ExportError, ExportSettings, LightmapPages, export, export_lightmap};
+use output::export::{ExportError, ExportSettings, LightmapPages, check_lightmap, export, export_lightmap};
 use output::files;
 use scene::{ImportError, ImportOptions, Scene, import, import_slice};
 
 use crate::files_beside::check_files;
-use crate::lightmap_run::{LightmapSettings, lay_out};
+use crate::lightmap_run::{LightmapSettings, lay_out, warnings};
 use crate::memory::peak_memory_bytes;
 use crate::summary::{Summary, TimeDivision, WorkerMetrics, extras};
 
@@ -185,18 +185,26 @@ pub fn run(
     if observer.is_cancelled() {
         return Err(BakeError::Cancelled.into());
     }
-    let laid_out = match &request.lightmap {
-        Some(settings) => Some(lay_out(&scene, settings, &request.bake, request.output, observer)?),
+    let plan = match &request.lightmap {
+        Some(settings) => {
+            check_lightmap(request.output, 0, settings.format)?;
+            let plan = lay_out(&scene, settings.resolution, || observer.is_cancelled());
+            let plan = plan.map_err(|error| match error {
+                LightmapError::Cancelled => RunError::Bake(BakeError::Cancelled),
+                error => RunError::Lightmap(error),
+            })?;
+            observer.warn(&warnings(&scene, &request.bake, plan.report()));
+            let beside = check_lightmap(request.output, plan.report().pages, settings.format)?;
+            let pages = beside.iter().map(|path| ("page of the lightmap", Some(&**path)));
+            let written: Vec<_> = written.into_iter().chain(pages).collect();
+            check_files((&scene, file.as_deref()), None, request.output, &written)?;
+            Some(plan)
+        }
         None => None,
     };
-    if let Some((_, beside)) = &laid_out {
-        let pages = beside.iter().map(|path| ("page of the lightmap", Some(&**path)));
-        let written: Vec<_> = written.into_iter().chain(pages).collect();
-        check_files((&scene, file.as_deref()), None, request.output, &written)?;
-    }
     observer.imported(&scene);
     let imported = clock.elapsed().as_secs_f64();
-    let points = laid_out.as_ref().map_or(&[][..], |(plan, _)| plan.points());
+    let points = plan.as_ref().map_or(&[][..], |plan| plan.points());
     let wanted = Wanted { settings: &request.bake, points };
     let (baked, workers, recorded) =
         bake_on(workers, &scene, &wanted, request.checkpoint.as_ref(), observer)?;
@@ -204,7 +212,7 @@ pub fn run(
     observer.exporting();
     observer.warn(&baked.report.warnings);
     let settings = ExportSettings { extras: extras(&scene, &request.bake, &baked.report), ..request.export };
-    let lightmap = laid_out.map(|(plan, _)| plan.lightmap(&baked.at_points));
+    let lightmap = plan.map(|plan| plan.lightmap(&baked.at_points));
     let exported = match (&lightmap, &request.lightmap) {
         (Some(map), Some(LightmapSettings { format, .. })) => {
             let groups = baked.lit.layers.iter().map(|layer| layer.name.clone()).collect();

@@ -6,7 +6,6 @@
 //! | `occlusion` | visible factors against 60-digit values |
 //! | `area_lights` | area lights against formulas, emissive meshes and the path tracer |
 //! | `lights` | spot and directional lights, by the row and in whole bakes, against formulas |
-//! | `lightmaps` | texels of lightmaps against path-traced references, vertices of the same bake, and other workers |
 //! | `made_scenes` | the scenes of `tests::scenes`: files, references |
 //! | `point_lights` | flux of point lights, as rows have it, against solid angles |
 //! | `layout` | crates and modules against the rules of which may use which |
@@ -51,7 +50,6 @@ mod furnace;
 mod layers;
 mod layout;
 mod leaks;
-mod lightmaps;
 mod lights;
 mod made_scenes;
 mod mesh;

@@ -8,6 +8,7 @@ use super::layers::Layer;
 use super::solved::Solved;
 use crate::context::Context;
 use crate::error::Result;
+use crate::mesh::along_curve;
 use crate::observer::Phase;
 use crate::solver::bounds::Bounds;
 
@@ -26,14 +27,18 @@ impl Solved {
         points: &[Receiver],
         layers: &[Layer],
     ) -> Result<Vec<Vec<DVec3>>> {
-        let mut light = vec![Vec::with_capacity(points.len()); 1 + layers.len()];
+        let mut light = vec![vec![DVec3::ZERO; points.len()]; 1 + layers.len()];
         if points.is_empty() {
             return Ok(light);
         }
         cx.client.monitor.enter(Phase::Lightmap, self.mesh.mesh.vertices.len());
-        for (index, some) in points.chunks(AT_ONCE).enumerate() {
+        // Rows over neighbours in one plane cost least.
+        let mut order: Vec<usize> = (0..points.len()).collect();
+        order.sort_by_cached_key(|point| (points[*point].plane.0, along_curve(points[*point].position)));
+        for (index, some) in order.chunks(AT_ONCE).enumerate() {
             let first_key = FIRST_KEY + (index * AT_ONCE) as u64;
-            let receivers = Receivers { first_key, receivers: some.to_vec() };
+            let receivers = some.iter().map(|point| points[*point]).collect();
+            let receivers = Receivers { first_key, receivers };
             let whole = Lights { sources: &self.sources.all, radiosity: &self.solution.radiosity };
             let of_layers =
                 layers.iter().map(|layer| Lights { sources: &layer.sources, radiosity: &layer.radiosity });
@@ -45,7 +50,8 @@ impl Solved {
             for (light, Irradiance { mut direct, mut all }) in light.iter_mut().zip(found) {
                 bounds.apply(0, &mut direct);
                 bounds.apply(0, &mut all);
-                light.extend(cx.settings.only.of_all(&all, &direct));
+                let wanted = cx.settings.only.of_all(&all, &direct);
+                some.iter().zip(wanted).for_each(|(point, wanted)| light[*point] = wanted);
             }
         }
         cx.end_step("lightmap");

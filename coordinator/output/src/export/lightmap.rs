@@ -48,7 +48,9 @@ pub(super) fn files(path: &Path, pages: u32, format: PageFormat) -> Vec<PathBuf>
 /// The files beside the output with their contents.
 pub(super) fn contents(pages: &LightmapPages, path: &Path) -> Result<Vec<(PathBuf, Vec<u8>)>, ExportError> {
     let map = pages.map;
-    let names = || [None].into_iter().chain(pages.groups.iter().map(|name| Some(name.as_str())));
+    // One layer alone needs no name; several need one each.
+    let whole = (!pages.groups.is_empty()).then_some("lightmap");
+    let names = || [whole].into_iter().chain(pages.groups.iter().map(|name| Some(name.as_str())));
     let file = |(page, path): (usize, PathBuf)| {
         let layers: Vec<(Option<&str>, &[[f32; 3]])> =
             names().zip(&map.images).map(|(name, layer)| (name, layer[page].as_slice())).collect();

@@ -74,7 +74,7 @@ fn rgbm(texel: [f32; 3], scale: f32) -> [u8; 4] {
     [red, green, blue, multiplier].map(|value| value.round().clamp(0.0, 255.0) as u8)
 }
 
-/// A page as OpenEXR of half floats: one layer for each of `layers`, with its name; the whole light has none.
+/// A page as OpenEXR of half floats: one layer for each of `layers`. Several have a name each.
 pub(super) fn exr(layers: &[(Option<&str>, &[[f32; 3]])], size: [u32; 2]) -> Result<Vec<u8>, ExportError> {
     let [width, height] = size.map(|side| side as usize);
     let encoding = Encoding {
@@ -108,6 +108,8 @@ pub(super) fn exr(layers: &[(Option<&str>, &[[f32; 3]])], size: [u32; 2]) -> Res
 
 #[cfg(test)]
 mod tests {
+    use exr::prelude::{ReadChannels, ReadLayers};
+
     use super::*;
 
     #[test]
@@ -126,7 +128,7 @@ mod tests {
     #[test]
     fn exr_has_half_floats_in_layers_with_names() {
         let page = [[0.5, 1.0, 70_000.0], [2.0, 0.25, 0.0]];
-        let file = exr(&[(None, &page), (Some("day"), &page)], [2, 1]).unwrap();
+        let file = exr(&[(Some("lightmap"), &page), (Some("day"), &page)], [2, 1]).unwrap();
         let read = exr::prelude::read()
             .no_deep_data()
             .largest_resolution_level()
