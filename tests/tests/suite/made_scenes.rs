@@ -63,7 +63,7 @@ fn scenes_hold_what_they_are_for() {
     let expected = [("room", 70_000, 6, 4, 3), ("house", 2_000, 3, 1, 4), ("cornell-textured", 100, 5, 1, 2)];
     for ((name, triangles, pictures, lights, cameras), made) in expected.into_iter().zip(scenes::all()) {
         assert_eq!(name, made.name);
-        let scene = PlainScene::open(&data(&format!("scenes/{name}.glb")), &ReadOptions::default()).unwrap();
+        let scene = PlainScene::open(&data(&format!("scenes/{name}.glb"))).unwrap();
         assert!(scene.triangles.len() >= triangles, "{name}: {} triangles", scene.triangles.len());
         assert_eq!(scene.lights.len(), lights, "{name}");
         assert!(scene.appearances.iter().flatten().count() > 0, "{name} has no textures");

@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 use bake::{BakeReport, BakeSettings};
 use gltf::{Gltf, Semantic};
 use output::export::{ExportSettings, Exported, export};
-use scene::{ImportOptions, import};
+use scene::{ImportOptions, ReadOptions, import};
 use serde_json::{Value, json};
 use tests::baking::baked;
 use tests::data;
@@ -39,7 +39,13 @@ impl LitScene {
     /// The score, which must be within these limits.
     fn assert_score(&self, relative_l2: f64, energy: f64) {
         let reference = data(&format!("references/{}.reference.csv", self.name));
-        let score = score(&self.path, &reference, &data(&format!("scenes/{}.glb", self.name))).unwrap();
+        let score = score(
+            &self.path,
+            &reference,
+            &data(&format!("scenes/{}.glb", self.name)),
+            &ReadOptions::default(),
+        )
+        .unwrap();
         assert_eq!((score.uncovered, score.not_finite), (0, 0), "{score:?}");
         assert!(score.relative_l2 <= relative_l2, "{score:?}");
         assert!((score.energy_ratio - 1.0).abs() <= energy, "{score:?}");
