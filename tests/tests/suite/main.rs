@@ -50,6 +50,7 @@ mod furnace;
 mod layers;
 mod layout;
 mod leaks;
+mod lightmaps;
 mod lights;
 mod made_scenes;
 mod mesh;

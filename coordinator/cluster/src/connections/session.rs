@@ -22,7 +22,7 @@ use super::connect::Connection;
 use super::error::words;
 use super::pulse::{KEEP_ALIVE, Lapse, Pulse};
 use super::request::Request;
-use super::upload::{Published, UploadFailure, upload};
+use super::upload::{Published, UploadFailure, pack, upload};
 use crate::metrics::{Metrics, WorkerMetrics};
 use crate::scheduler::JobId;
 
@@ -135,7 +135,7 @@ pub(super) async fn run(
     let Connection { mut inbound, outbound, uploads: upload_client, remote, .. } = connection;
     let (under_way, pulse) = (HashMap::new(), Pulse::default());
     let mut session = Session { outbound, under_way, pulse, bytes_sent, metrics, tell };
-    let mut uploads = JoinSet::new();
+    let (mut packings, mut uploads) = (JoinSet::new(), JoinSet::new());
     let mut keep_alive = interval(KEEP_ALIVE);
     keep_alive.set_missed_tick_behavior(MissedTickBehavior::Delay);
 
@@ -143,10 +143,7 @@ pub(super) async fn run(
         let step = tokio::select! {
             command = commands.recv() => match command {
                 Some(Command::Load(replica)) => {
-                    session.pulse.uploads();
-                    let (sent, all) = (Arc::clone(&session.bytes_sent), session.metrics.all.clone());
-                    let count = move |bytes| count_sent(&sent, &all, bytes);
-                    uploads.spawn(upload(upload_client.clone(), replica, remote, count));
+                    packings.spawn(pack(replica, remote));
                     Ok(())
                 }
                 Some(command) => {
@@ -159,6 +156,16 @@ pub(super) async fn run(
                 session.pulse.heard();
                 session.hear(message, !uploads.is_empty())
             }
+            Some(packed) = packings.join_next() => match packed {
+                Ok(parcel) => {
+                    // Until now no byte could have moved.
+                    session.pulse.uploads();
+                    session.count_sent(parcel.len());
+                    uploads.spawn(upload(upload_client.clone(), parcel));
+                    Ok(())
+                }
+                Err(error) => Err(LostWorkerReason::Broken(error.to_string())),
+            },
             Some(loaded) = uploads.join_next() => match loaded {
                 Ok((digest, Ok(()))) => {
                     (session.tell)(News::Loaded(digest));
@@ -187,11 +194,6 @@ pub(super) async fn run(
 /// Rows where a tile was asked for, or the other way round.
 fn other_kind(job: u64) -> LostWorkerReason {
     LostWorkerReason::Garbage(format!("an answer of another kind to job {job}"))
-}
-
-fn count_sent(sent: &AtomicU64, metrics: &Metrics, bytes: usize) {
-    sent.fetch_add(bytes as u64, Ordering::Relaxed);
-    metrics.sent(bytes as u64);
 }
 
 struct Session<T> {
@@ -283,7 +285,8 @@ impl<T: Fn(News)> Session<T> {
     }
 
     fn count_sent(&self, bytes: usize) {
-        count_sent(&self.bytes_sent, &self.metrics.all, bytes);
+        self.bytes_sent.fetch_add(bytes as u64, Ordering::Relaxed);
+        self.metrics.all.sent(bytes as u64);
     }
 
     /// Takes the request of an answered job.

@@ -1,6 +1,6 @@
 //! Sends a replica to a worker.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
 use bytes::Bytes;
@@ -10,7 +10,6 @@ use protocol::security::SecuredChannel;
 use protocol::worker::replica_chunk::Body;
 use protocol::worker::worker_client::WorkerClient;
 use protocol::worker::{LoadReplicaReply, ReplicaChunk, ReplicaHeader};
-use tokio::sync::OnceCell;
 use tokio::task::spawn_blocking;
 use tokio::time::timeout;
 
@@ -45,39 +44,53 @@ pub(super) enum UploadFailure {
 #[derive(Debug)]
 pub(super) struct Published {
     pub(super) replica: EncodedReplica,
-    packed: OnceCell<Option<Bytes>>,
+    packed: OnceLock<Option<Bytes>>,
 }
 
 impl Published {
     pub(super) fn new(replica: EncodedReplica) -> Self {
-        Self { replica, packed: OnceCell::new() }
+        Self { replica, packed: OnceLock::new() }
     }
 
     /// The replica packed, where that is shorter.
-    async fn packed(&self) -> Option<Bytes> {
-        let bytes = &self.replica.bytes;
-        let pack = async {
-            if bytes.len() < MUCH_TO_PACK {
-                return packed(bytes).map(Bytes::from);
-            }
-            // It goes as it is where the runtime ends.
-            let bytes = bytes.clone();
-            spawn_blocking(move || packed(&bytes)).await.ok().flatten().map(Bytes::from)
-        };
-        self.packed.get_or_init(|| pack).await.clone()
+    fn packed(&self) -> Option<Bytes> {
+        self.packed.get_or_init(|| packed(&self.replica.bytes).map(Bytes::from)).clone()
     }
 }
 
-/// Sends a replica to a worker; packed, if it is `remote`. Tells the bytes before it sends them. Ends when the worker can use it.
+/// A replica on its way to a worker.
+pub(super) struct Parcel {
+    published: Arc<Published>,
+    packed: Option<Bytes>,
+}
+
+impl Parcel {
+    /// Length of what is sent.
+    pub(super) fn len(&self) -> usize {
+        self.packed.as_ref().unwrap_or(&self.published.replica.bytes).len()
+    }
+}
+
+/// Packs a replica for a worker, if it is `remote`. What was begun is kept for the next one, even if nobody waits for it any more.
+pub(super) async fn pack(published: Arc<Published>, remote: bool) -> Parcel {
+    let packed = if !remote {
+        None
+    } else if published.replica.bytes.len() < MUCH_TO_PACK {
+        published.packed()
+    } else {
+        let own = Arc::clone(&published);
+        // It goes as it is where the runtime ends.
+        spawn_blocking(move || own.packed()).await.ok().flatten()
+    };
+    Parcel { published, packed }
+}
+
+/// Sends a replica to a worker. Ends when the worker can use it.
 pub(super) async fn upload(
     mut client: WorkerClient<SecuredChannel>,
-    published: Arc<Published>,
-    remote: bool,
-    count: impl FnOnce(usize),
+    Parcel { published, packed }: Parcel,
 ) -> (Digest, Result<(), UploadFailure>) {
-    let packed = if remote { published.packed().await } else { None };
     let replica = &published.replica;
-    count(packed.as_ref().unwrap_or(&replica.bytes).len());
     let digest = replica.digest;
     let limit = UPLOAD_TIMEOUT + Duration::from_secs(replica.bytes.len() as u64 / SLOWEST_BYTES);
     let loading = client.load_replica(tokio_stream::iter(chunks(replica, packed)));

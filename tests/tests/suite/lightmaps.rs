@@ -1,0 +1,227 @@
+//! Lightmaps: their texels against path-traced references and vertices of the same bake, and the files that they come in.
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use assert_cmd::Command;
+use bake::BakeSettings;
+use glam::DVec3;
+use gltf::{Gltf, Semantic};
+use lightmap::{Lightmap, Plan, Resolution, plan};
+use output::export::{ExportSettings, export};
+use scene::{ImportOptions, ReadOptions, Scene, import};
+use serde_json::Value;
+use tests::baking::baked_with_points;
+use tests::builder::{Material, SceneBuilder};
+use tests::data;
+use tests::programs::binary;
+use tests::shapes;
+use verify::plain::PlainScene;
+use verify::reference::{locate, read};
+use verify::score::score;
+
+fn cornell() -> Scene {
+    import(&data("scenes/cornell.glb"), &ImportOptions::default()).unwrap()
+}
+
+fn planned(scene: &Scene, texel: f64) -> Plan {
+    plan(scene, Resolution::Texel(texel), &|| false).unwrap()
+}
+
+/// Irradiance that a viewer finds at a place of a surface, with bilinear filtering.
+fn seen_at(map: &Lightmap, scene: &Scene, surface: usize, place: DVec3) -> Option<DVec3> {
+    let layout = map.layouts.iter().find(|layout| layout.surface == surface)?;
+    let sorted = |mut vertices: [u32; 3]| {
+        vertices.sort_unstable();
+        vertices
+    };
+    let triangles: HashMap<[u32; 3], usize> = layout
+        .triangles
+        .iter()
+        .enumerate()
+        .map(|(index, own)| (sorted(own.map(|vertex| layout.sources[vertex as usize])), index))
+        .collect();
+    let all = scene.surfaces[surface].facets.iter().flat_map(|facet| &facet.triangles);
+    let (vertices, weights) = all
+        .map(|triangle| {
+            let [a, b, c] = triangle.positions;
+            let normal = (b - a).cross(c - a);
+            let part = |from: DVec3, to: DVec3| {
+                (to - from).cross(place - from).dot(normal) / normal.length_squared()
+            };
+            (triangle.vertices, [part(b, c), part(c, a), part(a, b)])
+        })
+        .max_by(|a, b| {
+            let least = |weights: [f64; 3]| weights.into_iter().fold(f64::INFINITY, f64::min);
+            least(a.1).total_cmp(&least(b.1))
+        })?;
+    let index = *triangles.get(&sorted(vertices))?;
+    let corners = layout.corners(index, map.size);
+    let weight = |corner: u32| {
+        let source = layout.sources[corner as usize];
+        vertices.iter().position(|vertex| *vertex == source).map_or(0.0, |at| weights[at])
+    };
+    let texel: glam::DVec2 =
+        layout.triangles[index].iter().zip(corners).map(|(corner, at)| at * weight(*corner)).sum();
+    let page = &map.images[0][layout.pages[index]? as usize];
+    let (low, part) = ((texel - 0.5).floor(), (texel - 0.5).fract_gl());
+    let at = |right: f64, down: f64| {
+        let x = (low.x + right).clamp(0.0, f64::from(map.size[0] - 1)) as usize;
+        let y = (low.y + down).clamp(0.0, f64::from(map.size[1] - 1)) as usize;
+        DVec3::from_array(page[y * map.size[0] as usize + x].map(f64::from))
+    };
+    let row = |down: f64| at(0.0, down).lerp(at(1.0, down), part.x);
+    Some(row(0.0).lerp(row(1.0), part.y))
+}
+
+/// Relative L2 of the radiosity at the points of the reference.
+fn error_of(map: &Lightmap, scene: &Scene, name: &str) -> f64 {
+    let plain = PlainScene::open(&data(&format!("scenes/{name}.glb"))).unwrap();
+    let given = read(&data(&format!("references/{name}.reference.csv"))).unwrap();
+    let places = locate(&plain, &given.iter().map(|point| point.place).collect::<Vec<_>>());
+    assert!(places.iter().all(Option::is_some));
+    let (mut errors, mut all) = (0.0, 0.0);
+    // No light falls below the boxes, where texels are filled from their neighbours.
+    for point in given.iter().filter(|point| point.radiosity != DVec3::ZERO) {
+        let place = scene.frame.to_frame(point.place.position);
+        let own = (0..scene.surfaces.len()).min_by(|a, b| {
+            let distance = |surface: usize| {
+                let facets = scene.surfaces[surface].facets.iter();
+                let facing = facets.filter(|facet| facet.normal.dot(point.place.normal) > 0.99);
+                facing
+                    .map(|facet| {
+                        let corners: Vec<DVec3> = facet.positions().collect();
+                        let off = (place - corners[0]).dot(facet.normal).abs();
+                        let next = corners.iter().cycle().skip(1);
+                        let outside = corners.iter().zip(next).map(|(a, b)| {
+                            let along = (*b - *a).normalize();
+                            -facet.normal.cross(along).dot(place - *a)
+                        });
+                        off.max(outside.fold(0.0, f64::max))
+                    })
+                    .fold(f64::INFINITY, f64::min)
+            };
+            distance(*a).total_cmp(&distance(*b))
+        });
+        let surface = own.unwrap();
+        let seen = seen_at(map, scene, surface, place).unwrap() * scene.surfaces[surface].reflectance
+            + scene.surfaces[surface].exitance;
+        // Without the variance of the reference, as the score has it.
+        let variance = point.standard_error.length_squared();
+        errors += (seen - point.radiosity).length_squared() - variance;
+        all += point.radiosity.length_squared() - variance;
+    }
+    (errors / all).sqrt()
+}
+
+#[test]
+fn texels_of_cornell_are_as_near_the_reference_as_its_vertices() {
+    let scene = cornell();
+    let plan = planned(&scene, 0.05);
+    let baked = baked_with_points(&scene, &BakeSettings::for_error(0.02), plan.points(), 2);
+    let map = plan.lightmap(&baked.at_points);
+    let folder = tempfile::tempdir().unwrap();
+    let lit = folder.path().join("lit.glb");
+    export(&scene, &baked.lit, &ExportSettings::default(), &lit).unwrap();
+    let vertices = score(
+        &lit,
+        &data("references/cornell.reference.csv"),
+        &data("scenes/cornell.glb"),
+        &ReadOptions::default(),
+    )
+    .unwrap();
+    let texels = error_of(&map, &scene, "cornell");
+    assert!(texels <= 1.2 * vertices.relative_l2, "{texels} at texels, {vertices:?}");
+}
+
+#[test]
+fn texels_are_the_same_whatever_the_workers() {
+    let scene = cornell();
+    let plan = planned(&scene, 0.2);
+    for rows in [bake::RowStrategy::Exact, bake::RowStrategy::Gather] {
+        let settings = BakeSettings { rows, ..BakeSettings::for_error(0.1) };
+        let light = |threads| baked_with_points(&scene, &settings, plan.points(), threads).at_points;
+        assert!(light(1) == light(3), "{rows:?}");
+    }
+}
+
+/// A room with a box, both sides of which are lit.
+fn room() -> Vec<u8> {
+    let [low, high] = [0.4, 0.6].map(DVec3::splat);
+    SceneBuilder::new()
+        .part("walls", &shapes::unit_room(), Material::grey(0.5).emitting(1.0))
+        .part("box", &shapes::box_facing_out(low, high), Material::grey(0.5).double_sided())
+        .glb()
+}
+
+fn solve(folder: &Path, arguments: &[&str]) -> std::process::Output {
+    let mut command = Command::new(binary("coordinator"));
+    command.current_dir(folder).args(["solve", "scene.glb", "--error", "0.2"]).args(arguments);
+    command.output().unwrap()
+}
+
+#[test]
+fn a_file_keeps_its_meshes_and_materials_and_names_its_lightmap() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("scene.glb"), room()).unwrap();
+    let arguments = [
+        "-o",
+        "lit.glb",
+        "--report",
+        "report.json",
+        "--lightmap",
+        "--texel-size",
+        "0.05",
+        "--lightmap-format",
+        "exr",
+    ];
+    let answer = solve(folder.path(), &arguments);
+    assert!(answer.status.success(), "{}", String::from_utf8_lossy(&answer.stderr));
+    let report: Value =
+        serde_json::from_slice(&std::fs::read(folder.path().join("report.json")).unwrap()).unwrap();
+    assert_eq!(
+        (&report["lightmap"]["pages"], &report["lightmap"]["uses_second_set"]),
+        (&1.into(), &false.into())
+    );
+    assert!(folder.path().join("lit-lightmap-0.exr").is_file());
+
+    let [input, lit] = ["scene.glb", "lit.glb"].map(|name| Gltf::open(folder.path().join(name)).unwrap());
+    let positions = |file: &Gltf| -> Vec<_> {
+        let primitives =
+            file.meshes().flat_map(|mesh| mesh.primitives().collect::<Vec<_>>()).collect::<Vec<_>>();
+        primitives.iter().map(|own| own.get(&Semantic::Positions).unwrap().count()).collect()
+    };
+    // The box has two sides.
+    assert_eq!((positions(&input).len(), positions(&lit).len()), (2, 3));
+    let extras: Value = serde_json::from_str(lit.as_json().asset.extras.as_ref().unwrap().get()).unwrap();
+    let map = &extras["halflight"]["lightmap"];
+    assert_eq!((&map["texCoord"], &map["encoding"]), (&1.into(), &"srgb".into()));
+    for primitive in lit.meshes().flat_map(|mesh| mesh.primitives().collect::<Vec<_>>()) {
+        let set = primitive.get(&Semantic::TexCoords(1)).unwrap();
+        assert_eq!(set.count(), primitive.get(&Semantic::Positions).unwrap().count());
+        let material = primitive.material();
+        assert!(!material.unlit());
+        let link = material.extension_value("MOZ_lightmap").unwrap();
+        assert_eq!((&link["index"], &link["texCoord"]), (&map["textures"][0], &1.into()));
+        assert_eq!(link["intensity"], map["scale"]);
+    }
+    // At most E = 1 / (1 - .5), which the walls would have without the box.
+    let scale = map["scale"].as_f64().unwrap();
+    assert!((1.2..2.2).contains(&scale), "{map}");
+}
+
+#[test]
+fn what_cannot_be_a_lightmap_is_refused_before_the_bake() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("scene.glb"), room()).unwrap();
+    for (arguments, words) in [
+        (&["-o", "lit.glb", "--lightmap", "--texel-size", "0.00001"][..], "give a --texel-size of"),
+        (&["-o", "lit.ply", "--lightmap"][..], "write .glb or .gltf"),
+        (&["-o", "lit.glb", "--texel-size", "0.1"][..], "give lightmap, too"),
+    ] {
+        let answer = solve(folder.path(), arguments);
+        let said = String::from_utf8(answer.stderr).unwrap();
+        assert!(!answer.status.success() && said.contains(words), "{said}");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "files were left behind");
+    }
+}
