@@ -84,7 +84,7 @@ fn words(error: &TlsError) -> String {
                 "the other end's certificate is for another purpose: extendedKeyUsage is clientAuth at callers, serverAuth at servers"
             }
             CertificateError::ApplicationVerificationFailure => {
-                "the other end's certificate has none of the names in --tls-callers"
+                "the other end's certificate has none of the names in --tls-callers or --listen-tls-callers"
             }
             _ => "the other end's certificate is not accepted",
         },
@@ -99,7 +99,7 @@ fn words(error: &TlsError) -> String {
                 "the other end does not accept this end's certificate: both ends need certificates of one authority"
             }
             AlertDescription::AccessDenied => {
-                "the other end does not accept callers with the names of this end's certificate: its --tls-callers says which"
+                "the other end does not accept callers with the names of this end's certificate: its --tls-callers or --listen-tls-callers says which"
             }
             AlertDescription::CertificateExpired => "this end's certificate has expired: make a new one",
             refusal if REFUSALS.contains(refusal) => "the other end does not accept this end's certificate",
