@@ -34,12 +34,13 @@ pub(super) struct SourceAttribute {
 
 /// Reads the attributes that the refined mesh takes over: neither those that it has of its own (`POSITION`, `NORMAL`,
 /// `_IRRADIANCE` and what begins like it, `_UNSHOT`) nor those that belong to an undone pose (`JOINTS`, `WEIGHTS`). `COLOR_0`, which the
-/// light is multiplied by, is also kept by itself, as [`TINT`].
+/// light is multiplied by, is also kept by itself, as [`TINT`], unless it `keeps_colours` as they are.
 ///
 /// Matrices, which only application-specific attributes have, are left out.
 pub(super) fn read(
     primitive: &gltf::Primitive<'_>,
     buffers: &[Vec<u8>],
+    keeps_colours: bool,
 ) -> Result<Vec<SourceAttribute>, ExportError> {
     let mut attributes = Vec::new();
     for (semantic, accessor) in primitive.attributes() {
@@ -55,7 +56,7 @@ pub(super) fn read(
         }
         let values = components(&accessor, buffers)
             .ok_or_else(|| ExportError::Buffer(format!("attribute {}", semantic.to_string())))?;
-        let is_tint = semantic == Semantic::Colors(0) && width >= 3;
+        let is_tint = !keeps_colours && semantic == Semantic::Colors(0) && width >= 3;
         let semantic = if is_tint { Semantic::Extras(TINT.into()) } else { semantic };
         attributes.push(SourceAttribute { semantic, width, is_tint, values });
     }

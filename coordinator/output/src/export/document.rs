@@ -16,7 +16,9 @@ use super::buffer::{self, NewData};
 use super::layers::Parts;
 use super::materials::{LitMaterials, complete_texture_transforms};
 use super::refined::{Placement, RefinedPrimitive, Show, refine};
-use super::{Domain, ExportError, ExportSettings, attributes, extensions, images, layers, materials};
+use super::{
+    Domain, ExportError, ExportSettings, Materials, attributes, extensions, images, layers, materials,
+};
 use bake::lit::LitMesh;
 use document::placement::world_matrices;
 use scene::{Scene, Side};
@@ -42,10 +44,10 @@ pub(super) fn assemble(
     scene: &Scene,
     lit: &LitMesh,
     exposure: f64,
-    domain: Domain,
+    settings: &ExportSettings,
     output: &Path,
 ) -> Result<Assembled, ExportError> {
-    let mut assembler = Assembler::new(scene, lit, exposure, domain)?;
+    let mut assembler = Assembler::new(scene, lit, exposure, settings)?;
     let lit_nodes = lit_nodes(scene, lit)?;
     // A mesh that an unlit node shows as well must stay as it is.
     let unlit = |(node, _): &(usize, &gltf::json::Node)| !lit_nodes.contains_key(node);
@@ -90,6 +92,8 @@ struct Assembler<'a> {
     lit: &'a LitMesh,
     exposure: f64,
     domain: Domain,
+    /// Whether materials and `COLOR_0` are the input's.
+    keeps_materials: bool,
     /// Light groups and unshot radiosity of the lit mesh.
     parts: Parts<'a>,
     /// The input, to read from while the output changes.
@@ -107,14 +111,20 @@ struct Assembler<'a> {
 }
 
 impl<'a> Assembler<'a> {
-    fn new(scene: &'a Scene, lit: &'a LitMesh, exposure: f64, domain: Domain) -> Result<Self, ExportError> {
+    fn new(
+        scene: &'a Scene,
+        lit: &'a LitMesh,
+        exposure: f64,
+        settings: &ExportSettings,
+    ) -> Result<Self, ExportError> {
         let root = scene.source.root.clone();
         let document = gltf::Document::from_json_without_validation(root.clone());
         Ok(Self {
             scene,
             lit,
             exposure,
-            domain,
+            domain: settings.domain,
+            keeps_materials: settings.materials == Materials::Keep,
             parts: layers::parts(lit)?,
             world: world_matrices(&document),
             document,
@@ -189,7 +199,7 @@ impl<'a> Assembler<'a> {
             .ok_or_else(|| ExportError::Mismatch(format!("{} has no primitive", surface.name)))?;
         let placement = Placement::new(self.scene.frame, self.world[surface.node])
             .ok_or_else(|| ExportError::SingularNode(surface.name.clone()))?;
-        let attributes = attributes::read(&source, &self.scene.source.buffers)?;
+        let attributes = attributes::read(&source, &self.scene.source.buffers, self.keeps_materials)?;
         let triangles = &self.lit.surfaces[surface_index];
         let glows = materials::glows(self.lit, surface, triangles)?;
         let diffuse =
@@ -199,8 +209,13 @@ impl<'a> Assembler<'a> {
         self.vertices += refined.positions.len();
         self.triangles += triangles.len();
         let one_side = self.two_sided.contains(&(surface.node, surface.primitive));
-        let material = self.materials.lit(&mut self.root, original.material, one_side, glows)?;
-        Ok(self.store(refined, Primitive { material: Some(material), ..original.clone() }))
+        let material = if self.keeps_materials && !one_side {
+            original.material
+        } else {
+            let stays = glows || self.keeps_materials;
+            Some(self.materials.lit(&mut self.root, original.material, one_side, stays)?)
+        };
+        Ok(self.store(refined, Primitive { material, ..original.clone() }))
     }
 
     /// Puts geometry in place of the primitive's own.
@@ -215,6 +230,9 @@ impl<'a> Assembler<'a> {
         ];
         let names = self.parts.iter().map(|(semantic, _)| semantic.clone());
         let parts = names.zip(refined.parts);
+        // The input's colours are among the further attributes where they are kept.
+        let shows = |semantic: &Semantic| !self.keeps_materials || *semantic != Semantic::Colors(0);
+        let own: Vec<_> = own.into_iter().filter(|(semantic, ..)| shows(semantic)).collect();
         let attributes = own
             .into_iter()
             .chain(parts.map(|(semantic, values)| (semantic, 3, values.into_flattened())))

@@ -10,6 +10,7 @@
 //! - Materials become `KHR_materials_unlit`: a viewer shows `COLOR_0` x base colour, radiosity x exposure. `COLOR_0` includes
 //!   1 - metallicFactor, except where a texture states the metal. Materials that emit more than they reflect stay lit, as an
 //!   unlit one shows no emission; extensions of unlit materials move to `extras.halflight.extensions`.
+//! - With [`Materials::Keep`], materials and `COLOR_0` are the input's, and light is in `_IRRADIANCE` only.
 //! - Image files are embedded, except for a `.gltf` in the input's own folder.
 //!
 //! Nodes, cameras, lights, textures, images, samplers and meshes keep their indices and buffer views their bytes, so that
@@ -67,6 +68,16 @@ pub enum Domain {
     Corner,
 }
 
+/// What becomes of the input's materials and of `COLOR_0`.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Materials {
+    /// They show the light of the bake alone, out of `COLOR_0`.
+    #[default]
+    Unlit,
+    /// They stay, and so does `COLOR_0`; light is in `_IRRADIANCE` only.
+    Keep,
+}
+
 /// How to write the lit scene.
 #[derive(Debug, Clone)]
 pub struct ExportSettings {
@@ -76,6 +87,8 @@ pub struct ExportSettings {
     pub unit: String,
     /// Vertex sharing.
     pub domain: Domain,
+    /// What becomes of the input's materials.
+    pub materials: Materials,
     /// An object whose members go to `asset.extras.halflight`, beside `exposure` and `unit`. Other values become its member
     /// `settings`; null is left out.
     pub extras: serde_json::Value,
@@ -87,6 +100,7 @@ impl Default for ExportSettings {
             exposure: None,
             unit: "W/m^2".into(),
             domain: Domain::default(),
+            materials: Materials::default(),
             extras: serde_json::Value::Null,
         }
     }
@@ -201,7 +215,7 @@ pub fn export(
         write::write_files(vec![file], path)?;
         return Ok(exported);
     }
-    let mut assembled = document::assemble(scene, lit, exposure, settings.domain, path)?;
+    let mut assembled = document::assemble(scene, lit, exposure, settings, path)?;
     document::describe(&mut assembled.root, lit, exposure, settings)?;
     write::write(assembled.root, assembled.binary, path)?;
     Ok(Exported {

@@ -21,7 +21,7 @@ use protocol::api;
 
 use bake::{BakeSettings, LightChange, LightGroup, LightPart, NewLight};
 use lightmap::Resolution;
-use output::export::{ExportSettings, PageFormat, check_group_names};
+use output::export::{ExportSettings, Materials, PageFormat, check_group_names};
 use scene::ImportOptions;
 
 use crate::lightmap_run::LightmapSettings;
@@ -126,7 +126,10 @@ pub fn bake_settings(options: &api::BakeOptions, wrong: &mut Violations) -> Bake
 
 /// Which part of the light is wanted, and which groups of its sources by themselves.
 pub fn light_parts(options: &api::OutputOptions, wrong: &mut Violations) -> (LightPart, Vec<LightGroup>) {
-    let only = schema::settings(options, wrong).only;
+    let OutputSettings { only, export, .. } = schema::settings(options, wrong);
+    // Lamps of a file with its own materials shine in viewers.
+    let is_said = options.only() != api::Part::Unspecified;
+    let only = if export.materials == Materials::Keep && !is_said { LightPart::Indirect } else { only };
     let group =
         |group: &api::LightGroup| LightGroup { name: group.name.clone(), lights: group.lights.clone() };
     let names: usize = options.groups.iter().map(|group| 1 + group.lights.len()).sum();
@@ -284,6 +287,17 @@ mod tests {
         let Err(InvalidOptions(told)) = wrong.check() else { panic!("nothing is wrong") };
         assert_eq!(told.len(), MOST_VIOLATIONS);
         assert_eq!(told.iter().filter(|violation| violation.field == "same").count(), 1);
+    }
+
+    #[test]
+    fn kept_materials_get_indirect_light_unless_another_part_is_said() {
+        let mut wrong = Violations::default();
+        let keep = api::OutputOptions { materials: api::Materials::Keep.into(), ..Default::default() };
+        let all = api::OutputOptions { only: api::Part::All.into(), ..keep.clone() };
+        assert_eq!(light_parts(&keep, &mut wrong).0, LightPart::Indirect);
+        assert_eq!(light_parts(&all, &mut wrong).0, LightPart::All);
+        assert_eq!(light_parts(&api::OutputOptions::default(), &mut wrong).0, LightPart::All);
+        assert!(wrong.check().is_ok());
     }
 
     #[test]

@@ -4,7 +4,7 @@ use glam::DVec3;
 use protocol::api;
 
 use bake::{LightPart, Quality, RowStrategy};
-use output::export::{Domain, PageFormat};
+use output::export::{Domain, Materials, PageFormat};
 use scene::LightUnit;
 
 use super::kind::Value;
@@ -127,5 +127,6 @@ choices! {
     LightUnit, api::LightUnit: Candela = Candela, Watt = Watt;
     LightPart, api::Part: All = All, Direct = Direct, Indirect = Indirect;
     Domain, api::Domain: Vertex = Vertex, Corner = Corner;
+    Materials, api::Materials: Unlit = Unlit, Keep = Keep;
     PageFormat, api::LightmapFormat: Png = Png, Rgbm = Rgbm, Exr = Exr;
 }

@@ -212,6 +212,11 @@ const PARTS: &[Choice] = &[
     choice("all", api::Part::All as i32, "both"),
 ];
 
+const MATERIALS: &[Choice] = &[
+    choice("unlit", api::Materials::Unlit as i32, "they show the light of the bake alone"),
+    choice("keep", api::Materials::Keep as i32, "they stay, and so does COLOR_0"),
+];
+
 const PAGE_FORMATS: &[Choice] = &[
     choice("png", api::LightmapFormat::Png as i32, "PNG of eight bits with the curve of sRGB"),
     choice("rgbm", api::LightmapFormat::Rgbm as i32, "PNG of eight bits, linear, with a multiplier in alpha"),
@@ -252,7 +257,15 @@ impl Options for OutputOptions {
             .details("Three vertices per triangle keep creases in tools that edit the corners of faces."),
         knob!("output." + only -> only, "only", Kind::Choice(PARTS))
             .value_name("PART")
-            .help("Part of the light in the output"),
+            .help("Part of the light in the output")
+            .default("{}; indirect with --materials keep"),
+        knob!("output." + materials -> export.materials, "materials", Kind::Choice(MATERIALS))
+            .value_name("CHOICE")
+            .help("What becomes of the input's materials and vertex colours")
+            .details(
+                "With keep, light is in _IRRADIANCE alone, for viewers that add it to their own, such as three.js with the \
+                 plugin of coordinator/three. --only is then indirect, since lamps stay lamps.",
+            ),
         knob!("output." + lightmap -> lightmap, "lightmap", Kind::Flag)
             .help("Write the light as a lightmap, on the input's own meshes and materials")
             .details(

@@ -70,7 +70,7 @@ pub enum SecurityError {
     },
     /// A name that no certificate can have.
     #[error(
-        "{name:?} is not a name that a certificate can have: give one that is in the other end's, such as a host name"
+        "{name:?} is not a name that a certificate can have: give --tls-name or --tls-callers one that is in the other end's, such as a host name"
     )]
     Name {
         /// The name.

@@ -207,3 +207,28 @@ fn refined_triangles_across_source_triangles_follow_each_of_them() {
         assert!((wear[0] - (position[0] - position[1]).abs()).abs() < 1e-6);
     }
 }
+
+#[test]
+fn kept_materials_and_colours_are_those_of_the_input() {
+    let mut builder = Builder::default();
+    let mut square = builder.square();
+    square["attributes"]["COLOR_0"] = builder.floats(&[[0.25, 0.5, 0.75]; 4]).into();
+    square["material"] = 0.into();
+    let scene = builder.import(json!({
+        "materials": [{"pbrMetallicRoughness": {"metallicFactor": 0.5}}],
+        "meshes": [{"primitives": [square]}],
+        "nodes": [{"mesh": 0}],
+        "scenes": [{"nodes": [0]}],
+    }));
+    let lit = light(&scene, 2, |_| DVec3::splat(3.0));
+    let directory = TempDir::new().unwrap();
+    let path = directory.path().join("lit.glb");
+    export(&scene, &lit, &ExportSettings { materials: Materials::Keep, ..settings() }, &path).unwrap();
+
+    let gltf = Gltf::open(path).unwrap();
+    let primitive = first_primitive(&gltf, 0);
+    assert_eq!((gltf.materials().count(), primitive.material().unlit()), (1, false));
+    assert!(primitive.get(&Semantic::Extras("COLOR_0".into())).is_none());
+    assert!(attribute(&gltf, &primitive, &Semantic::Colors(0)).iter().all(|row| *row == [0.25, 0.5, 0.75]));
+    assert!(attribute(&gltf, &primitive, &irradiance()).iter().all(|row| *row == [3.0; 3]));
+}
