@@ -42,19 +42,20 @@ fn seen_at(map: &Lightmap, scene: &Scene, surface: usize, place: DVec3) -> Optio
         .map(|(index, own)| (sorted(own.map(|vertex| layout.sources[vertex as usize])), index))
         .collect();
     let all = scene.surfaces[surface].facets.iter().flat_map(|facet| &facet.triangles);
-    let (vertices, weights) = all
+    // The triangle that the place is least far off: off its plane, or outside of its edges.
+    let (_, vertices, weights) = all
         .map(|triangle| {
             let [a, b, c] = triangle.positions;
             let normal = (b - a).cross(c - a);
             let part = |from: DVec3, to: DVec3| {
                 (to - from).cross(place - from).dot(normal) / normal.length_squared()
             };
-            (triangle.vertices, [part(b, c), part(c, a), part(a, b)])
+            let weights = [part(b, c), part(c, a), part(a, b)];
+            let outside = weights.into_iter().fold(0.0_f64, |most, weight| most.max(-weight));
+            let off = (place - a).dot(normal).abs() / normal.length() + outside * normal.length().sqrt();
+            (off, triangle.vertices, weights)
         })
-        .max_by(|a, b| {
-            let least = |weights: [f64; 3]| weights.into_iter().fold(f64::INFINITY, f64::min);
-            least(a.1).total_cmp(&least(b.1))
-        })?;
+        .min_by(|a, b| a.0.total_cmp(&b.0))?;
     let index = *triangles.get(&sorted(vertices))?;
     let corners = layout.corners(index, map.size);
     let weight = |corner: u32| {
