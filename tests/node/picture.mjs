@@ -6,12 +6,10 @@
 // emission, holes, panes, and the borders of surfaces and texels.
 // Colours are linear inside and sRGB in the picture, without tone mapping. Everything is served from loopback.
 // CHROMIUM names the browser; /usr/bin/chromium where it is not set.
-import { createServer } from 'node:http';
 import { readFile, writeFile } from 'node:fs/promises';
 import path from 'node:path';
 import { parseArgs } from 'node:util';
-import { chromium } from 'playwright-core';
-import { LAUNCH } from '../chromium.mjs';
+import { onPage } from './served.mjs';
 
 const USAGE =
   'usage: node picture.mjs FILE.glb OUT.png [--camera x,y,z --target x,y,z --size 900x600 --fov 75 | --expect POINTS.json | --other OTHER.png]';
@@ -62,7 +60,6 @@ function numbers(text, separator, count) {
   process.exit(2);
 }
 
-const three = path.join(import.meta.dirname, 'node_modules', 'three');
 const sources = new Map([
   ['/', { type: 'text/html', read: () => PAGE }],
   ['/page.js', { type: 'text/javascript', read: () => readFile(path.join(import.meta.dirname, 'page.js')) }],
@@ -73,19 +70,6 @@ const PAGE = `<!doctype html><link rel="icon" href="data:,"><script type="import
 {"imports": {"three": "/three/build/three.module.js", "three/addons/": "/three/examples/jsm/"}}
 </script><script type="module" src="/page.js"></script>`;
 
-const server = createServer(async (request, response) => {
-  const { pathname } = new URL(request.url, 'http://localhost');
-  const library = pathname.startsWith('/three/') && path.join(three, path.normalize(pathname.slice(7)));
-  const source = library
-    ? { type: 'text/javascript', read: () => readFile(library) }
-    : sources.get(pathname);
-  try {
-    const body = await source.read();
-    response.writeHead(200, { 'content-type': source.type }).end(body);
-  } catch {
-    response.writeHead(404).end();
-  }
-});
 // As the picture holds it: sRGB of 255.
 function encoded(linear) {
   const value = Math.min(Math.max(linear, 0), 1);
@@ -128,21 +112,10 @@ try {
   console.error(error.message);
   process.exit(1);
 }
-await new Promise((resolve) => server.listen(0, '127.0.0.1', resolve));
-
-const browser = await chromium.launch(LAUNCH);
-try {
-  const page = await browser.newPage();
-  page.on('console', (message) => console.error(`page: ${message.text()}`));
-  page.on('pageerror', (error) => console.error(`page: ${error.message}`));
-  await page.goto(`http://127.0.0.1:${server.address().port}/`);
-  await page.waitForFunction(() => globalThis.takePicture, { timeout: 30_000 });
+await onPage(sources, 'takePicture', async (page) => {
   const { url, camera, target, found, pairs } = await page.evaluate((view) => globalThis.takePicture(view), view);
   await writeFile(out, Buffer.from(url.split(',')[1], 'base64'));
   console.log(`${out}: camera ${camera.join(',')}, target ${target.join(',')}`);
   if (expected) compare(expected.points, found);
   if (pairs) compareWith(pairs, view.size);
-} finally {
-  await browser.close();
-  server.close();
-}
+});

@@ -21,7 +21,6 @@
 
 mod channels;
 mod context;
-mod disjoint_sets;
 mod error;
 mod error_budget;
 mod jobs;

@@ -1,6 +1,7 @@
 //! The input's second set of texture coordinates, which a lightmap uses where it can.
 
 use foldhash::{HashMap, HashMapExt};
+use kernel::disjoint_sets::DisjointSets;
 use scene::Scene;
 
 use crate::layout::SideLayout;
@@ -46,12 +47,7 @@ fn checked(scene: &Scene, sides: &[LitSide], resolution: Resolution) -> Result<P
         .flat_map(|(layout, _)| (0..layout.triangles.len()).map(|index| layout.corners(index, [1, 1])))
         .map(|[a, b, c]| (b - a).perp_dot(c - a).abs() / 2.0)
         .sum();
-    let of_fronts: f64 = area(scene, sides)
-        - sides
-            .iter()
-            .filter(|side| side.is_back)
-            .map(|side| area(scene, std::slice::from_ref(side)))
-            .sum::<f64>();
+    let of_fronts = area(scene, fronts().map(|(_, side)| side));
     if in_page.is_nan() || in_page <= 0.0 {
         return Err("its charts have no area".to_owned());
     }
@@ -132,28 +128,19 @@ fn close([width, height]: [u32; 2], name: &str) -> String {
 
 /// The chart of each triangle of a side: triangles that have a place on the page in common.
 fn charts_of(layout: &SideLayout) -> Vec<u32> {
-    let mut parents: Vec<u32> = (0..layout.triangles.len() as u32).collect();
-    fn root(parents: &mut [u32], mut of: u32) -> u32 {
-        while parents[of as usize] != of {
-            parents[of as usize] = parents[parents[of as usize] as usize];
-            of = parents[of as usize];
-        }
-        of
-    }
-    let mut first: HashMap<[u32; 2], u32> = HashMap::new();
+    let mut joined = DisjointSets::new(layout.triangles.len());
+    let mut first: HashMap<[u32; 2], usize> = HashMap::new();
     for (index, triangle) in layout.triangles.iter().enumerate() {
         for vertex in triangle {
             let place = layout.coordinates[*vertex as usize].map(f32::to_bits);
-            let other = *first.entry(place).or_insert(index as u32);
-            let [a, b] = [other, index as u32].map(|of| root(&mut parents, of));
-            parents[a.max(b) as usize] = a.min(b);
+            joined.join(*first.entry(place).or_insert(index), index);
         }
     }
-    let mut numbers: HashMap<u32, u32> = HashMap::new();
-    (0..layout.triangles.len() as u32)
+    let mut numbers: HashMap<usize, u32> = HashMap::new();
+    (0..layout.triangles.len())
         .map(|index| {
             let next = numbers.len() as u32;
-            *numbers.entry(root(&mut parents, index)).or_insert(next)
+            *numbers.entry(joined.representative(index)).or_insert(next)
         })
         .collect()
 }

@@ -46,9 +46,9 @@ pub struct Pages {
 }
 
 /// Area of some sides, in square units of the file.
-pub fn area(scene: &Scene, sides: &[LitSide]) -> f64 {
+pub fn area<'a>(scene: &Scene, sides: impl IntoIterator<Item = &'a LitSide>) -> f64 {
     let of_side = |side: &LitSide| side.triangles.iter().map(|triangle| side.area(triangle)).sum::<f64>();
-    sides.iter().map(of_side).sum::<f64>() * scene.frame.scale * scene.frame.scale
+    sides.into_iter().map(of_side).sum::<f64>() * scene.frame.scale * scene.frame.scale
 }
 
 /// Refuses texels that are too small for the surfaces.

@@ -16,8 +16,10 @@
 //! | [`picture`] | pictures of lit scenes, in tiles |
 //! | [`messages`] | the generated messages that replicas and rows travel as |
 //! | [`simd`] | wide vectors, chosen at run time |
+//! | [`disjoint_sets`] | items that are joined step by step |
 //! | `triangles` | triangles in a tree whose nodes have eight children, along rays and segments |
 
+pub mod disjoint_sets;
 pub mod form_factor;
 pub mod geometry;
 pub mod hemisphere;

@@ -3,13 +3,13 @@
 use foldhash::{HashMap, HashMapExt, HashSet};
 
 use glam::{DVec3, I64Vec3};
+use kernel::disjoint_sets::DisjointSets;
 use kernel::geometry::{Bounds, PlaneId, area_vector};
 use rayon::prelude::*;
 use smallvec::SmallVec;
 
 use super::line::{Contact, distance_to_line};
 use super::{Vertex, VertexId, WELD};
-use crate::disjoint_sets::DisjointSets;
 use scene::{Corner, Facet};
 
 /// Distinguishes the two directions of a plane. Perpendicular to no likely normal, so that rounding does not decide.

@@ -20,12 +20,15 @@ const AT_ONCE: usize = 1024;
 /// Weight of the values that vertices had, against the light around them.
 const OWN: f64 = 0.02;
 
+/// The triangles of a corner, each with the corner's place in it.
+type Around = SmallVec<[(u32, u8); 8]>;
+
 /// Least squares over the samples of each triangle.
 pub struct Fit {
     /// By triangle; empty where it is gone.
     triangles: Vec<Element>,
-    /// The triangles of each corner, each with the corner's place in it.
-    around: Vec<SmallVec<[(u32, u8); 8]>>,
+    /// By corner.
+    around: Vec<Around>,
     /// Diagonal of the matrix, with the weight of the old values.
     diagonal: Vec<f64>,
     /// Weight of the old values.
@@ -89,19 +92,16 @@ impl Fit {
     pub fn new(working: &Working, limits: &Limits) -> (Self, Vec<DVec3>) {
         let triangles: Vec<Element> =
             working.triangles.par_iter().map(|triangle| Element::new(working, triangle)).collect();
-        let around = |(index, corner): (usize, &Corner)| {
+        let around = |(index, corner): (u32, &Corner)| {
             let place = |triangle: &u32| {
                 let corners = triangles[*triangle as usize].corners;
-                (
-                    *triangle,
-                    if corners[0] == index as u32 { 0 } else { 1 + u8::from(corners[1] != index as u32) },
-                )
+                (*triangle, corners.iter().position(|own| *own == index).unwrap_or(0) as u8)
             };
             corner.around.iter().map(place).collect()
         };
-        let around: Vec<SmallVec<[(u32, u8); 8]>> =
-            working.corners.par_iter().enumerate().map(around).collect();
-        let diagonal = |around: &SmallVec<[(u32, u8); 8]>| -> f64 {
+        let corners = (0..working.corners.len() as u32).into_par_iter().zip(&working.corners);
+        let around: Vec<Around> = corners.map(around).collect();
+        let diagonal = |around: &Around| -> f64 {
             around
                 .iter()
                 .map(|(triangle, place)| triangles[*triangle as usize].products[3 + *place as usize])
@@ -164,7 +164,7 @@ impl Fit {
 
     /// What is left to be fitted where all corners have these values.
     fn residual(&self, values: &[DVec3]) -> Vec<DVec3> {
-        let of_corner = |around: &SmallVec<[(u32, u8); 8]>| {
+        let of_corner = |around: &Around| {
             let of_triangle = |(triangle, place): &(u32, u8)| {
                 let element = &self.triangles[*triangle as usize];
                 element.sampled(*place, values) - element.times(*place, values)
@@ -176,7 +176,7 @@ impl Fit {
 
     /// The matrix times values, with the weight of the old ones.
     fn times(&self, values: &[DVec3]) -> Vec<DVec3> {
-        let of_corner = |(index, around): (usize, &SmallVec<[(u32, u8); 8]>)| {
+        let of_corner = |(index, around): (usize, &Around)| {
             let of_triangle =
                 |(triangle, place): &(u32, u8)| self.triangles[*triangle as usize].times(*place, values);
             values[index] * self.own[index] + around.iter().map(of_triangle).sum::<DVec3>()

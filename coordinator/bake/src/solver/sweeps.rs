@@ -7,11 +7,11 @@
 
 use std::convert::Infallible;
 
+use kernel::disjoint_sets::DisjointSets;
 use kernel::row::{GROUP, Row};
 
 use super::slab::{self, Slab};
 use super::{Light, ShareEnergy, SharesAt, add_group, add_row, interreflection_bound};
-use crate::disjoint_sets::DisjointSets;
 
 /// Rows of all shares in order. A solution passes over them once to begin with and once per sweep; rows that are not kept are
 /// made in each pass.

@@ -38,9 +38,7 @@ impl OutputOptions {
         wrong.check()?;
         Ok((BakeSettings { only, groups, ..bake }, export))
     }
-}
 
-impl OutputOptions {
     /// The lightmap that the options ask for.
     pub fn lightmap(&self) -> anyhow::Result<Option<LightmapSettings>> {
         let mut wrong = Violations::default();

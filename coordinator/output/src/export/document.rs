@@ -5,36 +5,21 @@ use std::mem;
 use std::path::Path;
 
 use gltf::Semantic;
-use gltf::json::animation::Property;
 use gltf::json::mesh::{Mode, Primitive};
 use gltf::json::validation::Checked::Valid;
 use gltf::json::{Index, Material, Mesh, Root};
 use serde_json::{Map, Value, json};
 
 use super::attributes::IRRADIANCE;
-use super::buffer::{self, NewData};
+use super::buffer;
+use super::draft::{Assembled, Draft, posed, source_primitive};
 use super::layers::Parts;
-use super::materials::{LitMaterials, complete_texture_transforms};
+use super::materials::LitMaterials;
 use super::refined::{Placement, RefinedPrimitive, Show, refine};
-use super::{
-    Domain, ExportError, ExportSettings, Materials, attributes, extensions, images, layers, materials,
-};
+use super::{Domain, ExportError, ExportSettings, Materials, attributes, extensions, layers, materials};
 use bake::lit::LitMesh;
 use document::placement::world_matrices;
 use scene::{Scene, Side};
-
-/// The output before it is written.
-pub(super) struct Assembled {
-    pub(super) root: Root,
-    /// The bytes of its only buffer.
-    pub(super) binary: Vec<u8>,
-    /// Vertices of the lit primitives.
-    pub(super) vertices: usize,
-    /// Triangles of the lit primitives.
-    pub(super) triangles: usize,
-    /// Warnings on what could not be kept.
-    pub(super) warnings: Vec<String>,
-}
 
 /// Lit sides, as indices into the scene's surfaces, by primitive.
 type LitPrimitives = BTreeMap<usize, Vec<usize>>;
@@ -47,23 +32,14 @@ pub(super) fn assemble(
     settings: &ExportSettings,
     output: &Path,
 ) -> Result<Assembled, ExportError> {
-    let mut assembler = Assembler::new(scene, lit, exposure, settings)?;
     let lit_nodes = lit_nodes(scene, lit)?;
-    // A mesh that an unlit node shows as well must stay as it is.
-    let unlit = |(node, _): &(usize, &gltf::json::Node)| !lit_nodes.contains_key(node);
-    let nodes = scene.source.root.nodes.iter().enumerate().filter(unlit);
-    assembler.taken_meshes = nodes.filter_map(|(_, node)| node.mesh).map(|mesh| mesh.value()).collect();
+    let is_lit = |node| lit_nodes.contains_key(&node);
+    let mut assembler = Assembler::new(Draft::new(scene, is_lit), lit, exposure, settings)?;
     for (&node, primitives) in &lit_nodes {
         assembler.light_node(node, primitives)?;
     }
     assembler.settle_materials()?;
-    end_shape_animations(&mut assembler.root, |node| lit_nodes.contains_key(&node));
-    complete_texture_transforms(&mut assembler.root);
-    let Assembler { mut root, mut new, vertices, triangles, .. } = assembler;
-    let warnings = images::embed(&mut root, &scene.source, output, &mut new)?;
-    let pinned = extensions::pinned(&scene.source.root)?;
-    let binary = buffer::gather(&mut root, &scene.source.buffers, new, pinned)?;
-    Ok(Assembled { root, binary, vertices, triangles, warnings })
+    assembler.draft.finish(is_lit, output)
 }
 
 /// The lit sides of each node. A side without triangles, which glTF cannot express, does not count; a primitive of which other
@@ -88,7 +64,7 @@ fn lit_nodes(scene: &Scene, lit: &LitMesh) -> Result<BTreeMap<usize, LitPrimitiv
 }
 
 struct Assembler<'a> {
-    scene: &'a Scene,
+    draft: Draft<'a>,
     lit: &'a LitMesh,
     exposure: f64,
     domain: Domain,
@@ -96,54 +72,36 @@ struct Assembler<'a> {
     keeps_materials: bool,
     /// Light groups and unshot radiosity of the lit mesh.
     parts: Parts<'a>,
-    /// The input, to read from while the output changes.
-    document: gltf::Document,
     world: Vec<glam::DMat4>,
-    root: Root,
-    new: NewData,
     materials: LitMaterials,
     /// Nodes with a back side that is lit, by primitive.
     two_sided: BTreeSet<(usize, usize)>,
-    /// Meshes of the input whose places are not free.
-    taken_meshes: BTreeSet<usize>,
-    vertices: usize,
-    triangles: usize,
 }
 
 impl<'a> Assembler<'a> {
     fn new(
-        scene: &'a Scene,
+        draft: Draft<'a>,
         lit: &'a LitMesh,
         exposure: f64,
         settings: &ExportSettings,
     ) -> Result<Self, ExportError> {
-        let root = scene.source.root.clone();
-        let document = gltf::Document::from_json_without_validation(root.clone());
+        let backs = draft.scene.surfaces.iter().filter(|surface| surface.side == Side::Back);
         Ok(Self {
-            scene,
             lit,
             exposure,
             domain: settings.domain,
             keeps_materials: settings.materials == Materials::Keep,
             parts: layers::parts(lit)?,
-            world: world_matrices(&document),
-            document,
-            new: NewData::new(scene.source.buffers.len()),
-            root,
+            world: world_matrices(&draft.document),
             materials: LitMaterials::default(),
-            two_sided: {
-                let backs = scene.surfaces.iter().filter(|surface| surface.side == Side::Back);
-                backs.map(|surface| (surface.node, surface.primitive)).collect()
-            },
-            taken_meshes: BTreeSet::new(),
-            vertices: 0,
-            triangles: 0,
+            two_sided: backs.map(|surface| (surface.node, surface.primitive)).collect(),
+            draft,
         })
     }
 
     /// Gives the node a mesh of its own, with its light.
     fn light_node(&mut self, node: usize, primitives: &LitPrimitives) -> Result<(), ExportError> {
-        let (source, mut mesh) = posed(&self.scene.source.root, node)?;
+        let (source, mut mesh) = posed(&self.draft.scene.source.root, node)?;
         let mut further_sides = Vec::new();
         let mut hidden = BTreeSet::new();
         for (&index, surfaces) in primitives {
@@ -164,22 +122,7 @@ impl<'a> Assembler<'a> {
         }
         let shown = mesh.primitives.into_iter().enumerate().filter(|(index, _)| !hidden.contains(index));
         mesh.primitives = shown.map(|(_, primitive)| primitive).chain(further_sides).collect();
-        if mesh.primitives.is_empty() {
-            let node = &mut self.root.nodes[node];
-            (node.mesh, node.skin, node.weights) = (None, None, None);
-            return Ok(());
-        }
-        // The first takes the place of the input's mesh: what names it by its index then means the lit one.
-        let place = if self.taken_meshes.insert(source.value()) {
-            self.root.meshes[source.value()] = mesh;
-            source
-        } else {
-            self.root.push(mesh)
-        };
-        let node = &mut self.root.nodes[node];
-        node.mesh = Some(place);
-        node.skin = None;
-        node.weights = None;
+        self.draft.put(node, source, mesh);
         Ok(())
     }
 
@@ -190,30 +133,25 @@ impl<'a> Assembler<'a> {
         mesh: Index<Mesh>,
         original: &Primitive,
     ) -> Result<Primitive, ExportError> {
-        let surface = &self.scene.surfaces[surface_index];
-        let source = self
-            .document
-            .meshes()
-            .nth(mesh.value())
-            .and_then(|mesh| mesh.primitives().nth(surface.primitive))
-            .ok_or_else(|| ExportError::Mismatch(format!("{} has no primitive", surface.name)))?;
-        let placement = Placement::new(self.scene.frame, self.world[surface.node])
+        let surface = &self.draft.scene.surfaces[surface_index];
+        let source = source_primitive(&self.draft.document, mesh, surface)?;
+        let placement = Placement::new(self.draft.scene.frame, self.world[surface.node])
             .ok_or_else(|| ExportError::SingularNode(surface.name.clone()))?;
-        let attributes = attributes::read(&source, &self.scene.source.buffers, self.keeps_materials)?;
+        let attributes = attributes::read(&source, &self.draft.scene.source.buffers, self.keeps_materials)?;
         let triangles = &self.lit.surfaces[surface_index];
         let glows = materials::glows(self.lit, surface, triangles)?;
         let diffuse =
-            materials::diffuse_part(original.material.and_then(|index| self.root.get(index)), glows);
+            materials::diffuse_part(original.material.and_then(|index| self.draft.root.get(index)), glows);
         let show = Show { exposure: self.exposure, diffuse, domain: self.domain };
         let refined = refine(surface, triangles, self.lit, &self.parts, &placement, show, &attributes)?;
-        self.vertices += refined.positions.len();
-        self.triangles += triangles.len();
+        self.draft.vertices += refined.positions.len();
+        self.draft.triangles += triangles.len();
         let one_side = self.two_sided.contains(&(surface.node, surface.primitive));
         let material = if self.keeps_materials && !one_side {
             original.material
         } else {
             let stays = glows || self.keeps_materials;
-            Some(self.materials.lit(&mut self.root, original.material, one_side, stays)?)
+            Some(self.materials.lit(&mut self.draft.root, original.material, one_side, stays)?)
         };
         Ok(self.store(refined, Primitive { material, ..original.clone() }))
     }
@@ -238,18 +176,18 @@ impl<'a> Assembler<'a> {
             .chain(parts.map(|(semantic, values)| (semantic, 3, values.into_flattened())))
             .chain(refined.further)
             .map(|(semantic, width, values)| {
-                let accessor = self.new.push_attribute(&mut self.root, &semantic, width, &values);
+                let accessor = self.draft.new.push_attribute(&mut self.draft.root, &semantic, width, &values);
                 (Valid(semantic), accessor)
             })
             .collect();
-        let indices = Some(self.new.push_indices(&mut self.root, &refined.indices, vertices));
+        let indices = Some(self.draft.new.push_indices(&mut self.draft.root, &refined.indices, vertices));
         Primitive { attributes, indices, mode: Valid(Mode::Triangles), targets: None, ..primitive }
     }
 
     /// Puts lit materials in the places of those that nothing else uses.
     fn settle_materials(&mut self) -> Result<(), ExportError> {
-        let root = &mut self.root;
-        let inputs = self.scene.source.root.materials.len();
+        let root = &mut self.draft.root;
+        let inputs = self.draft.scene.source.root.materials.len();
         let mut used: Vec<&mut Index<Material>> = root
             .meshes
             .iter_mut()
@@ -273,34 +211,6 @@ impl<'a> Assembler<'a> {
         root.materials = buffer::retain(materials, used, |material| material < inputs)?;
         Ok(())
     }
-}
-
-/// The mesh of a node of the input, in the pose and with the expression that the light was computed with.
-///
-/// # Errors
-/// When the node has none.
-pub(super) fn posed(input: &Root, node: usize) -> Result<(Index<Mesh>, Mesh), ExportError> {
-    let missing = || ExportError::Mismatch(format!("node {node} has no mesh"));
-    let source = input.nodes.get(node).and_then(|node| node.mesh).ok_or_else(missing)?;
-    let mut mesh: Mesh = input.get(source).ok_or_else(missing)?.clone();
-    mesh.weights = None;
-    for primitive in &mut mesh.primitives {
-        primitive.targets = None;
-        primitive
-            .attributes
-            .retain(|name, _| !matches!(name, Valid(Semantic::Joints(_) | Semantic::Weights(_))));
-    }
-    Ok((source, mesh))
-}
-
-/// Removes what animated the shape of lit meshes.
-pub(super) fn end_shape_animations(root: &mut Root, is_lit: impl Fn(usize) -> bool) {
-    for animation in &mut root.animations {
-        animation.channels.retain(|channel| {
-            channel.target.path != Valid(Property::MorphTargetWeights) || !is_lit(channel.target.node.value())
-        });
-    }
-    root.animations.retain(|animation| !animation.channels.is_empty());
 }
 
 /// Writes down who made the output and how, and which extensions it uses.

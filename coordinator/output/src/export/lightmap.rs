@@ -11,12 +11,10 @@ use gltf::json::validation::Checked::Valid;
 use gltf::json::{Image, Index, Material, Mesh, Root};
 use serde_json::{Value, json};
 
+use super::ExportError;
 use super::attributes::components;
-use super::buffer::{self, NewData};
-use super::document::{Assembled, end_shape_animations, posed};
-use super::materials::complete_texture_transforms;
+use super::draft::{Assembled, Draft, posed, source_primitive};
 use super::pages::{PageFormat, exr, largest, png};
-use super::{ExportError, extensions, images};
 use lightmap::{Lightmap, SideLayout};
 use scene::{Scene, Side};
 
@@ -70,34 +68,20 @@ pub(super) fn assemble(
         let surface = &scene.surfaces[layout.surface];
         by_node.entry(surface.node).or_default().entry(surface.primitive).or_default().push(layout);
     }
-    let root = scene.source.root.clone();
+    let is_lit = |node| by_node.contains_key(&node);
+    let draft = Draft::new(scene, is_lit);
     let mut assembler = Assembler {
-        scene,
-        document: gltf::Document::from_json_without_validation(root.clone()),
-        new: NewData::new(scene.source.buffers.len()),
-        set: free_set(&root, pages.map.report.uses_second_set)?,
-        root,
+        set: free_set(&draft.root, pages.map.report.uses_second_set)?,
+        draft,
         textures: vec![],
         scale: 1.0,
         materials: BTreeMap::new(),
-        taken_meshes: BTreeSet::new(),
-        vertices: 0,
-        triangles: 0,
     };
     let extras = assembler.add_pages(pages)?;
-    let unlit = |(node, _): &(usize, &gltf::json::Node)| !by_node.contains_key(node);
-    let nodes = scene.source.root.nodes.iter().enumerate().filter(unlit);
-    assembler.taken_meshes = nodes.filter_map(|(_, node)| node.mesh).map(|mesh| mesh.value()).collect();
     for (&node, primitives) in &by_node {
         assembler.light_node(node, primitives)?;
     }
-    end_shape_animations(&mut assembler.root, |node| by_node.contains_key(&node));
-    complete_texture_transforms(&mut assembler.root);
-    let Assembler { mut root, mut new, vertices, triangles, .. } = assembler;
-    let warnings = images::embed(&mut root, &scene.source, output, &mut new)?;
-    let pinned = extensions::pinned(&scene.source.root)?;
-    let binary = buffer::gather(&mut root, &scene.source.buffers, new, pinned)?;
-    Ok((Assembled { root, binary, vertices, triangles, warnings }, extras))
+    Ok((assembler.draft.finish(is_lit, output)?, extras))
 }
 
 /// The set of texture coordinates for the lightmap: no material may use it for anything else.
@@ -121,11 +105,7 @@ fn free_set(root: &Root, uses_second_set: bool) -> Result<u32, ExportError> {
 }
 
 struct Assembler<'a> {
-    scene: &'a Scene,
-    /// The input, to read from while the output changes.
-    document: gltf::Document,
-    root: Root,
-    new: NewData,
+    draft: Draft<'a>,
     /// Set of texture coordinates of the lightmap.
     set: u32,
     /// Texture of each page.
@@ -134,17 +114,13 @@ struct Assembler<'a> {
     scale: f32,
     /// By material of the input, page, and whether for one side only.
     materials: BTreeMap<(Option<usize>, u32, bool), Index<Material>>,
-    /// Meshes of the input whose places are not free.
-    taken_meshes: BTreeSet<usize>,
-    vertices: usize,
-    triangles: usize,
 }
 
 impl Assembler<'_> {
     /// Adds the images of all layers. Returns what the extras say of them.
     fn add_pages(&mut self, pages: &LightmapPages) -> Result<Value, ExportError> {
         let LightmapPages { map, groups, format } = pages;
-        let sampler = self.root.push(Sampler {
+        let sampler = self.draft.root.push(Sampler {
             mag_filter: Some(Valid(MagFilter::Linear)),
             min_filter: Some(Valid(MinFilter::Linear)),
             name: None,
@@ -160,9 +136,13 @@ impl Assembler<'_> {
             let scale = largest(images);
             let mut textures = vec![];
             for (page, image) in images.iter().enumerate() {
-                let view = self.new.push_view(&mut self.root, png(image, map.size, *format, scale)?, None);
+                let view = self.draft.new.push_view(
+                    &mut self.draft.root,
+                    png(image, map.size, *format, scale)?,
+                    None,
+                );
                 let name = Some(format!("{name} {page}"));
-                let source = self.root.push(Image {
+                let source = self.draft.root.push(Image {
                     buffer_view: Some(view),
                     mime_type: Some(MimeType("image/png".into())),
                     name: name.clone(),
@@ -170,7 +150,7 @@ impl Assembler<'_> {
                     extensions: None,
                     extras: None,
                 });
-                textures.push(self.root.push(Texture {
+                textures.push(self.draft.root.push(Texture {
                     name,
                     sampler: Some(sampler),
                     source,
@@ -202,7 +182,7 @@ impl Assembler<'_> {
         node: usize,
         primitives: &BTreeMap<usize, Vec<&SideLayout>>,
     ) -> Result<(), ExportError> {
-        let (source, mut mesh) = posed(&self.scene.source.root, node)?;
+        let (source, mut mesh) = posed(&self.draft.scene.source.root, node)?;
         let mut all = vec![];
         for (index, original) in std::mem::take(&mut mesh.primitives).into_iter().enumerate() {
             match primitives.get(&index) {
@@ -215,14 +195,7 @@ impl Assembler<'_> {
             }
         }
         mesh.primitives = all;
-        let place = if self.taken_meshes.insert(source.value()) {
-            self.root.meshes[source.value()] = mesh;
-            source
-        } else {
-            self.root.push(mesh)
-        };
-        let node = &mut self.root.nodes[node];
-        (node.mesh, node.skin, node.weights) = (Some(place), None, None);
+        self.draft.put(node, source, mesh);
         Ok(())
     }
 
@@ -234,13 +207,8 @@ impl Assembler<'_> {
         mesh: Index<Mesh>,
         original: &Primitive,
     ) -> Result<Vec<Primitive>, ExportError> {
-        let surface = &self.scene.surfaces[layout.surface];
-        let source = self
-            .document
-            .meshes()
-            .nth(mesh.value())
-            .and_then(|mesh| mesh.primitives().nth(surface.primitive))
-            .ok_or_else(|| ExportError::Mismatch(format!("{} has no primitive", surface.name)))?;
+        let surface = &self.draft.scene.surfaces[layout.surface];
+        let source = source_primitive(&self.draft.document, mesh, surface)?;
         let is_back = surface.side == Side::Back;
         let count = source.get(&Semantic::Positions).map_or(0, |positions| positions.count());
         let has_copies = layout.sources.len() != count;
@@ -257,7 +225,7 @@ impl Assembler<'_> {
             if width > 4 || accessor.dimensions() == gltf::accessor::Dimensions::Mat2 {
                 continue;
             }
-            let values = components(&accessor, &self.scene.source.buffers)
+            let values = components(&accessor, &self.draft.scene.source.buffers)
                 .ok_or_else(|| ExportError::Buffer(format!("attribute {}", semantic.to_string())))?;
             let sign = if turns { -1.0 } else { 1.0 };
             let of_vertex =
@@ -271,19 +239,19 @@ impl Assembler<'_> {
                 .collect();
             attributes.insert(
                 Valid(semantic.clone()),
-                self.new.push_attribute(&mut self.root, &semantic, width, &values),
+                self.draft.new.push_attribute(&mut self.draft.root, &semantic, width, &values),
             );
         }
         let own = Semantic::TexCoords(self.set);
         let coordinates = layout.coordinates.as_flattened();
-        let coordinates = self.new.push_attribute(&mut self.root, &own, 2, coordinates);
+        let coordinates = self.draft.new.push_attribute(&mut self.draft.root, &own, 2, coordinates);
         for set in 0..self.set {
             // Sets must be numbered without gaps.
             attributes.entry(Valid(Semantic::TexCoords(set))).or_insert(coordinates);
         }
         attributes.insert(Valid(own), coordinates);
-        self.vertices += layout.sources.len();
-        self.triangles += layout.triangles.len();
+        self.draft.vertices += layout.sources.len();
+        self.draft.triangles += layout.triangles.len();
         let by_page = layout.by_page();
         let keeps_indices =
             by_page.len() == 1 && !is_back && !has_copies && original.mode == Valid(Mode::Triangles);
@@ -295,7 +263,7 @@ impl Assembler<'_> {
             let indices = if keeps_indices {
                 original.indices
             } else {
-                Some(self.new.push_indices(&mut self.root, &indices, layout.sources.len()))
+                Some(self.draft.new.push_indices(&mut self.draft.root, &indices, layout.sources.len()))
             };
             let material = Some(self.material(original.material, page, one_side)?);
             let attributes = attributes.clone();
@@ -321,7 +289,7 @@ impl Assembler<'_> {
         if let Some(&made) = self.materials.get(&key) {
             return Ok(made);
         }
-        let mut material = original.and_then(|index| self.root.get(index)).cloned().unwrap_or_default();
+        let mut material = original.and_then(|index| self.draft.root.get(index)).cloned().unwrap_or_default();
         if one_side {
             material.double_sided = false;
         }
@@ -329,7 +297,7 @@ impl Assembler<'_> {
         let texture = texture.ok_or_else(|| ExportError::Mismatch(format!("lightmap has no page {page}")))?;
         let link = json!({ "index": texture.value(), "texCoord": self.set, "intensity": self.scale });
         material.extensions.get_or_insert_default().others.insert(MOZ_LIGHTMAP.into(), link);
-        let made = self.root.push(material);
+        let made = self.draft.root.push(material);
         self.materials.insert(key, made);
         Ok(made)
     }

@@ -25,8 +25,9 @@
 //! | `images` | images beside the input |
 //! | `layers` | attribute names of light groups |
 //! | `materials` | materials that show the light |
-//! | `document` | nodes, meshes and primitives of the output |
+//! | `document` | meshes and primitives of the output |
 //! | `lightmap` | instead of these: the input's own meshes and materials, with a lightmap |
+//! | `draft` | what both have in common: the input with other meshes |
 //! | `pages` | the pages of a lightmap as images |
 //! | `ply` | the lit mesh as PLY |
 //! | `buffer` | the output's buffer: new accessors in, unused old ones out |
@@ -35,6 +36,7 @@
 mod attributes;
 mod buffer;
 mod document;
+mod draft;
 mod exposure;
 mod extensions;
 mod images;
@@ -55,6 +57,7 @@ use bake::lit::LitMesh;
 use scene::Scene;
 
 use crate::files::{self, FileError};
+use draft::Assembled;
 pub use lightmap::LightmapPages;
 pub use pages::PageFormat;
 
@@ -217,13 +220,7 @@ pub fn export(
     }
     let mut assembled = document::assemble(scene, lit, exposure, settings, path)?;
     document::describe(&mut assembled.root, lit, exposure, settings)?;
-    write::write(assembled.root, assembled.binary, path)?;
-    Ok(Exported {
-        exposure,
-        vertices: assembled.vertices,
-        triangles: assembled.triangles,
-        warnings: assembled.warnings,
-    })
+    write_assembled(assembled, exposure, path)
 }
 
 /// Checks, before a long bake, that a lightmap of this number of pages can be written with an output. Returns the files of its pages
@@ -232,9 +229,7 @@ pub fn export(
 /// # Errors
 /// When the output is a `.ply`, or a file cannot be written.
 pub fn check_lightmap(path: &Path, pages: u32, format: PageFormat) -> Result<Vec<PathBuf>, ExportError> {
-    if write::format(path)? == write::Format::Ply {
-        return Err(ExportError::NoLightmap(path.to_owned()));
-    }
+    check_holds_lightmap(path)?;
     let beside = lightmap::files(path, pages, format);
     beside.iter().try_for_each(|path| files::check(path))?;
     Ok(beside)
@@ -253,9 +248,7 @@ pub fn export_lightmap(
     path: &Path,
 ) -> Result<Exported, ExportError> {
     let exposure = exposure_of(scene, lit, settings)?;
-    if write::format(path)? == write::Format::Ply {
-        return Err(ExportError::NoLightmap(path.to_owned()));
-    }
+    check_holds_lightmap(path)?;
     let (mut assembled, extras) = lightmap::assemble(scene, pages, path)?;
     let mut all = match &settings.extras {
         serde_json::Value::Object(members) => members.clone(),
@@ -267,13 +260,21 @@ pub fn export_lightmap(
     for (path, bytes) in lightmap::contents(pages, path)? {
         files::write(&path, &bytes).map_err(|error| FileError::Write { path, error })?;
     }
-    write::write(assembled.root, assembled.binary, path)?;
-    Ok(Exported {
-        exposure,
-        vertices: assembled.vertices,
-        triangles: assembled.triangles,
-        warnings: assembled.warnings,
-    })
+    write_assembled(assembled, exposure, path)
+}
+
+/// Refuses an output that cannot have a lightmap.
+fn check_holds_lightmap(path: &Path) -> Result<(), ExportError> {
+    match write::format(path)? {
+        write::Format::Ply => Err(ExportError::NoLightmap(path.to_owned())),
+        _ => Ok(()),
+    }
+}
+
+fn write_assembled(assembled: Assembled, exposure: f64, path: &Path) -> Result<Exported, ExportError> {
+    let Assembled { root, binary, vertices, triangles, warnings } = assembled;
+    write::write(root, binary, path)?;
+    Ok(Exported { exposure, vertices, triangles, warnings })
 }
 
 /// The exposure that is asked for, or one that suits the light.

@@ -6,35 +6,17 @@ use std::thread::sleep;
 use std::time::Duration;
 
 use rustix::process::{Pid, kill_process};
-use std::sync::OnceLock;
-
 use tests::programs::{Signal, Solved, Solving, binary};
 
+use super::Cornell;
+
 /// A second of one thread: what goes wrong does so when there are so many bytes, not at a time.
-const KNOBS: [&str; 2] = ["--mesh-error", "0.008"];
+static SHORT: Cornell = Cornell::new(["--mesh-error", "0.008"]);
 
 /// Checkpoints of the bake grow to five times this.
 const FIRST_KILL: u64 = 2 << 20;
 
 struct Folder(tempfile::TempDir);
-
-/// Starts to bake cornell.
-fn bake(arguments: &[&str]) -> Solving {
-    Solving::start(&tests::data("scenes/cornell.glb"), &[&KNOBS, arguments].concat())
-}
-
-/// What an undisturbed bake gives.
-fn expected() -> &'static [u8] {
-    static EXPECTED: OnceLock<Vec<u8>> = OnceLock::new();
-    EXPECTED.get_or_init(|| bake(&["--threads", "2"]).finish().lit.expect("an undisturbed bake ends well"))
-}
-
-/// Checks that the bake ended well, with the bytes of an undisturbed one.
-#[track_caller]
-fn assert_undisturbed(solved: &Solved) {
-    assert!(solved.success, "{}", solved.said);
-    assert!(solved.lit.as_deref() == Some(expected()), "the lit file differs; {}", solved.said);
-}
 
 impl Folder {
     fn new() -> Self {
@@ -52,7 +34,7 @@ fn length(path: &Path) -> u64 {
 
 /// Starts the bake and kills it when its checkpoint has so many bytes; their number then.
 fn killed_at(checkpoint: &Path, bytes: u64) -> u64 {
-    let solving = bake(&["--threads", "2", "--checkpoint", checkpoint.to_str().unwrap()]);
+    let solving = SHORT.bake(&["--threads", "2", "--checkpoint", checkpoint.to_str().unwrap()]);
     while length(checkpoint) < bytes {
         sleep(Duration::from_millis(2));
     }
@@ -65,8 +47,8 @@ fn killed_at(checkpoint: &Path, bytes: u64) -> u64 {
 /// Bakes to the end; what became of it, and rows read from the checkpoint and added to it.
 fn resumed(checkpoint: &Path, more: &[&str]) -> (Solved, u64, u64) {
     let arguments = ["--threads", "2", "--checkpoint", checkpoint.to_str().unwrap()];
-    let solved = bake(&[&arguments, more].concat()).finish();
-    assert_undisturbed(&solved);
+    let solved = SHORT.bake(&[&arguments, more].concat()).finish();
+    SHORT.assert_undisturbed(&solved);
     let count = |name: &str| solved.report["checkpoint"][name].as_u64().unwrap();
     let (read, written) = (count("rows_read"), count("rows_written"));
     (solved, read, written)
@@ -103,7 +85,7 @@ fn a_signal_ends_process_one_and_its_rows_are_kept() {
             .arg(binary("coordinator"))
             .args([Path::new("solve"), &tests::data("scenes/cornell.glb"), Path::new("-o")])
             .args([&folder.0.path().join("lit.glb"), Path::new("--checkpoint"), &checkpoint])
-            .args(KNOBS)
+            .args(SHORT.knobs)
             .args(["--threads", "2"])
             .stderr(Stdio::piped())
             .spawn()
@@ -131,8 +113,8 @@ fn a_kept_checkpoint_holds_all_rows() {
     let (_, read, written) = resumed(&checkpoint, &["--keep-checkpoint"]);
     assert_eq!(read, 0);
     let arguments = ["--threads", "1", "--checkpoint", checkpoint.to_str().unwrap()];
-    let solved = bake(&arguments).finish();
-    assert_undisturbed(&solved);
+    let solved = SHORT.bake(&arguments).finish();
+    SHORT.assert_undisturbed(&solved);
     assert_eq!(solved.report["checkpoint"]["rows_read"], written);
     assert_eq!(solved.report["checkpoint"]["rows_written"], 0);
 }
@@ -189,13 +171,13 @@ fn two_bakes_do_not_share_a_checkpoint() {
     let folder = Folder::new();
     let checkpoint = folder.checkpoint();
     let arguments = ["--threads", "2", "--checkpoint", checkpoint.to_str().unwrap()];
-    let first = bake(&arguments);
+    let first = SHORT.bake(&arguments);
     while length(&checkpoint) == 0 {
         sleep(Duration::from_millis(2));
     }
-    let second = bake(&arguments).finish();
+    let second = SHORT.bake(&arguments).finish();
     assert!(!second.success && second.said.contains("in use by another bake"), "{}", second.said);
-    assert_undisturbed(&first.finish());
+    SHORT.assert_undisturbed(&first.finish());
 }
 
 #[test]
@@ -240,7 +222,7 @@ fn a_full_disk() {
 #[test]
 fn a_file_that_may_not_grow() {
     let folder = Folder::new();
-    let limit = expected().len() * 5 / 4;
+    let limit = SHORT.expected().len() * 5 / 4;
     let [checkpoint, output, report] =
         ["rows", "lit.glb", "report.json"].map(|name| folder.0.path().join(name));
     // The signal that would end the process is ignored: writing fails instead, as on a full disk.
@@ -252,7 +234,7 @@ fn a_file_that_may_not_grow() {
         .arg(tests::data("scenes/cornell.glb"))
         .args([Path::new("-o"), &output, Path::new("--report"), &report])
         .args([Path::new("--checkpoint"), &checkpoint, Path::new("--keep-checkpoint")])
-        .args(KNOBS)
+        .args(SHORT.knobs)
         .args(["--threads", "2"])
         .output()
         .unwrap();
@@ -260,7 +242,7 @@ fn a_file_that_may_not_grow() {
     assert!(solved.status.success(), "{said}");
     assert_eq!(said.matches("the bake goes on").count(), 1, "{said}");
     assert!(said.contains(checkpoint.to_str().unwrap()), "{said}");
-    assert!(fs::read(&output).unwrap() == expected(), "the lit file differs; {said}");
+    assert!(fs::read(&output).unwrap() == SHORT.expected(), "the lit file differs; {said}");
     let report: serde_json::Value = serde_json::from_slice(&fs::read(&report).unwrap()).unwrap();
     assert!(report["checkpoint"]["stopped"].as_str().unwrap().contains("too large"), "{report}");
     // What was written is good.

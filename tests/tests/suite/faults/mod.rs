@@ -20,33 +20,51 @@ use std::sync::OnceLock;
 
 use tests::programs::{Solved, Solving};
 
+/// A bake of cornell that things go wrong with.
+struct Cornell {
+    knobs: [&'static str; 2],
+    /// What an undisturbed bake in one process gives.
+    expected: OnceLock<Vec<u8>>,
+}
+
+impl Cornell {
+    const fn new(knobs: [&'static str; 2]) -> Self {
+        Self { knobs, expected: OnceLock::new() }
+    }
+
+    /// Starts to bake.
+    fn bake(&self, arguments: &[&str]) -> Solving {
+        Solving::start(&tests::data("scenes/cornell.glb"), &[&self.knobs, arguments].concat())
+    }
+
+    fn expected(&self) -> &[u8] {
+        let undisturbed = || self.bake(&["--threads", "2"]).finish().lit;
+        self.expected.get_or_init(|| undisturbed().expect("an undisturbed bake ends well"))
+    }
+
+    /// Checks that the bake ended well, with the bytes of an undisturbed one.
+    #[track_caller]
+    fn assert_undisturbed(&self, solved: &Solved) {
+        assert!(solved.success, "{}", solved.said);
+        assert!(solved.lit.as_deref() == Some(self.expected()), "the lit file differs; {}", solved.said);
+    }
+}
+
 /// Long enough that things can go wrong in its middle: some seconds of one thread.
-const KNOBS: [&str; 2] = ["--mesh-error", "0.002"];
+static LONG: Cornell = Cornell::new(["--mesh-error", "0.002"]);
 
 /// A line of the coordinator's by which a bake is well under way, with most of its work to come.
 const UNDER_WAY: &str = "refine: ";
 
-/// Starts to bake cornell.
-fn bake(arguments: &[&str]) -> Solving {
-    Solving::start(&tests::data("scenes/cornell.glb"), &[&KNOBS, arguments].concat())
-}
-
-/// The same by these workers.
+/// Starts a long bake by these workers.
 fn bake_by(addresses: &[&str], arguments: &[&str]) -> Solving {
-    bake(&[&["--workers", &addresses.join(",")], arguments].concat())
+    LONG.bake(&[&["--workers", &addresses.join(",")], arguments].concat())
 }
 
-/// What an undisturbed bake in one process gives.
-fn expected() -> &'static [u8] {
-    static EXPECTED: OnceLock<Vec<u8>> = OnceLock::new();
-    EXPECTED.get_or_init(|| bake(&["--threads", "2"]).finish().lit.expect("an undisturbed bake ends well"))
-}
-
-/// Checks that the bake ended well, with the bytes of an undisturbed one.
+/// Checks that a long bake ended as an undisturbed one.
 #[track_caller]
 fn assert_undisturbed(solved: &Solved) {
-    assert!(solved.success, "{}", solved.said);
-    assert!(solved.lit.as_deref() == Some(expected()), "the lit file differs; {}", solved.said);
+    LONG.assert_undisturbed(solved);
 }
 
 /// The report's entry of the worker at this address.

@@ -1,10 +1,10 @@
 use foldhash::{HashMap, HashMapExt};
 
 use glam::DVec3;
+use kernel::disjoint_sets::DisjointSets;
 use kernel::geometry::Bounds;
 use rayon::prelude::*;
 
-use crate::disjoint_sets::DisjointSets;
 use scene::{Facet, Scene, Surface};
 
 /// A flat part of a surface: facets of one plane and direction that share edges.

@@ -1,6 +1,7 @@
 use foldhash::{HashMap, HashMapExt};
 
 use glam::DVec2;
+use kernel::disjoint_sets::DisjointSets;
 use spade::handles::FixedFaceHandle;
 use spade::{
     AngleLimit, ConstrainedDelaunayTriangulation, HasPosition, Point2, RefinementParameters, Triangulation,
@@ -8,7 +9,6 @@ use spade::{
 
 use super::Axes;
 use super::arrangement::Arrangement;
-use crate::disjoint_sets::DisjointSets;
 use scene::Facet;
 
 /// Angles below this are removed, in degrees: Ruppert's algorithm ends for certain up to 20.7.

@@ -8,6 +8,7 @@
 use std::collections::HashMap;
 
 use glam::{DVec3, I64Vec3};
+use kernel::disjoint_sets::DisjointSets;
 use kernel::geometry::{area_vector, uniform_point};
 use kernel::occluder::Occluder;
 use rayon::prelude::*;
@@ -17,7 +18,6 @@ use sobol_burley::sample_4d;
 use super::ends::length;
 use super::source::Source;
 use super::{Line, facet_at};
-use crate::disjoint_sets::DisjointSets;
 
 /// Vertices that bisection spends on a cell: measured, see docs/method.md.
 const PER_CELL: f64 = 18.0;

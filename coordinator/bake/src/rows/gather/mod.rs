@@ -44,7 +44,7 @@ use crate::settings::{BakeSettings, RowStrategy};
 use crate::solver::acceleration::Acceleration;
 use crate::solver::cache::{ColumnCache, SetId};
 use hemisphere::{covered, gathered, hemispheres, publish_leaves, views};
-use interpolation::Neighbours;
+use interpolation::{Interpolation, Neighbours};
 use noise::Twins;
 use points::GatherPoints;
 use set::Set;
@@ -89,6 +89,12 @@ impl GatherRows {
     /// The points that others interpolate between, sorted.
     fn neighbours<'a>(&'a self, cx: &Context) -> Option<Neighbours<'a>> {
         self.occluder.as_ref().map(|occluder| self.points.neighbours(occluder, cx.extent()))
+    }
+
+    /// Weights of the gather points for some receivers, of which those that see none get all rays of a point.
+    fn weigh_receivers(&mut self, cx: &mut Context, receivers: &Receivers) -> Result<Interpolation> {
+        let rays = vec![self.rays; receivers.receivers.len()];
+        self.weigh(cx, &receivers.receivers, &rays)
     }
 
     /// Irradiance of the receivers of a set, given that of the gather points.
@@ -228,8 +234,7 @@ impl RowSource for GatherRows {
         radiosities: &[&[DVec3]],
     ) -> Result<Gathered> {
         let points = self.points.receivers.len();
-        let rays = vec![self.rays; receivers.receivers.len()];
-        let weights = self.weigh(cx, &receivers.receivers, &rays)?;
+        let weights = self.weigh_receivers(cx, receivers)?;
         let light = radiosities.iter().map(|radiosity| weights.of(&self.points.gather(radiosity))).collect();
         let sums = weights.of(&self.points.covered()).into_iter().map(|sum| sum.x.clamp(0.0, 1.0)).collect();
         // Those that became points themselves are asked about once.
@@ -243,8 +248,7 @@ impl RowSource for GatherRows {
         receivers: &Receivers,
         radiosity: &[DVec3],
     ) -> Result<Option<Vec<DVec3>>> {
-        let rays = vec![self.rays; receivers.receivers.len()];
-        let weights = self.weigh(cx, &receivers.receivers, &rays)?;
+        let weights = self.weigh_receivers(cx, receivers)?;
         Ok(Some(weights.of(&self.points.gather(radiosity))))
     }
 

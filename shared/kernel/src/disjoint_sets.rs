@@ -1,24 +1,27 @@
-//! Disjoint sets.
+//! Disjoint sets: items that are joined step by step.
 
 /// Union-find with path halving; the representative of a set is its least item.
-pub(crate) struct DisjointSets {
+#[derive(Debug, Clone)]
+pub struct DisjointSets {
     parents: Vec<usize>,
     count: usize,
 }
 
 impl DisjointSets {
     /// Sets of one item each.
-    pub(crate) fn new(count: usize) -> Self {
+    #[must_use]
+    pub fn new(count: usize) -> Self {
         Self { parents: (0..count).collect(), count }
     }
 
     /// Number of sets.
-    pub(crate) fn count(&self) -> usize {
+    #[must_use]
+    pub fn count(&self) -> usize {
         self.count
     }
 
     /// The least item of the set that `item` is in.
-    pub(crate) fn representative(&mut self, mut item: usize) -> usize {
+    pub fn representative(&mut self, mut item: usize) -> usize {
         while self.parents[item] != item {
             self.parents[item] = self.parents[self.parents[item]];
             item = self.parents[item];
@@ -27,7 +30,7 @@ impl DisjointSets {
     }
 
     /// Joins the sets of two items.
-    pub(crate) fn join(&mut self, a: usize, b: usize) {
+    pub fn join(&mut self, a: usize, b: usize) {
         let (a, b) = (self.representative(a), self.representative(b));
         self.parents[a.max(b)] = a.min(b);
         self.count -= usize::from(a != b);
