@@ -84,10 +84,9 @@ impl Welder {
             SmoothingGroup::Flat(facet.plane, facet.normal.dot(NO_COMMON_NORMAL) > 0.0)
         };
         let cell = (corner.position / WELD).round().as_i64vec3();
-        if let Some(near) = self.near(corner.position, cell, group) {
-            return near;
-        }
-        *self.found.entry((cell.to_array(), group)).or_insert_with(|| {
+        let here = (cell.to_array(), group);
+        let known = self.found.get(&here).copied().or_else(|| self.near(corner.position, cell, group));
+        known.unwrap_or_else(|| {
             let id = self.points.len();
             self.points.push(Vertex {
                 position: corner.position,
@@ -99,15 +98,13 @@ impl Welder {
             if !smooth {
                 self.flat.entry(group).or_default().push(id);
             }
+            self.found.insert(here, id);
             id
         })
     }
 
     /// A point closer than half the welding distance in a cell beside: rounding may have put the two on either side of a border.
     fn near(&self, position: DVec3, cell: I64Vec3, group: SmoothingGroup) -> Option<PointId> {
-        if self.found.contains_key(&(cell.to_array(), group)) {
-            return None;
-        }
         // The nearer neighbour on each axis: what is half the distance away lies there.
         let offset = position / WELD - cell.as_dvec3();
         let steps = [0, 1, 2].map(|axis| [0, if offset[axis] < 0.0 { -1 } else { 1 }]);

@@ -209,14 +209,17 @@ impl Working {
     /// Largest squared deviation in a sector over its limit; `None` where it is `most` or more.
     fn deviation(&self, corner: u32, sector: &Sector, most: f64) -> Option<f64> {
         let region = self.triangles[sector.old[0] as usize].region;
-        let lights: SmallVec<[LightIn; 8]> =
-            sector.new.iter().map(|(_, corners)| self.light_between(region, *corners)).collect();
+        // Where a sample deviates too much the first do, in a few of the triangles.
+        let mut lights: SmallVec<[Option<LightIn>; 8]> = SmallVec::from_elem(None, sector.new.len());
         let samples = sector.old.iter().flat_map(|index| &self.triangles[*index as usize].samples);
         let mut worst = 0.0_f64;
         for sample in [corner].iter().chain(samples) {
             let sample = &self.samples[*sample as usize];
-            let (light, weights) = under(&lights, sample.position);
-            let square = lights[light].deviation(weights, sample).length_squared() / sample.limit;
+            let of = |(light, (_, corners)): (&mut Option<LightIn>, &(u32, [u32; 3]))| {
+                *light.get_or_insert_with(|| self.light_between(region, *corners))
+            };
+            let (_, light, weights) = under(lights.iter_mut().zip(&sector.new).map(of), sample.position)?;
+            let square = light.deviation(weights, sample).length_squared() / sample.limit;
             if square >= most || square.is_nan() {
                 return None;
             }
@@ -261,24 +264,29 @@ impl Working {
         let lights: SmallVec<[LightIn; 8]> =
             among.iter().map(|index| self.light_in(&self.triangles[*index as usize])).collect();
         for sample in samples {
-            let (place, _) = under(&lights, self.samples[sample as usize].position);
-            self.triangles[among[place] as usize].samples.push(sample);
+            let position = self.samples[sample as usize].position;
+            if let Some((place, ..)) = under(lights.iter().copied(), position) {
+                self.triangles[among[place] as usize].samples.push(sample);
+            }
         }
     }
 }
 
-/// The triangle that a position lies in, or is least far outside of, and its weights.
-pub fn under(lights: &[LightIn], position: DVec3) -> (usize, DVec3) {
-    let mut best = (0, DVec3::X, f64::NEG_INFINITY);
-    for (index, light) in lights.iter().enumerate() {
+/// The triangle that a position lies in, or is least far outside of: its place among these, its light, and its weights. Later ones are
+/// not looked at.
+pub fn under(lights: impl IntoIterator<Item = LightIn>, position: DVec3) -> Option<(usize, LightIn, DVec3)> {
+    let mut best: Option<(usize, LightIn, DVec3)> = None;
+    let mut most = f64::NEG_INFINITY;
+    for (index, light) in lights.into_iter().enumerate() {
         let weights = light.weights(position);
         let least = weights.min_element();
-        if least > best.2 {
-            best = (index, weights, least);
+        if least > most || best.is_none() {
+            best = Some((index, light, weights));
+            most = most.max(least);
             if least >= 0.0 {
                 break;
             }
         }
     }
-    (best.0, best.1)
+    best
 }

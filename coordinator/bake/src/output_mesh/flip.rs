@@ -69,8 +69,9 @@ impl Working {
         }
         let new = [[p, from, q], [q, to, p]];
         let old = [one, other].map(|triangle| self.triangles[triangle as usize].corners);
-        let cost = |pair| self.cost_of_pair(region, pair, [one, other]);
-        let is_better = cost(new)? < GAIN * cost(old)? && self.along(p, q).next().is_none();
+        let limit = GAIN * self.cost_of_pair(region, old, [one, other], f64::INFINITY)?;
+        let is_better = self.cost_of_pair(region, new, [one, other], limit).is_some()
+            && self.along(p, q).next().is_none();
         is_better.then_some(Flip { triangles: [one, other], new })
     }
 
@@ -91,17 +92,27 @@ impl Working {
         self.deal_out(samples, &triangles);
     }
 
-    /// Mean square deviation in two triangles, in limits, and their shape; `None` where a limit is exceeded or a triangle is turned.
-    fn cost_of_pair(&self, region: u32, pair: [[u32; 3]; 2], with_samples: [u32; 2]) -> Option<f64> {
+    /// Mean square deviation in two triangles, in limits, and their shape, if that is less than `most`; `None` where a limit is exceeded
+    /// or a triangle is turned.
+    fn cost_of_pair(
+        &self,
+        region: u32,
+        pair: [[u32; 3]; 2],
+        with_samples: [u32; 2],
+        most: f64,
+    ) -> Option<f64> {
         let [one, two] = pair.map(|corners| self.shape(region, corners));
-        let shape = 2.0 - one?.1 - two?.1;
+        let of_shape = WEIGHT_OF_SHAPE * (2.0 - one?.1 - two?.1);
+        if of_shape >= most {
+            return None;
+        }
         let lights = pair.map(|corners| self.light_between(region, corners));
         let (mut sum, mut count) = (0.0, 0.0_f64);
         for index in with_samples {
             for sample in &self.triangles[index as usize].samples {
                 let sample = &self.samples[*sample as usize];
-                let (light, weights) = under(&lights, sample.position);
-                let square = lights[light].deviation(weights, sample).length_squared() / sample.limit;
+                let (_, light, weights) = under(lights, sample.position)?;
+                let square = light.deviation(weights, sample).length_squared() / sample.limit;
                 if square > 1.0 {
                     return None;
                 }
@@ -109,6 +120,6 @@ impl Working {
                 count += 1.0;
             }
         }
-        Some(sum / count.max(1.0) + WEIGHT_OF_SHAPE * shape)
+        Some(sum / count.max(1.0) + of_shape).filter(|cost| *cost < most)
     }
 }

@@ -63,8 +63,8 @@ impl Working {
             }
             for sample in samples {
                 let sample = &self.samples[*sample as usize];
-                let (light, weights) = under(&lights, sample.position);
-                if lights[light].deviation(weights, sample).length_squared() > sample.limit {
+                let (_, light, weights) = under(lights.iter().copied(), sample.position)?;
+                if light.deviation(weights, sample).length_squared() > sample.limit {
                     return None;
                 }
             }

@@ -163,10 +163,13 @@ impl<'a> Neighbours<'a> {
             near.weight = near.alike * scale * scale / (near.distance * near.distance + least * least);
             near.offset /= scale;
         }
+        let is_alike = |all: &[Near]| all.iter().any(|near| near.alike >= least_alike);
+        if !is_alike(&all) {
+            return None;
+        }
         let largest = all.iter().map(|near| near.weight).fold(0.0, f64::max);
         all.retain(|near| near.weight > LEAST_WEIGHT * largest && self.is_seen(receiver, near.point));
-        let best = all.iter().map(|near| near.alike).fold(0.0, f64::max);
-        (best > 0.0 && best >= least_alike).then(|| fitted(receiver.normal, &all))
+        is_alike(&all).then(|| fitted(receiver.normal, &all))
     }
 
     fn is_seen(&self, receiver: &Receiver, point: u32) -> bool {
