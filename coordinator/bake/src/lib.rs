@@ -49,4 +49,5 @@ pub use observer::{Observer, Phase, Progress, TimeParts, Unobserved};
 pub use relight::{KeptLight, LightChange, NewLight, RelightError, RelightReport, Relit, relight};
 pub use run::{Baked, bake, bake_with_points};
 pub use settings::{BakeSettings, Quality, RowStrategy};
+pub use stages::{AskedPoints, PointLight};
 pub use stages::{BakeReport, Model, check_groups, listed, occluders, shooting_mesh};

@@ -30,6 +30,8 @@ pub struct Summary {
     pub bake: BakeReport,
     /// The lightmap, if there is one.
     pub lightmap: Option<PlanReport>,
+    /// The probes, if there are any.
+    pub probes: Option<probes::PlanReport>,
     /// The lit file.
     pub exported: Exported,
     /// The workers.
@@ -130,6 +132,7 @@ impl Summary {
             "peak_memory_bytes": self.peak_memory_bytes,
             "bake": self.bake,
             "lightmap": self.lightmap,
+            "probes": self.probes,
             "settings": settings,
             "workers": workers,
             "checkpoint": self.checkpoint.as_ref().map(|checkpoint| json!({

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::path::Path;
 
 use assert_cmd::Command;
-use bake::BakeSettings;
+use bake::{AskedPoints, BakeSettings};
 use glam::DVec3;
 use gltf::{Gltf, Semantic};
 use lightmap::{Lightmap, Plan, Resolution, plan};
@@ -26,6 +26,10 @@ fn cornell() -> Scene {
 
 fn planned(scene: &Scene, texel: f64) -> Plan {
     plan(scene, Resolution::Texel(texel), &|| false).unwrap()
+}
+
+fn texels(plan: &Plan) -> AskedPoints<'_> {
+    AskedPoints { on_surfaces: plan.points(), ..AskedPoints::default() }
 }
 
 /// Irradiance that a viewer finds at a place of a surface, with bilinear filtering.
@@ -119,8 +123,8 @@ fn error_of(map: &Lightmap, scene: &Scene, name: &str) -> f64 {
 fn texels_of_cornell_are_as_near_the_reference_as_its_vertices() {
     let scene = cornell();
     let plan = planned(&scene, 0.05);
-    let baked = baked_with_points(&scene, &BakeSettings::for_error(0.02), plan.points(), 2);
-    let map = plan.lightmap(&baked.at_points);
+    let baked = baked_with_points(&scene, &BakeSettings::for_error(0.02), &texels(&plan), 2);
+    let map = plan.lightmap(&baked.at_points.on_surfaces);
     let folder = tempfile::tempdir().unwrap();
     let lit = folder.path().join("lit.glb");
     export(&scene, &baked.lit, &ExportSettings::default(), &lit).unwrap();
@@ -141,7 +145,8 @@ fn texels_are_the_same_whatever_the_workers() {
     let plan = planned(&scene, 0.2);
     for rows in [bake::RowStrategy::Exact, bake::RowStrategy::Gather] {
         let settings = BakeSettings { rows, ..BakeSettings::for_error(0.1) };
-        let light = |threads| baked_with_points(&scene, &settings, plan.points(), threads).at_points;
+        let light =
+            |threads| baked_with_points(&scene, &settings, &texels(&plan), threads).at_points.on_surfaces;
         assert!(light(1) == light(3), "{rows:?}");
     }
 }

@@ -10,6 +10,8 @@
 //! | `point_lights` | flux of point lights, as rows have it, against solid angles |
 //! | `layout` | crates and modules against the rules of which may use which |
 //! | `layers` | light by groups of its sources, direct and indirect, against the whole |
+//! | `lightmaps` | texels against path-traced references and vertices, and the files that they come in |
+//! | `probes` | light at points in space against the field of a disk and the solution's own irradiance |
 //! | `relight` | scenes lit otherwise against bakes of the changed scenes |
 //! | `leaks` | closed walls against light |
 //! | `mesh` | the mesh against its promises: tiling, convexity, no cracks, balance |
@@ -59,6 +61,7 @@ mod occlusion;
 mod output_mesh;
 mod pictures;
 mod point_lights;
+mod probes;
 mod promises;
 mod public_files;
 mod receiver_rows;

@@ -44,6 +44,13 @@ impl Tables for Summary {
                 ),
             );
         }
+        if let Some(probes) = &self.probes {
+            let grid = probes.grid.map_or_else(String::new, |grid| {
+                let [x, y, z] = grid.size;
+                format!(" ({x} x {y} x {z}, {} apart)", grid.spacing)
+            });
+            row("probes", format!("{}{grid}, {} inside of walls", probes.probes, probes.inside));
+        }
         let model = &bake.model;
         row(
             "lights",

@@ -22,6 +22,7 @@ use protocol::api;
 use bake::{BakeSettings, LightChange, LightGroup, LightPart, NewLight};
 use lightmap::Resolution;
 use output::export::{ExportSettings, Materials, PageFormat, check_group_names};
+use probes::{MOST_PROBES, Places};
 use scene::ImportOptions;
 
 use crate::lightmap_run::LightmapSettings;
@@ -190,6 +191,21 @@ pub fn lightmap_settings(options: &api::OutputOptions, wrong: &mut Violations) -
     lightmap.then_some(LightmapSettings { resolution, format: lightmap_format })
 }
 
+/// The probes that are asked for, if any are.
+pub fn probe_places(options: &api::OutputOptions, wrong: &mut Violations) -> Option<Places> {
+    let OutputSettings { probes, .. } = schema::settings(options, wrong);
+    let points = &options.probe_points;
+    if points.is_empty() {
+        return probes.map(Places::Grid);
+    }
+    let field = "output.probe_points";
+    wrong.demand(probes.is_none(), field, "cannot be combined with output.probes");
+    wrong.demand(points.len() <= 3 * MOST_PROBES, field, format!("must be {MOST_PROBES} points at most"));
+    let is_whole = points.len().is_multiple_of(3) && points.iter().all(|value| value.is_finite());
+    wrong.demand(is_whole, field, "must be three finite numbers each");
+    Some(Places::Points(points.chunks_exact(3).map(DVec3::from_slice).collect()))
+}
+
 /// All that a job needs to know of what was asked for.
 #[derive(Debug, Clone)]
 pub struct Wanted {
@@ -201,6 +217,8 @@ pub struct Wanted {
     pub export: ExportSettings,
     /// The lightmap that it gets.
     pub lightmap: Option<LightmapSettings>,
+    /// Where it has probes.
+    pub probes: Option<Places>,
 }
 
 /// What the options of a submission ask for.
@@ -215,11 +233,14 @@ pub fn wanted(header: &api::SubmitSceneHeader, wrong: &mut Violations) -> Wanted
     wrong.demand(!has_files, "output.lightmap_format", "must be png or rgbm: a job has one file");
     let is_mesh = output.format() == api::Format::Ply;
     wrong.demand(lightmap.is_none() || !is_mesh, "output.lightmap", "needs the format GLB");
+    let probes = probe_places(&output, wrong);
+    wrong.demand(probes.is_none() || !is_mesh, "output.probes", "need the format GLB");
     Wanted {
         import: import_options(&scene, wrong),
         bake: BakeSettings { only, groups, ..bake },
         export: export_settings(&output, irradiance_unit(&scene), wrong),
         lightmap,
+        probes,
     }
 }
 

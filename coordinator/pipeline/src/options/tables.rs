@@ -234,6 +234,8 @@ pub struct OutputSettings {
     pub lightmap_size: Option<u32>,
     /// Format of its pages.
     pub lightmap_format: PageFormat,
+    /// Distance of probes, units of the file.
+    pub probes: Option<f64>,
     /// The part of the light.
     pub only: LightPart,
     /// How the lit file is written.
@@ -285,6 +287,15 @@ impl Options for OutputOptions {
         knob!("output." + lightmap_format -> lightmap_format, "lightmap-format", Kind::Choice(PAGE_FORMATS))
             .value_name("FORMAT")
             .help("Format of the lightmap's pages"),
+        knob!("output." + probes -> probes, "probes", Kind::Number(POSITIVE))
+            .value_name("SPACING")
+            .help("Also write light probes on a grid inside the scene, so far apart")
+            .details(
+                "Each has spherical harmonics of order 2 of the light at its place, for things that move, and a flag if it lies \
+                 inside of a wall. They are in the extras of the file, and in NAME-probes.json beside it where there is no service.",
+            )
+            .unit("units of the file")
+            .default("none"),
     ];
 }
 

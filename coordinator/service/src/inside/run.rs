@@ -15,6 +15,7 @@ use pipeline::options::{
     LONGEST_TEXT, MOST_NAMES, Violations, export_settings, import_options, irradiance_unit, new_light, wanted,
 };
 use pipeline::prediction::least_memory_bytes;
+use pipeline::probes_run::ProbeSettings;
 use pipeline::relight::RelightRequest;
 use pipeline::run::{BakeRequest, CheckpointFile, RunError, SceneSource, SharedRows, Workers};
 use protocol::api::submit_scene_header::Source;
@@ -117,6 +118,7 @@ fn attempt<W: Write>(
                 },
                 export: wanted.export,
                 lightmap: wanted.lightmap,
+                probes: wanted.probes.map(|places| ProbeSettings { places, beside: false }),
                 output: &output,
                 kept_light: Some(&store.light(record.id)),
                 report: None,
