@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use bake::{
     AskedPoints, BakeError, BakeSettings, Baked, Observer, RelightError, RowService, bake_with_points,
-    check_groups,
+    check_groups, occlusion,
 };
 use cluster::checkpoint::{CheckpointError, CheckpointSummary, Checkpointed, OpenCheckpoint, remove};
 use cluster::{Cluster, ClusterError, ClusterSettings, WorkerPart};
@@ -17,6 +17,7 @@ use output::export::{ExportError, ExportSettings, LightmapPages, check_lightmap,
 use output::files;
 use probes::ProbeError;
 use scene::{ImportError, ImportOptions, Scene, import, import_slice};
+use serde_json::json;
 
 use crate::files_beside::check_files;
 use crate::lightmap_run::{LightmapSettings, lay_out, lit_twice, warnings};
@@ -56,6 +57,8 @@ pub struct BakeRequest<'a> {
     pub lightmap: Option<LightmapSettings>,
     /// The probes that are written, if any.
     pub probes: Option<ProbeSettings>,
+    /// Distance within which things occlude, units of the file, if ambient occlusion is written.
+    pub occlusion: Option<f64>,
     /// The lit file.
     pub output: &'a Path,
     /// File for the light of each source, written if the bake keeps it ([`BakeSettings::keep_light`]).
@@ -233,12 +236,17 @@ pub fn run(
         in_space: probes.as_ref().map_or(&[], |probes| probes.receivers()),
     };
     let wanted = Wanted { settings: &request.bake, points };
-    let (baked, workers, recorded) =
+    let (mut baked, workers, recorded) =
         bake_on(workers, &scene, &wanted, request.checkpoint.as_ref(), observer)?;
     let done = clock.elapsed().as_secs_f64();
     observer.exporting();
     observer.warn(&baked.report.warnings);
     let mut extras = extras(&scene, &request.bake, &baked.report);
+    if let Some(distance) = request.occlusion {
+        let found = occlusion(&scene, &baked.lit, distance, || observer.is_cancelled());
+        baked.lit.occlusion = found.ok_or(BakeError::Cancelled)?;
+        extras["occlusion"] = json!({ "distance": distance });
+    }
     let groups: Vec<String> = baked.lit.layers.iter().map(|layer| layer.name.clone()).collect();
     let probes = probes.map(|probes| probes.probes(&baked.at_points.in_space));
     let mut probe_bytes = None;

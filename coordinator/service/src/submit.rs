@@ -91,6 +91,11 @@ impl Inner {
                     "is not for relights: bake the scene again",
                 );
                 wrong.demand(
+                    wanted.occlusion.is_none(),
+                    "output.occlusion",
+                    "is not for relights: bake the scene again",
+                );
+                wrong.demand(
                     wanted.probes.is_none(),
                     "output.probes",
                     "are not for relights: bake the scene again",

@@ -5,7 +5,8 @@ use clap::Args;
 use output::export::ExportSettings;
 use pipeline::lightmap_run::LightmapSettings;
 use pipeline::options::{
-    Violations, export_settings, irradiance_unit, light_parts, lightmap_settings, probe_places,
+    Violations, export_settings, irradiance_unit, light_parts, lightmap_settings, occlusion_distance,
+    probe_places,
 };
 use probes::Places;
 use protocol::api;
@@ -59,6 +60,14 @@ impl OutputOptions {
         let lightmap = lightmap_settings(&self.options(api::Format::Unspecified), &mut wrong);
         wrong.check()?;
         Ok(lightmap)
+    }
+
+    /// The distance within which things occlude, if the options ask for ambient occlusion.
+    pub fn occlusion(&self) -> anyhow::Result<Option<f64>> {
+        let mut wrong = Violations::default();
+        let distance = occlusion_distance(&self.options(api::Format::Unspecified), &mut wrong);
+        wrong.check()?;
+        Ok(distance)
     }
 
     /// The probes that the options ask for.

@@ -130,6 +130,7 @@ pub fn run(arguments: &SolveArguments, workers: &ClusterSettings) -> anyhow::Res
         bake: BakeSettings { keep_light: arguments.keep_light.is_some().then_some(u64::MAX), ..settings },
         export,
         lightmap,
+        occlusion: arguments.written.occlusion()?,
         probes: arguments.written.probes()?.map(|places| ProbeSettings { places, beside: true }),
         output: &arguments.output,
         kept_light: arguments.keep_light.as_deref(),

@@ -206,6 +206,14 @@ pub fn probe_places(options: &api::OutputOptions, wrong: &mut Violations) -> Opt
     Some(Places::Points(points.chunks_exact(3).map(DVec3::from_slice).collect()))
 }
 
+/// The distance within which things occlude, if ambient occlusion is asked for.
+pub fn occlusion_distance(options: &api::OutputOptions, wrong: &mut Violations) -> Option<f64> {
+    let OutputSettings { occlusion, lightmap, .. } = schema::settings(options, wrong);
+    let holds = occlusion.is_none() || !lightmap;
+    wrong.demand(holds, "output.occlusion", "is for vertices: bake without lightmap");
+    occlusion
+}
+
 /// All that a job needs to know of what was asked for.
 #[derive(Debug, Clone)]
 pub struct Wanted {
@@ -219,6 +227,8 @@ pub struct Wanted {
     pub lightmap: Option<LightmapSettings>,
     /// Where it has probes.
     pub probes: Option<Places>,
+    /// Distance within which things occlude, where it has ambient occlusion.
+    pub occlusion: Option<f64>,
 }
 
 /// What the options of a submission ask for.
@@ -241,6 +251,7 @@ pub fn wanted(header: &api::SubmitSceneHeader, wrong: &mut Violations) -> Wanted
         export: export_settings(&output, irradiance_unit(&scene), wrong),
         lightmap,
         probes,
+        occlusion: occlusion_distance(&output, wrong),
     }
 }
 

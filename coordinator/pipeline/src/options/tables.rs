@@ -236,6 +236,8 @@ pub struct OutputSettings {
     pub lightmap_format: PageFormat,
     /// Distance of probes, units of the file.
     pub probes: Option<f64>,
+    /// Distance within which things occlude, units of the file.
+    pub occlusion: Option<f64>,
     /// The part of the light.
     pub only: LightPart,
     /// How the lit file is written.
@@ -293,6 +295,15 @@ impl Options for OutputOptions {
             .details(
                 "Each has spherical harmonics of order 2 of the light at its place, for things that move, and a flag if it lies \
                  inside of a wall. They are in the extras of the file, and in NAME-probes.json beside it where there is no service.",
+            )
+            .unit("units of the file")
+            .default("none"),
+        knob!("output." + occlusion -> occlusion, "occlusion", Kind::Number(POSITIVE))
+            .value_name("DISTANCE")
+            .help("Also write ambient occlusion, by what stands nearer than this")
+            .details(
+                "_OCCLUSION is the part of each vertex's hemisphere, weighted by the cosine, in which nothing stands nearer: 1 in the \
+                 open. Not for lightmaps.",
             )
             .unit("units of the file")
             .default("none"),

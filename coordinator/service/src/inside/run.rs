@@ -118,6 +118,7 @@ fn attempt<W: Write>(
                 },
                 export: wanted.export,
                 lightmap: wanted.lightmap,
+                occlusion: wanted.occlusion,
                 probes: wanted.probes.map(|places| ProbeSettings { places, beside: false }),
                 output: &output,
                 kept_light: Some(&store.light(record.id)),
