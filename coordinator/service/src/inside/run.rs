@@ -9,7 +9,7 @@ use std::time::Instant;
 
 use bake::{BakeError, BakeSettings, NewLight};
 use cluster::checkpoint::CheckpointError;
-use output::export::ExportError;
+use output::export::{Compression, ExportError, ExportSettings};
 use output::files::FileError;
 use pipeline::options::{
     LONGEST_TEXT, MOST_NAMES, Violations, export_settings, import_options, irradiance_unit, new_light, wanted,
@@ -104,7 +104,8 @@ fn attempt<W: Write>(
         }
         Ok(SceneSource::Bytes(bytes))
     };
-    reporter.export = wanted.export.clone();
+    // Previews are looked at once.
+    reporter.export = ExportSettings { compression: Compression::None, ..wanted.export.clone() };
     let (report_json, lights) = match relight {
         None => {
             wrong.check().map_err(failed)?;
