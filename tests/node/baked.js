@@ -23,6 +23,10 @@ const mapped = (page) => ({
   extensions: { MOZ_lightmap: { index: page, texCoord: 1, intensity: SCALE } },
 });
 
+// The right half of a page whose left half is dark.
+const instance = mapped(3);
+instance.extensions.MOZ_lightmap.extensions = { KHR_texture_transform: { offset: [0.625, 0], scale: [0.25, 1] } };
+
 // Of each kind its material, the light at its vertices, the encoding of its lightmap, and what of the light it reflects.
 const KINDS = [
   { name: 'rough', material: { pbrMetallicRoughness: pbr() }, light: IRRADIANCE, albedo: COLOUR },
@@ -39,14 +43,17 @@ const KINDS = [
     albedo: painted,
   },
   { name: 'sRGB page', material: mapped(1), encoding: 'srgb', albedo: COLOUR, read: SCALE * HALF_LINEAR },
+  { name: 'part of a page', material: instance, encoding: 'srgb', albedo: COLOUR, read: SCALE * HALF_LINEAR },
   { name: 'RGBM page', material: mapped(2), encoding: 'rgbm', albedo: COLOUR, read: (SCALE * MULTIPLIER) / 255 },
 ];
 
-async function picture(colour) {
+async function picture(colour, left = colour) {
   const canvas = new OffscreenCanvas(4, 4);
   const context = canvas.getContext('2d');
   context.fillStyle = colour;
-  context.fillRect(0, 0, 4, 4);
+  context.fillRect(2, 0, 2, 4);
+  context.fillStyle = left;
+  context.fillRect(0, 0, 2, 4);
   const bytes = new Uint8Array(await (await canvas.convertToBlob()).arrayBuffer());
   return `data:image/png;base64,${btoa(String.fromCharCode(...bytes))}`;
 }
@@ -72,18 +79,20 @@ async function square({ material, light, encoding }) {
     `rgb(${PAINT.join(' ')})`,
     `rgb(${HALF} ${HALF} ${HALF})`,
     `rgb(255 255 255 / ${MULTIPLIER / 255})`,
+    [`rgb(${HALF} ${HALF} ${HALF})`, 'black'],
   ];
   const attributes = { POSITION: 0, NORMAL: 1, TEXCOORD_0: 2, TEXCOORD_1: 2 };
   if (light) attributes._IRRADIANCE = 3;
   return JSON.stringify({
     asset: { version: '2.0', extras: { halflight: { lightmap: { encoding } } } },
+    extensionsUsed: ['KHR_texture_transform'],
     scene: 0,
     scenes: [{ nodes: [0] }],
     nodes: [{ mesh: 0 }],
     meshes: [{ primitives: [{ attributes, indices: 4, material: 0 }] }],
     materials: [material],
     textures: images.map((_, source) => ({ source })),
-    images: await Promise.all(images.map(async (colour) => ({ uri: await picture(colour) }))),
+    images: await Promise.all(images.map(async (colours) => ({ uri: await picture(...[colours].flat()) }))),
     accessors: [
       { ...vector(0, 'VEC3'), min: [-1, -1, 0], max: [1, 1, 0] },
       vector(1, 'VEC3'),

@@ -7,7 +7,7 @@ use bake::{BakeReport, BakeSettings, Relit, TimeParts};
 use cluster::checkpoint::CheckpointSummary;
 use cluster::{ClusterCounts, WorkerPart, WorkerSummary};
 use lightmap::PlanReport;
-use output::export::Exported;
+use output::export::{Exported, Unshared};
 use scene::ImportReport;
 use scene::Scene;
 
@@ -127,6 +127,9 @@ impl Summary {
             "exposure": self.exported.exposure,
             "output_vertices": self.exported.vertices,
             "output_triangles": self.exported.triangles,
+            "unshared": self.exported.unshared.map(|Unshared { meshes, nodes, vertices }| json!({
+                "meshes": meshes, "nodes": nodes, "vertices": vertices,
+            })),
             "account": self.account,
             "degenerate_triangles": self.degenerate_triangles,
             "peak_memory_bytes": self.peak_memory_bytes,

@@ -24,6 +24,8 @@ interface Link {
   index: number;
   texCoord?: number;
   intensity?: number;
+  /** The part of the page that an instance has. */
+  extensions?: object;
 }
 
 /** Materials that reflect diffuse light. */
@@ -54,7 +56,7 @@ class BakedLight implements GLTFLoaderPlugin {
     const material = this.parser.json.materials?.[index];
     const link: Link | undefined = material?.extensions?.[EXTENSION];
     if (!link || material.extensions.KHR_materials_unlit) return;
-    const texture = { index: link.index, texCoord: link.texCoord };
+    const texture = { index: link.index, texCoord: link.texCoord, extensions: link.extensions };
     await this.parser.assignTexture(params, 'lightMap', texture, this.encoding === 'srgb' ? SRGBColorSpace : undefined);
     params['lightMapIntensity'] = link.intensity ?? 1;
   }

@@ -135,8 +135,21 @@ pub struct Exported {
     pub vertices: usize,
     /// Triangles of the lit primitives.
     pub triangles: usize,
+    /// What light at vertices costs where several nodes show one mesh.
+    pub unshared: Option<Unshared>,
     /// Warnings on parts of the input that the output lacks.
     pub warnings: Vec<String>,
+}
+
+/// Meshes of the input that several nodes show, each of which has vertices of its own in the output.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Unshared {
+    /// Number of these meshes.
+    pub meshes: usize,
+    /// Nodes that show them.
+    pub nodes: usize,
+    /// Vertices that all these nodes have.
+    pub vertices: usize,
 }
 
 /// Why the lit scene cannot be written.
@@ -298,7 +311,7 @@ fn write_assembled(
     settings: &ExportSettings,
     path: &Path,
 ) -> Result<Exported, ExportError> {
-    let Assembled { mut root, mut binary, vertices, triangles, warnings } = assembled;
+    let Assembled { mut root, mut binary, vertices, triangles, unshared, warnings } = assembled;
     let is_compressed = match settings.compression {
         Compression::AsInput => scene.source.is_meshopt,
         Compression::None => false,
@@ -308,7 +321,7 @@ fn write_assembled(
         binary = compress::compress(&mut root, binary, extensions::pinned(&scene.source.root)?)?;
     }
     write::write(root, binary, path)?;
-    Ok(Exported { exposure, vertices, triangles, warnings })
+    Ok(Exported { exposure, vertices, triangles, unshared, warnings })
 }
 
 /// The exposure that is asked for, or one that suits the light.

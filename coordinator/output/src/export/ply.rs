@@ -81,8 +81,13 @@ pub(super) fn encode(
     let mut file = header(scene, lit, exposure, settings, vertex_count, face_count).into_bytes();
     file.append(&mut vertices);
     file.append(&mut faces);
-    let exported =
-        Exported { exposure, vertices: vertex_count as usize, triangles: face_count, warnings: vec![] };
+    let exported = Exported {
+        exposure,
+        vertices: vertex_count as usize,
+        triangles: face_count,
+        unshared: None,
+        warnings: vec![],
+    };
     Ok((file, exported))
 }
 
