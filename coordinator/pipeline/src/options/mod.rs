@@ -333,6 +333,33 @@ mod tests {
     }
 
     #[test]
+    fn probes_are_on_a_grid_or_at_points() {
+        let of = |output: api::OutputOptions| {
+            let mut wrong = Violations::default();
+            let header = api::SubmitSceneHeader { output: Some(output), ..Default::default() };
+            (wanted(&header, &mut wrong).probes, wrong.check())
+        };
+        let grid = api::OutputOptions { probes: Some(0.5), ..Default::default() };
+        let points = vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
+        let points = api::OutputOptions { probe_points: points, ..Default::default() };
+        assert_eq!(of(grid.clone()), (Some(Places::Grid(0.5)), Ok(())));
+        let expected = [DVec3::new(1.0, 2.0, 3.0), DVec3::new(4.0, 5.0, 6.0)].to_vec();
+        assert_eq!(of(points.clone()), (Some(Places::Points(expected)), Ok(())));
+        let odd = api::OutputOptions { probe_points: vec![1.0, f64::NAN], ..Default::default() };
+        let both = api::OutputOptions { probes: Some(0.5), ..points };
+        let ply = api::OutputOptions { format: api::Format::Ply.into(), ..grid };
+        let mapped = api::OutputOptions { occlusion: Some(1.0), lightmap: true, ..Default::default() };
+        for (output, field) in [
+            (odd, "output.probe_points must be three finite numbers each"),
+            (both, "output.probe_points cannot be combined with output.probes"),
+            (ply, "output.probes need the format GLB"),
+            (mapped, "output.occlusion is for vertices: bake without lightmap"),
+        ] {
+            assert_eq!(of(output).1.unwrap_err().to_string(), field);
+        }
+    }
+
+    #[test]
     fn each_wrong_field_is_named() {
         let bake = api::BakeOptions {
             error: Some(f64::NAN),
