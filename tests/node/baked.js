@@ -1,7 +1,7 @@
 // What baked.mjs runs in the browser: squares with baked light under a lamp, with the plugin and without it.
 import * as THREE from 'three';
 import { GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
-import { halflight } from 'halflight-three';
+import { Probes, halflight } from 'halflight-three';
 
 // Irradiance at all vertices.
 const IRRADIANCE = [3, 2, 1];
@@ -23,6 +23,10 @@ const mapped = (page) => ({
   extensions: { MOZ_lightmap: { index: page, texCoord: 1, intensity: SCALE } },
 });
 
+// The right half of a page whose left half is dark.
+const instance = mapped(3);
+instance.extensions.MOZ_lightmap.extensions = { KHR_texture_transform: { offset: [0.625, 0], scale: [0.25, 1] } };
+
 // Of each kind its material, the light at its vertices, the encoding of its lightmap, and what of the light it reflects.
 const KINDS = [
   { name: 'rough', material: { pbrMetallicRoughness: pbr() }, light: IRRADIANCE, albedo: COLOUR },
@@ -39,14 +43,17 @@ const KINDS = [
     albedo: painted,
   },
   { name: 'sRGB page', material: mapped(1), encoding: 'srgb', albedo: COLOUR, read: SCALE * HALF_LINEAR },
+  { name: 'part of a page', material: instance, encoding: 'srgb', albedo: COLOUR, read: SCALE * HALF_LINEAR },
   { name: 'RGBM page', material: mapped(2), encoding: 'rgbm', albedo: COLOUR, read: (SCALE * MULTIPLIER) / 255 },
 ];
 
-async function picture(colour) {
+async function picture(colour, left = colour) {
   const canvas = new OffscreenCanvas(4, 4);
   const context = canvas.getContext('2d');
   context.fillStyle = colour;
-  context.fillRect(0, 0, 4, 4);
+  context.fillRect(2, 0, 2, 4);
+  context.fillStyle = left;
+  context.fillRect(0, 0, 2, 4);
   const bytes = new Uint8Array(await (await canvas.convertToBlob()).arrayBuffer());
   return `data:image/png;base64,${btoa(String.fromCharCode(...bytes))}`;
 }
@@ -72,18 +79,20 @@ async function square({ material, light, encoding }) {
     `rgb(${PAINT.join(' ')})`,
     `rgb(${HALF} ${HALF} ${HALF})`,
     `rgb(255 255 255 / ${MULTIPLIER / 255})`,
+    [`rgb(${HALF} ${HALF} ${HALF})`, 'black'],
   ];
   const attributes = { POSITION: 0, NORMAL: 1, TEXCOORD_0: 2, TEXCOORD_1: 2 };
   if (light) attributes._IRRADIANCE = 3;
   return JSON.stringify({
     asset: { version: '2.0', extras: { halflight: { lightmap: { encoding } } } },
+    extensionsUsed: ['KHR_texture_transform'],
     scene: 0,
     scenes: [{ nodes: [0] }],
     nodes: [{ mesh: 0 }],
     meshes: [{ primitives: [{ attributes, indices: 4, material: 0 }] }],
     materials: [material],
     textures: images.map((_, source) => ({ source })),
-    images: await Promise.all(images.map(async (colour) => ({ uri: await picture(colour) }))),
+    images: await Promise.all(images.map(async (colours) => ({ uri: await picture(...[colours].flat()) }))),
     accessors: [
       { ...vector(0, 'VEC3'), min: [-1, -1, 0], max: [1, 1, 0] },
       vector(1, 'VEC3'),
@@ -102,11 +111,15 @@ async function square({ material, light, encoding }) {
 }
 
 // The radiance in the middle of the picture.
-async function radiance(loader, document, renderer) {
+async function radiance(loader, document, renderer, more = []) {
   const { scene } = await loader.parseAsync(document, '');
   const lamp = new THREE.DirectionalLight(0xffffff, 2);
   lamp.position.set(0.5, 0.5, 2);
-  scene.add(lamp);
+  scene.add(lamp, ...more);
+  return shown(scene, renderer);
+}
+
+function shown(scene, renderer) {
   const eye = new THREE.OrthographicCamera(-0.5, 0.5, 0.5, -0.5, 0.1, 10);
   eye.position.z = 3;
   const target = new THREE.WebGLRenderTarget(8, 8, { type: THREE.FloatType });
@@ -117,16 +130,64 @@ async function radiance(loader, document, renderer) {
   return [...pixel.subarray(0, 3)];
 }
 
+// Probes on a line, whose radiance in a direction is the first number + the others x (x, y, xy, 3z^2 - 1).
+const FIELDS = [
+  [0.8, 0.3, -0.2, 0.4, 0.1],
+  [2.4, -0.5, 0.4, -0.2, 0.3],
+];
+const SCALES = [[0, 0.282095], [3, 0.488603], [1, 0.488603], [4, 1.092548], [6, 0.315392]];
+
+const probes = new Probes({
+  positions: [[0, 0, 0], [2, 0, 0]],
+  inside: [false, false],
+  coefficients: FIELDS.map((field) => {
+    const all = Array(27).fill(0);
+    SCALES.forEach(([band, scale], i) => [0, 1, 2].forEach((rgb) => (all[3 * band + rgb] = field[i] / scale)));
+    return all;
+  }),
+  grid: { origin: [0, 0, 0], spacing: 2, size: [2, 1, 1] },
+});
+
+// Irradiance of a normal under a field, by summing over directions.
+function summed([even, alongX, alongY, saddle, zonal], normal) {
+  const count = 200_000;
+  let sum = 0;
+  for (let i = 0; i < count; i++) {
+    const z = 1 - (2 * i + 1) / count;
+    const turn = i * Math.PI * (3 - Math.sqrt(5));
+    const [x, y] = [Math.cos(turn), Math.sin(turn)].map((value) => value * Math.sqrt(1 - z * z));
+    const cosine = Math.max(0, x * normal.x + y * normal.y + z * normal.z);
+    sum += cosine * (even + alongX * x + alongY * y + saddle * x * y + zonal * (3 * z * z - 1));
+  }
+  return (4 * Math.PI * sum) / count;
+}
+
+// What a square under a probe alone shows, turned in several ways, a quarter of the way between both probes.
+function underProbe(renderer) {
+  const field = FIELDS[0].map((value, i) => 0.75 * value + 0.25 * FIELDS[1][i]);
+  return [[0, 0, 1], [1, 0, 1], [-1, 1, 0.5], [0.2, -1, 0.3]].map((direction) => {
+    const normal = new THREE.Vector3(...direction).normalize();
+    const material = new THREE.MeshLambertMaterial({ color: new THREE.Color(...COLOUR) });
+    const mesh = new THREE.Mesh(new THREE.PlaneGeometry(8, 8), material);
+    mesh.lookAt(normal);
+    const scene = new THREE.Scene().add(mesh, probes.at(new THREE.Vector3(0.5, 9, 0)));
+    const expected = COLOUR.map((albedo) => (albedo * summed(field, normal)) / Math.PI);
+    return { name: `probe, normal ${direction}`, shown: shown(scene, renderer), direct: Array(3).fill(0), expected };
+  });
+}
+
 globalThis.measure = async () => {
   const renderer = new THREE.WebGLRenderer();
   const found = [];
   for (const kind of KINDS) {
     const document = await square(kind);
     const direct = await radiance(new GLTFLoader(), document, renderer);
-    const shown = await radiance(new GLTFLoader().register(halflight()), document, renderer);
+    // The probe is not for those with light of their own.
+    const probe = probes.at(new THREE.Vector3());
+    const shown = await radiance(new GLTFLoader().register(halflight()), document, renderer, [probe]);
     const irradiance = kind.light ?? Array(3).fill(kind.read);
     const expected = kind.albedo.map((albedo, i) => (albedo * irradiance[i]) / Math.PI);
     found.push({ name: kind.name, shown, direct, expected });
   }
-  return found;
+  return [...found, ...underProbe(renderer)];
 };

@@ -1,9 +1,10 @@
 // What picture.mjs runs in the browser: loads the scene, draws it once, and looks where another picture of it differs.
 import * as THREE from 'three';
 import { GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
+import { MeshoptDecoder } from 'three/addons/libs/meshopt_decoder.module.js';
 
 globalThis.takePicture = async ({ camera, target, size: [width, height], fov, points, other }) => {
-  const { scene, cameras } = await new GLTFLoader().loadAsync('/scene.glb');
+  const { scene, cameras } = await new GLTFLoader().setMeshoptDecoder(MeshoptDecoder).loadAsync('/scene.glb');
   const box = new THREE.Box3().setFromObject(scene);
   scene.updateMatrixWorld(true);
   const isOwn = points || other;

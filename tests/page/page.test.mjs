@@ -54,6 +54,17 @@ test('a dropped scene is baked, and its light is shown', async () => {
   await close();
 });
 
+test('the light of a compressed scene is shown, which stays compressed', async () => {
+  const { page, faults, close } = await openPage(browser, service.origin);
+  const empty = await middle(page);
+  await page.setInputFiles('input[name=bake]', path.join(scene('cornell'), '../../fixtures/compressed/meshopt_filtered.glb'));
+  await item(page, 'meshopt_filtered', 'done').waitFor();
+  await whole(page);
+  assert.ok(difference(await middle(page), empty) > 0.1);
+  assert.deepEqual(faults, []);
+  await close();
+});
+
 test('a scene that the service has is not uploaded again', async () => {
   const { page, faults, close } = await openPage(browser, service.origin);
   const lengths = [];

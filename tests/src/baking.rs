@@ -1,10 +1,9 @@
 //! A scene baked in this process, and figures of the result.
 
 use bake::lit::{LitMesh, LitVertex};
-use bake::{BakeSettings, Baked, Unobserved, bake_with_points};
+use bake::{AskedPoints, BakeSettings, Baked, Unobserved, bake_with_points};
 use cluster::{Cluster, Workers};
 use glam::DVec3;
-use kernel::replica::Receiver;
 use scene::Scene;
 use scene::{ImportOptions, import_slice};
 
@@ -23,7 +22,7 @@ pub fn imported(glb: &[u8]) -> Scene {
 /// When it cannot be baked.
 #[must_use]
 pub fn baked_by(scene: &Scene, settings: &BakeSettings, threads: usize) -> Baked {
-    baked_with_points(scene, settings, &[], threads)
+    baked_with_points(scene, settings, &AskedPoints::default(), threads)
 }
 
 /// Bakes a scene with so many threads of this process, and asks for the light of these points.
@@ -34,7 +33,7 @@ pub fn baked_by(scene: &Scene, settings: &BakeSettings, threads: usize) -> Baked
 pub fn baked_with_points(
     scene: &Scene,
     settings: &BakeSettings,
-    points: &[Receiver],
+    points: &AskedPoints,
     threads: usize,
 ) -> Baked {
     let cluster = Cluster::start(&Workers::Embedded { threads }.into()).expect("threads can be started");

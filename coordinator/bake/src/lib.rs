@@ -10,6 +10,7 @@
 //! |---|---|
 //! | `run` | [`bake()`] |
 //! | `relight` | a finished bake with other light |
+//! | [`occlusion()`] | ambient occlusion of a lit mesh |
 //! | `output_mesh` | fewer vertices, no T-junctions |
 //! | `stages` | the stages of a bake, in their order |
 //! | `rows` | row strategies, exact or gather, and the solution with them |
@@ -29,6 +30,7 @@ pub mod lit;
 mod materials;
 pub mod mesh;
 mod observer;
+mod occlusion;
 mod output_mesh;
 mod preview;
 mod refinement;
@@ -46,7 +48,9 @@ pub use error_budget::ErrorBudget;
 pub use jobs::{RowService, ThreadTime};
 pub use light_parts::{LightGroup, LightPart};
 pub use observer::{Observer, Phase, Progress, TimeParts, Unobserved};
+pub use occlusion::occlusion;
 pub use relight::{KeptLight, LightChange, NewLight, RelightError, RelightReport, Relit, relight};
 pub use run::{Baked, bake, bake_with_points};
 pub use settings::{BakeSettings, Quality, RowStrategy};
+pub use stages::{AskedPoints, PointLight};
 pub use stages::{BakeReport, Model, check_groups, listed, occluders, shooting_mesh};

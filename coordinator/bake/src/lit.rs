@@ -15,6 +15,8 @@ pub struct LitMesh {
     /// In previews, unshot radiosity of each vertex, interpolated between the shares, in the unit of [`LitVertex::irradiance`].
     /// Negative where too much was shot. Empty once the bake is done.
     pub unshot: Vec<DVec3>,
+    /// Of each vertex, the part of its hemisphere in which nothing stands near; empty where nobody asked for it.
+    pub occlusion: Vec<f64>,
 }
 
 /// The light of some sources alone.

@@ -21,11 +21,13 @@ pub enum Phase {
     Groups,
     /// Light of the texels of a lightmap.
     Lightmap,
+    /// Light of probes.
+    Probes,
 }
 
 impl Phase {
     /// All phases, in the order in which they first begin.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::Light,
         Self::Shoot,
         Self::Refine,
@@ -33,6 +35,7 @@ impl Phase {
         Self::FinalSolve,
         Self::Groups,
         Self::Lightmap,
+        Self::Probes,
     ];
 
     /// Its name in metrics.
@@ -46,6 +49,7 @@ impl Phase {
             Self::FinalSolve => "final solve",
             Self::Groups => "groups",
             Self::Lightmap => "lightmap",
+            Self::Probes => "probes",
         }
     }
 }

@@ -49,7 +49,7 @@ fn with_vertices(mesh: &Mesh, irradiance: &[DVec3], surfaces: Vec<Vec<LitTriangl
             irradiance: *irradiance,
         })
         .collect();
-    LitMesh { vertices, surfaces, layers: vec![], unshot: vec![] }
+    LitMesh { vertices, surfaces, ..LitMesh::default() }
 }
 
 /// Values of shares at all vertices: at those of the shooting mesh the mean of the shares that meet there, by area, and

@@ -1,7 +1,6 @@
 use std::time::Instant;
 
-use glam::DVec3;
-use kernel::replica::{Receiver, encode_translucent_scene};
+use kernel::replica::encode_translucent_scene;
 
 use crate::context::{Context, Work};
 use crate::error::Result;
@@ -12,7 +11,9 @@ use crate::output_mesh::output_mesh;
 use crate::preview::lit_mesh;
 use crate::relight::{KeptLight, keep_light};
 use crate::settings::BakeSettings;
-use crate::stages::{BakeReport, Measured, Setup, check_groups, occluders, shooting_mesh};
+use crate::stages::{
+    AskedPoints, BakeReport, Measured, PointLight, Setup, check_groups, occluders, shooting_mesh,
+};
 use scene::Scene;
 
 /// The result of a bake.
@@ -23,8 +24,8 @@ pub struct Baked {
     pub report: BakeReport,
     /// What relighting needs, if it was asked for.
     pub kept: Option<KeptLight>,
-    /// Irradiance at the points that were asked about: the part that the settings want, then each group's.
-    pub at_points: Vec<Vec<DVec3>>,
+    /// The light of the points that were asked about.
+    pub at_points: PointLight,
 }
 
 /// Bakes a scene. Rows come from `service`; `observer` is told of progress, often.
@@ -39,10 +40,10 @@ pub fn bake(
     service: &mut dyn RowService,
     observer: &mut dyn Observer,
 ) -> Result<Baked> {
-    bake_with_points(scene, settings, &[], service, observer)
+    bake_with_points(scene, settings, &AskedPoints::default(), service, observer)
 }
 
-/// Bakes a scene as [`bake()`] does, and asks the solution for the light of these points of its surfaces.
+/// Bakes a scene as [`bake()`] does, and asks the solution for the light of these points.
 ///
 /// # Errors
 /// As [`bake()`].
@@ -50,7 +51,7 @@ pub fn bake(
 pub fn bake_with_points(
     scene: &Scene,
     settings: &BakeSettings,
-    points: &[Receiver],
+    points: &AskedPoints,
     service: &mut dyn RowService,
     observer: &mut dyn Observer,
 ) -> Result<Baked> {
@@ -79,7 +80,7 @@ pub fn bake_with_points(
 }
 
 /// Computes what is only asked of the final solution.
-fn finish(mut measured: Measured, mut cx: Context, occluders: usize, points: &[Receiver]) -> Result<Baked> {
+fn finish(mut measured: Measured, mut cx: Context, occluders: usize, points: &AskedPoints) -> Result<Baked> {
     let cx = &mut cx;
     let warnings = measured.solved.back_face_check(cx)?;
     let layers = measured.solved.layers(cx)?;

@@ -39,7 +39,12 @@ pub fn scene(surfaces: Vec<Vec<Facet>>, lights: Vec<LightKind>) -> Scene {
     };
     let surfaces: Vec<Surface> = surfaces.into_iter().map(surface).collect();
     Scene {
-        source: SourceDocument { root: gltf::json::Root::default(), buffers: vec![], folder: None },
+        source: SourceDocument {
+            root: gltf::json::Root::default(),
+            buffers: vec![],
+            folder: None,
+            is_meshopt: false,
+        },
         vertex_count: surfaces.iter().map(Surface::vertex_count).sum(),
         surfaces,
         lights: lights.into_iter().map(light).collect(),

@@ -85,6 +85,8 @@ pub struct PlainDocument {
     pub buffers: Vec<Vec<u8>>,
     /// Folder of the file, where relative references start; `None` for bytes that did not come from a file.
     pub folder: Option<Folder>,
+    /// Whether the file was compressed by meshoptimizer.
+    pub is_meshopt: bool,
     /// Extensions that the file requires and the validation does not know: taken out of the document.
     pub required: Vec<String>,
     /// Warnings for the user.
@@ -139,5 +141,6 @@ pub fn read(
     let mut warnings = Vec::new();
     let document = prepare::pose(document, &mut buffers, limits, &mut warnings)?;
     let bytes_left = budget.saturating_sub(buffers::bytes_beside(document.as_json(), &buffers));
-    Ok(PlainDocument { document, buffers, folder, required, warnings, max_bytes, bytes_left })
+    let is_meshopt = !extensions.views.is_empty();
+    Ok(PlainDocument { document, buffers, folder, is_meshopt, required, warnings, max_bytes, bytes_left })
 }

@@ -1,5 +1,7 @@
 //! The vertices and triangles of each side with their texture coordinates.
 
+use std::sync::Arc;
+
 use glam::{DVec2, Vec2};
 
 /// A lit side of a primitive, laid out on the pages of a lightmap.
@@ -16,6 +18,21 @@ pub struct SideLayout {
     pub triangles: Vec<[u32; 3]>,
     /// The page of each triangle; `None` where it has no area.
     pub pages: Vec<Option<u32>>,
+    /// Where the coordinates are those of several sides, each in a rectangle of its own: these lie on one page each.
+    pub shared: Option<SharedLayout>,
+}
+
+/// Coordinates that several sides have in common: those on the page are offset + scale x shared.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SharedLayout {
+    /// Number of the sides that share them.
+    pub group: u32,
+    /// Corner of the rectangle with the smallest coordinates.
+    pub offset: [f32; 2],
+    /// Width and height of the rectangle.
+    pub scale: [f32; 2],
+    /// The coordinates, in [0, 1].
+    pub coordinates: Arc<[[f32; 2]]>,
 }
 
 impl SideLayout {

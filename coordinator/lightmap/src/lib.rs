@@ -13,6 +13,7 @@
 //! | `texels` | the point of each texel, and which texels lie inside of something |
 //! | `seams` | texels on both sides of a border between charts made to agree |
 //! | `unwrap` | charts made and packed, where the input has none |
+//! | `instances` | sides of one mesh at several nodes |
 //! | `fill` | texels without light, filled from their neighbours |
 //! | `layout` | the vertices and triangles of each side with their coordinates |
 //! | `raster` | which texels a triangle covers |
@@ -21,6 +22,7 @@
 
 mod error;
 mod fill;
+mod instances;
 mod layout;
 mod own_set;
 mod plan;
@@ -33,6 +35,6 @@ mod texels;
 mod unwrap;
 
 pub use error::{LightmapError, MOST_TEXELS, Stop};
-pub use layout::SideLayout;
+pub use layout::{SharedLayout, SideLayout};
 pub use plan::{Lightmap, Plan, PlanReport, plan};
 pub use unwrap::Resolution;

@@ -40,6 +40,7 @@ fn checked(scene: &Scene, sides: &[LitSide], resolution: Resolution) -> Result<P
             coordinates: set.clone(),
             triangles: side.triangles.iter().map(|triangle| triangle.vertices).collect(),
             pages: pages.collect(),
+            shared: None,
         });
     }
     let fronts = || layouts.iter().zip(sides).filter(|(_, side)| !side.is_back);

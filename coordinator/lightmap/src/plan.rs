@@ -1,5 +1,7 @@
 //! From a scene to texels, and from their light to images.
 
+use std::collections::BTreeSet;
+
 use glam::DVec3;
 use kernel::replica::Receiver;
 use scene::Scene;
@@ -37,6 +39,8 @@ pub struct PlanReport {
     pub pages: u32,
     /// Connected parts of the surfaces.
     pub charts: u32,
+    /// Sides of surfaces that have the layout of another one, which has the same mesh.
+    pub instances: usize,
     /// Edge of a texel, units of the file.
     pub texel_size: f64,
     /// Texels that surfaces cover.
@@ -80,6 +84,7 @@ pub fn plan(scene: &Scene, resolution: Resolution, stop: Stop) -> Result<Plan, L
         size: pages.size,
         pages: pages.count,
         charts: pages.charts,
+        instances: instances(&pages.layouts),
         texel_size: pages.texel,
         texels: texels.texels.len(),
         hidden_texels: texels.point_of.iter().filter(|point| **point == NO_POINT).count(),
@@ -87,6 +92,12 @@ pub fn plan(scene: &Scene, resolution: Resolution, stop: Stop) -> Result<Plan, L
         second_set_problem,
     };
     Ok(Plan { pages, texels, borders, report })
+}
+
+/// How many layouts are those of others.
+fn instances(layouts: &[SideLayout]) -> usize {
+    let groups = layouts.iter().filter_map(|layout| layout.shared.as_ref()).map(|shared| shared.group);
+    groups.clone().count() - groups.collect::<BTreeSet<_>>().len()
 }
 
 impl Plan {

@@ -76,6 +76,11 @@ impl Part {
 
 /// A scene of these meshes under a white sky.
 fn scene(parts: &[Part]) -> Scene {
+    scene_of(parts, &(0..parts.len()).map(|mesh| json!({ "mesh": mesh })).collect::<Vec<_>>())
+}
+
+/// A scene of nodes that show these meshes.
+fn scene_of(parts: &[Part], nodes: &[Value]) -> Scene {
     let (mut bytes, mut views, mut accessors) = (vec![], vec![], vec![]);
     let mut push = |data: Vec<u8>, accessor: Value| {
         views.push(json!({ "buffer": 0, "byteOffset": bytes.len(), "byteLength": data.len() }));
@@ -110,9 +115,8 @@ fn scene(parts: &[Part]) -> Scene {
         let indices = push(indices, scalars);
         meshes.push(json!({ "primitives": [{ "attributes": attributes, "indices": indices }] }));
     }
-    let nodes: Vec<Value> = (0..parts.len()).map(|mesh| json!({ "mesh": mesh })).collect();
     let document = json!({
-        "asset": { "version": "2.0" }, "scene": 0, "scenes": [{ "nodes": (0..parts.len()).collect::<Vec<_>>() }],
+        "asset": { "version": "2.0" }, "scene": 0, "scenes": [{ "nodes": (0..nodes.len()).collect::<Vec<_>>() }],
         "nodes": nodes, "meshes": meshes, "accessors": accessors, "bufferViews": views,
         "buffers": [{ "byteLength": bytes.len() }],
     });
@@ -141,6 +145,54 @@ fn texels_have_the_size_that_is_asked_for() {
     assert!((report.texel_size - 0.1).abs() < 1e-6, "{report:?}");
     assert_eq!((report.charts, report.pages, report.hidden_texels), (1, 1, 0));
     assert!(plan.points().iter().all(|point| point.normal.abs_diff_eq(DVec3::Y, 1e-12)));
+}
+
+#[test]
+fn nodes_that_place_turn_or_scale_one_mesh_share_a_layout() {
+    let half = 0.5_f64.sqrt();
+    let nodes = [
+        json!({ "mesh": 0 }),
+        json!({ "mesh": 1 }),
+        json!({ "mesh": 1, "translation": [3, 0, 0], "rotation": [0, half, 0, half] }),
+        json!({ "mesh": 1, "translation": [0, 0, 3], "scale": [1.5, 1.5, 1.5] }),
+        // Not these: stretched, mirrored, far larger.
+        json!({ "mesh": 1, "translation": [6, 0, 0], "scale": [1, 2, 1] }),
+        json!({ "mesh": 1, "translation": [0, 0, 6], "scale": [1, 1, -1] }),
+        json!({ "mesh": 1, "translation": [8, 0, 8], "scale": [4, 4, 4] }),
+    ];
+    let scene = scene_of(&[Part::floor(16.0), Part::lid([0.5, 0.5], [1.5, 1.5], 1.0)], &nodes);
+    let plan = plan(&scene, Resolution::Texel(0.05), &|| false).unwrap();
+    assert_eq!((plan.report().instances, plan.report().uses_second_set), (2, false));
+    let count = plan.points().len();
+    let map = plan.lightmap(&[vec![DVec3::ONE; count]]);
+    let of_nodes =
+        |node: usize| map.layouts.iter().find(|layout| scene.surfaces[layout.surface].node == node).unwrap();
+    let groups: Vec<Option<u32>> =
+        (0..nodes.len()).map(|node| of_nodes(node).shared.as_ref().map(|shared| shared.group)).collect();
+    assert!(groups[1].is_some() && groups[1..4].iter().all(|group| *group == groups[1]), "{groups:?}");
+    assert!(groups[0].is_none() && groups[4..].iter().all(Option::is_none), "{groups:?}");
+    let [first, turned, larger] = [1, 2, 3].map(of_nodes);
+    for layout in [first, turned, larger] {
+        let shared = layout.shared.as_ref().unwrap();
+        assert_eq!((&layout.triangles, &layout.sources), (&first.triangles, &first.sources));
+        for (place, common) in layout.coordinates.iter().zip(shared.coordinates.iter()) {
+            let expected = [0, 1].map(|axis| shared.offset[axis] + shared.scale[axis] * common[axis]);
+            assert_eq!(*place, expected);
+        }
+        // Texels as large as elsewhere, in the file's units.
+        let texels: f64 = (0..layout.triangles.len())
+            .map(|index| layout.corners(index, map.size))
+            .map(|[a, b, c]| (b - a).perp_dot(c - a).abs() / 2.0)
+            .sum();
+        let size = if std::ptr::eq(layout, larger) { 1.5 } else { 1.0 };
+        let expected = 5.0 * size * size / (0.05 * 0.05);
+        assert!((texels / expected - 1.0).abs() < 0.1, "{texels} texels, expected {expected}");
+    }
+    // Each has its own part of the page.
+    let rectangles = [first, turned, larger].map(|layout| layout.shared.clone().unwrap().offset);
+    assert!(
+        rectangles[0] != rectangles[1] && rectangles[1] != rectangles[2] && rectangles[0] != rectangles[2]
+    );
 }
 
 #[test]

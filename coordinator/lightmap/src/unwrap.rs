@@ -1,12 +1,15 @@
 //! Charts made and packed, by `uvunwrap`, where the input has none that can be used.
 
+use std::sync::Arc;
+
 use glam::DVec3;
 use scene::Scene;
 use serde::Serialize;
-use uvunwrap::{Density, MeshInput, Options, Packing, generate_with_progress};
+use uvunwrap::{Density, InstanceRect, MeshInput, Options, Packing, generate_with_progress};
 
 use crate::error::{LightmapError, MOST_TEXELS, Stop};
-use crate::layout::SideLayout;
+use crate::instances::{Instances, instances};
+use crate::layout::{SharedLayout, SideLayout};
 use crate::sides::{LitSide, Meetings};
 
 /// Longest side of a page, in texels: what graphics cards of phones take.
@@ -17,6 +20,9 @@ pub const PADDING: u32 = 2;
 
 /// Part of a page that charts fill, at least: with less, one page that grows to fit may become too large.
 const LEAST_FILL: f64 = 0.4;
+
+/// Part of a page's area that a layout of several sides may take.
+const LARGEST_SHARED: f64 = 0.25;
 
 /// From this number of triangles on, charts are packed fast rather than tightly.
 const MANY_TRIANGLES: usize = 5_000;
@@ -71,24 +77,33 @@ pub fn unwrap(
     resolution: Resolution,
     stop: Stop,
 ) -> Result<Pages, LightmapError> {
+    let page_area = match resolution {
+        // Texels are found to fit.
+        Resolution::Page(_) => f64::INFINITY,
+        Resolution::Texel(texel) => (texel / scene.frame.scale * f64::from(LARGEST_PAGE)).powi(2),
+    };
+    let groups = instances(scene, sides, LARGEST_SHARED * page_area);
     let to_file = |position: &DVec3| (*position * scene.frame.scale).as_vec3().to_array();
+    let firsts = || groups.iter().map(|group| &sides[group.sides[0]]);
     let positions: Vec<Vec<[f32; 3]>> =
-        sides.iter().map(|side| side.positions.iter().map(to_file).collect()).collect();
-    let indices: Vec<Vec<u32>> = sides
-        .iter()
-        .map(|side| side.triangles.iter().flat_map(|triangle| triangle.vertices).collect())
-        .collect();
-    let mut seams: Vec<Vec<[bool; 3]>> =
-        sides.iter().map(|side| vec![[false; 3]; side.triangles.len()]).collect();
-    for edge in &meetings.sharp {
-        seams[edge.side as usize][edge.triangle as usize][usize::from(edge.corner)] = true;
+        firsts().map(|side| side.positions.iter().map(to_file).collect()).collect();
+    let indices: Vec<Vec<u32>> =
+        firsts().map(|side| side.triangles.iter().flat_map(|triangle| triangle.vertices).collect()).collect();
+    let mut group_of = vec![0; sides.len()];
+    for (index, group) in groups.iter().enumerate() {
+        group.sides.iter().for_each(|side| group_of[*side] = index);
     }
-    let meshes: Vec<MeshInput> = positions
+    let mut seams: Vec<Vec<[bool; 3]>> =
+        firsts().map(|side| vec![[false; 3]; side.triangles.len()]).collect();
+    for edge in &meetings.sharp {
+        seams[group_of[edge.side as usize]][edge.triangle as usize][usize::from(edge.corner)] = true;
+    }
+    let meshes: Vec<MeshInput> = groups
         .iter()
-        .zip(&indices)
-        .zip(&seams)
-        .map(|((positions, indices), seams)| MeshInput {
+        .zip(positions.iter().zip(&indices).zip(&seams))
+        .map(|(group, ((positions, indices), seams))| MeshInput {
             seams: Some(seams),
+            instance_scales: if group.sides.len() > 1 { &group.scales } else { &[] },
             ..MeshInput::new(positions, indices)
         })
         .collect();
@@ -113,8 +128,14 @@ pub fn unwrap(
         uvunwrap::Error::Cancelled => LightmapError::Cancelled,
         error => LightmapError::Layout(error.to_string()),
     })?;
-    let layouts =
-        sides.iter().zip(&atlas.meshes).map(|(side, mesh)| layout(side, mesh)).collect::<Result<_, _>>()?;
+    let mut layouts = vec![SideLayout::default(); sides.len()];
+    for (number, (group, mesh)) in groups.iter().zip(&atlas.meshes).enumerate() {
+        let first = layout(&sides[group.sides[0]], mesh)?;
+        match mesh.instances.as_slice() {
+            [] => layouts[group.sides[0]] = first,
+            rectangles => place(&mut layouts, sides, (number, group), &first, rectangles),
+        }
+    }
     Ok(Pages {
         size: [atlas.width.max(1), atlas.height.max(1)],
         count: atlas.page_count.max(1),
@@ -122,6 +143,36 @@ pub fn unwrap(
         layouts,
         charts: atlas.chart_count,
     })
+}
+
+/// Gives each of the sides that share a layout its rectangle.
+fn place(
+    layouts: &mut [SideLayout],
+    sides: &[LitSide],
+    (number, group): (usize, &Instances),
+    first: &SideLayout,
+    rectangles: &[InstanceRect],
+) {
+    let coordinates: Arc<[[f32; 2]]> = first.coordinates.clone().into();
+    for (&index, rectangle) in group.sides.iter().zip(rectangles) {
+        let side = &sides[index];
+        let offset = rectangle.min;
+        let scale = [rectangle.max[0] - offset[0], rectangle.max[1] - offset[1]];
+        let on_page = |place: &[f32; 2]| [offset[0] + scale[0] * place[0], offset[1] + scale[1] * place[1]];
+        let page = |triangle| (side.area(triangle) > 0.0).then_some(rectangle.page);
+        layouts[index] = SideLayout {
+            surface: side.surface,
+            coordinates: coordinates.iter().map(on_page).collect(),
+            pages: side.triangles.iter().map(page).collect(),
+            shared: Some(SharedLayout {
+                group: number as u32,
+                offset,
+                scale,
+                coordinates: coordinates.clone(),
+            }),
+            ..first.clone()
+        };
+    }
 }
 
 /// Puts the input's vertices first, and copies of those on borders of charts behind them.
@@ -154,5 +205,6 @@ fn layout(side: &LitSide, mesh: &uvunwrap::OutputMesh) -> Result<SideLayout, Lig
         coordinates,
         triangles,
         pages: corners.iter().map(page).collect(),
+        shared: None,
     })
 }

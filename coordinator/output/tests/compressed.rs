@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use glam::DVec3;
 
 use fixtures::light;
-use output::export::{ExportSettings, export};
+use output::export::{Compression, ExportSettings, export};
 use scene::{ImportOptions, import};
 use scene::{Scene, Surface};
 
@@ -85,13 +85,17 @@ fn compressed_files_are_the_plain_one() {
 }
 
 #[test]
-fn outputs_are_plain() {
+fn outputs_are_plain_where_that_is_asked_for() {
     let folder = tempfile::tempdir().unwrap();
     for name in COMPRESSED {
         let scene = read(name);
         let lit = light(&scene, 0, |_| DVec3::ONE);
         let output = folder.path().join(format!("{name}.glb"));
-        let settings = ExportSettings { exposure: Some(1.0), ..ExportSettings::default() };
+        let settings = ExportSettings {
+            exposure: Some(1.0),
+            compression: Compression::None,
+            ..ExportSettings::default()
+        };
         export(&scene, &lit, &settings, &output).unwrap();
         let bytes = fs::read(&output).unwrap();
         // Validates.

@@ -8,7 +8,7 @@
 //! |---|---|
 //! | [`run`] | a bake, from file to file |
 //! | [`relight`] | a relight, from file to file |
-//! | [`lightmap_run`] | the lightmap of a bake |
+//! | [`lightmap_run`], [`probes_run`] | the lightmap of a bake, and its probes |
 //! | [`options`] | options of the API, checked and turned into settings |
 //! | [`memory`], [`prediction`] | memory of processes, and of a scene before it is read |
 //! | [`summary`] | metrics of a run, and the extras of a lit file |
@@ -18,6 +18,7 @@ pub mod lightmap_run;
 pub mod memory;
 pub mod options;
 pub mod prediction;
+pub mod probes_run;
 pub mod relight;
 pub mod run;
 pub mod summary;

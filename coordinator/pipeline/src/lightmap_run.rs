@@ -47,12 +47,16 @@ pub(crate) fn warnings(scene: &Scene, bake: &BakeSettings, report: &PlanReport) 
             "the second set of texture coordinates is not used for the lightmap, which has its own: {problem}"
         )
     });
+    problem.into_iter().chain(lit_twice(scene, bake, "the lightmap")).collect()
+}
+
+/// A warning that lamps of the file and baked light may be shown together.
+pub(crate) fn lit_twice(scene: &Scene, bake: &BakeSettings, holder: &str) -> Option<String> {
     let lamps = scene.lights.len();
     let is_lit_twice = lamps > 0 && bake.only != LightPart::Indirect;
-    let twice = is_lit_twice.then(|| {
+    is_lit_twice.then(|| {
         format!(
-            "{lamps} lamps stay in the file, and their light is in the lightmap, too: give --only indirect for viewers that show lamps"
+            "{lamps} lamps stay in the file, and their light is in {holder}, too: give --only indirect for viewers that show lamps"
         )
-    });
-    problem.into_iter().chain(twice).collect()
+    })
 }

@@ -7,19 +7,22 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use bake::{
-    BakeError, BakeSettings, Baked, Observer, RelightError, RowService, bake_with_points, check_groups,
+    AskedPoints, BakeError, BakeSettings, Baked, Observer, RelightError, RowService, bake_with_points,
+    check_groups, occlusion,
 };
 use cluster::checkpoint::{CheckpointError, CheckpointSummary, Checkpointed, OpenCheckpoint, remove};
 use cluster::{Cluster, ClusterError, ClusterSettings, WorkerPart};
-use kernel::replica::Receiver;
 use lightmap::LightmapError;
 use output::export::{ExportError, ExportSettings, LightmapPages, check_lightmap, export, export_lightmap};
 use output::files;
+use probes::ProbeError;
 use scene::{ImportError, ImportOptions, Scene, import, import_slice};
+use serde_json::json;
 
 use crate::files_beside::check_files;
-use crate::lightmap_run::{LightmapSettings, lay_out, warnings};
+use crate::lightmap_run::{LightmapSettings, lay_out, lit_twice, warnings};
 use crate::memory::peak_memory_bytes;
+use crate::probes_run::{self, ProbeSettings};
 use crate::summary::{Summary, TimeDivision, WorkerMetrics, extras};
 
 /// A scene file.
@@ -52,6 +55,10 @@ pub struct BakeRequest<'a> {
     pub export: ExportSettings,
     /// The lightmap that it gets, if any.
     pub lightmap: Option<LightmapSettings>,
+    /// The probes that are written, if any.
+    pub probes: Option<ProbeSettings>,
+    /// Distance within which things occlude, units of the file, if ambient occlusion is written.
+    pub occlusion: Option<f64>,
     /// The lit file.
     pub output: &'a Path,
     /// File for the light of each source, written if the bake keeps it ([`BakeSettings::keep_light`]).
@@ -110,6 +117,9 @@ pub enum RunError {
     /// The scene can have no such lightmap.
     #[error(transparent)]
     Lightmap(#[from] LightmapError),
+    /// The scene can have no such probes.
+    #[error(transparent)]
+    Probes(#[from] ProbeError),
     /// The lit file cannot be written.
     #[error(transparent)]
     Export(#[from] ExportError),
@@ -124,6 +134,14 @@ pub enum RunError {
     /// The scene cannot be relit.
     #[error(transparent)]
     Relight(#[from] RelightError),
+    /// The probes cannot be written.
+    #[error("probes {} cannot be written: {error}", path.display())]
+    ProbeFile {
+        /// The file.
+        path: PathBuf,
+        /// The operating system's error.
+        error: io::Error,
+    },
     /// The report cannot be written.
     #[error("report {} cannot be written: {error}", path.display())]
     Report {
@@ -180,11 +198,20 @@ pub fn run(
         ("kept light", request.kept_light),
         ("checkpoint", request.checkpoint.as_ref().map(|checkpoint| checkpoint.path)),
     ];
-    check_files((&scene, file.as_deref()), None, request.output, &written)?;
     check_groups(&scene, &request.bake.groups).map_err(RunError::Groups)?;
     if observer.is_cancelled() {
         return Err(BakeError::Cancelled.into());
     }
+    let (probes, probe_file) = probes_run::lay_out(&scene, request.probes.as_ref(), request.output)?;
+    if probes.is_some() {
+        observer.warn(&Vec::from_iter(lit_twice(&scene, &request.bake, "the probes")));
+    }
+    if let Some(path) = &probe_file {
+        files::check(path).map_err(ExportError::File)?;
+    }
+    let probe_written = [("file of probes", probe_file.as_deref())];
+    let written: Vec<_> = written.into_iter().chain(probe_written).collect();
+    check_files((&scene, file.as_deref()), None, request.output, &written)?;
     let plan = match &request.lightmap {
         Some(settings) => {
             check_lightmap(request.output, 0, settings.format)?;
@@ -204,24 +231,44 @@ pub fn run(
     };
     observer.imported(&scene);
     let imported = clock.elapsed().as_secs_f64();
-    let points = plan.as_ref().map_or(&[][..], |plan| plan.points());
+    let points = AskedPoints {
+        on_surfaces: plan.as_ref().map_or(&[], |plan| plan.points()),
+        in_space: probes.as_ref().map_or(&[], |probes| probes.receivers()),
+    };
     let wanted = Wanted { settings: &request.bake, points };
-    let (baked, workers, recorded) =
+    let (mut baked, workers, recorded) =
         bake_on(workers, &scene, &wanted, request.checkpoint.as_ref(), observer)?;
     let done = clock.elapsed().as_secs_f64();
     observer.exporting();
     observer.warn(&baked.report.warnings);
-    let settings = ExportSettings { extras: extras(&scene, &request.bake, &baked.report), ..request.export };
-    let lightmap = plan.map(|plan| plan.lightmap(&baked.at_points));
+    let mut extras = extras(&scene, &request.bake, &baked.report);
+    if let Some(distance) = request.occlusion {
+        let found = occlusion(&scene, &baked.lit, distance, || observer.is_cancelled());
+        baked.lit.occlusion = found.ok_or(BakeError::Cancelled)?;
+        extras["occlusion"] = json!({ "distance": distance });
+    }
+    let groups: Vec<String> = baked.lit.layers.iter().map(|layer| layer.name.clone()).collect();
+    let probes = probes.map(|probes| probes.probes(&baked.at_points.in_space));
+    let mut probe_bytes = None;
+    if let Some(probes) = &probes {
+        let json = probes.to_json(&groups, &request.export.unit);
+        probe_bytes =
+            probe_file.map(|path| Ok::<_, RunError>((path, serde_json::to_vec(&json)?))).transpose()?;
+        extras["probes"] = json;
+    }
+    let settings = ExportSettings { extras, ..request.export };
+    let lightmap = plan.map(|plan| plan.lightmap(&baked.at_points.on_surfaces));
     let exported = match (&lightmap, &request.lightmap) {
         (Some(map), Some(LightmapSettings { format, .. })) => {
-            let groups = baked.lit.layers.iter().map(|layer| layer.name.clone()).collect();
             let pages = LightmapPages { map, groups, format: *format };
             export_lightmap(&scene, &baked.lit, &pages, &settings, request.output)?
         }
         _ => export(&scene, &baked.lit, &settings, request.output)?,
     };
     observer.warn(&exported.warnings);
+    if let Some((path, bytes)) = probe_bytes {
+        files::write(&path, &bytes).map_err(|error| RunError::ProbeFile { path, error })?;
+    }
     if let (Some(path), Some(kept)) = (request.kept_light, &baked.kept) {
         files::write(path, &kept.to_bytes())
             .map_err(|error| RunError::KeptLight { path: path.to_owned(), error })?;
@@ -236,6 +283,7 @@ pub fn run(
         peak_memory_bytes: peak_memory_bytes(),
         bake: baked.report,
         lightmap: lightmap.map(|map| map.report),
+        probes: probes.map(|probes| probes.report()),
         exported,
         workers,
         checkpoint: recorded,
@@ -253,8 +301,8 @@ pub fn run(
 #[derive(Clone, Copy)]
 struct Wanted<'a> {
     settings: &'a BakeSettings,
-    /// Texels of a lightmap.
-    points: &'a [Receiver],
+    /// Texels of a lightmap, and probes.
+    points: AskedPoints<'a>,
 }
 
 /// Bakes on these workers, and releases them.
@@ -288,10 +336,10 @@ fn bake_with(
 ) -> Result<(Baked, Option<CheckpointSummary>), RunError> {
     let Wanted { settings, points } = *wanted;
     let Some(checkpoint) = checkpoint else {
-        return Ok((bake_with_points(scene, settings, points, rows, observer)?, None));
+        return Ok((bake_with_points(scene, settings, &points, rows, observer)?, None));
     };
     let mut rows = Checkpointed::new(rows, open_checkpoint(checkpoint)?);
-    let baked = bake_with_points(scene, settings, points, &mut rows, observer);
+    let baked = bake_with_points(scene, settings, &points, &mut rows, observer);
     let (_, recorded) = rows.finish();
     Ok((baked?, Some(recorded)))
 }

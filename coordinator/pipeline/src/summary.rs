@@ -7,7 +7,7 @@ use bake::{BakeReport, BakeSettings, Relit, TimeParts};
 use cluster::checkpoint::CheckpointSummary;
 use cluster::{ClusterCounts, WorkerPart, WorkerSummary};
 use lightmap::PlanReport;
-use output::export::Exported;
+use output::export::{Exported, Unshared};
 use scene::ImportReport;
 use scene::Scene;
 
@@ -30,6 +30,8 @@ pub struct Summary {
     pub bake: BakeReport,
     /// The lightmap, if there is one.
     pub lightmap: Option<PlanReport>,
+    /// The probes, if there are any.
+    pub probes: Option<probes::PlanReport>,
     /// The lit file.
     pub exported: Exported,
     /// The workers.
@@ -125,11 +127,15 @@ impl Summary {
             "exposure": self.exported.exposure,
             "output_vertices": self.exported.vertices,
             "output_triangles": self.exported.triangles,
+            "unshared": self.exported.unshared.map(|Unshared { meshes, nodes, vertices }| json!({
+                "meshes": meshes, "nodes": nodes, "vertices": vertices,
+            })),
             "account": self.account,
             "degenerate_triangles": self.degenerate_triangles,
             "peak_memory_bytes": self.peak_memory_bytes,
             "bake": self.bake,
             "lightmap": self.lightmap,
+            "probes": self.probes,
             "settings": settings,
             "workers": workers,
             "checkpoint": self.checkpoint.as_ref().map(|checkpoint| json!({

@@ -61,6 +61,8 @@ fn bake(folder: &Path, keep: bool, observer: &mut Recorder) -> Result<Finished, 
             ..BakeSettings::for_error(0.2)
         },
         lightmap: None,
+        probes: None,
+        occlusion: None,
         export: ExportSettings::default(),
         output: &folder.join("lit.glb"),
         kept_light: Some(&folder.join("light")),

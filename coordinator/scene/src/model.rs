@@ -73,6 +73,8 @@ pub struct SourceDocument {
     pub buffers: Vec<Vec<u8>>,
     /// Folder of the file; `None` for a document from memory.
     pub folder: Option<Folder>,
+    /// Whether the file was compressed by meshoptimizer.
+    pub is_meshopt: bool,
 }
 
 /// Which side of a primitive's triangles a surface is.

@@ -90,6 +90,16 @@ impl Inner {
                     "output.lightmap",
                     "is not for relights: bake the scene again",
                 );
+                wrong.demand(
+                    wanted.occlusion.is_none(),
+                    "output.occlusion",
+                    "is not for relights: bake the scene again",
+                );
+                wrong.demand(
+                    wanted.probes.is_none(),
+                    "output.probes",
+                    "are not for relights: bake the scene again",
+                );
                 // Look up the job only for a valid request.
                 wrong = wrong.check().map(|()| Violations::default())?;
                 let light = NewLight { groups, ..light };

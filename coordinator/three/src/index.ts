@@ -4,11 +4,14 @@
  *     const loader = new GLTFLoader().register(halflight());
  *
  * Light at vertices (`_IRRADIANCE`) and in lightmaps (`MOZ_lightmap`) is added to the indirect diffuse light of the file's own materials,
- * so that lamps, shadows and reflections of the scene stay.
+ * so that lamps, shadows and reflections of the scene stay. Light probes are for the rest: `Probes.of(gltf)?.at(position)`.
  */
 import { Mesh, MeshStandardMaterial, ShaderChunk, SRGBColorSpace } from 'three';
 import type { Object3D, WebGLProgramParametersWithUniforms } from 'three';
 import type { GLTF, GLTFLoaderPlugin, GLTFParser } from 'three/addons/loaders/GLTFLoader.js';
+
+export { Probes } from './probes.js';
+export type { ProbeData } from './probes.js';
 
 /** What the plugin does. */
 export interface Options {
@@ -21,6 +24,8 @@ interface Link {
   index: number;
   texCoord?: number;
   intensity?: number;
+  /** The part of the page that an instance has. */
+  extensions?: object;
 }
 
 /** Materials that reflect diffuse light. */
@@ -51,7 +56,7 @@ class BakedLight implements GLTFLoaderPlugin {
     const material = this.parser.json.materials?.[index];
     const link: Link | undefined = material?.extensions?.[EXTENSION];
     if (!link || material.extensions.KHR_materials_unlit) return;
-    const texture = { index: link.index, texCoord: link.texCoord };
+    const texture = { index: link.index, texCoord: link.texCoord, extensions: link.extensions };
     await this.parser.assignTexture(params, 'lightMap', texture, this.encoding === 'srgb' ? SRGBColorSpace : undefined);
     params['lightMapIntensity'] = link.intensity ?? 1;
   }
@@ -86,6 +91,9 @@ class BakedLight implements GLTFLoaderPlugin {
   }
 }
 
+/** What light probes add, which stand for the light that these meshes have of their own. */
+const PROBE = 'irradiance += getLightProbeIrradiance( lightProbe, geometryNormal );';
+
 /** Adds base colour x (1 - metalness) x irradiance / pi to what a shader shows, below ambient occlusion. */
 function addLight(
   shader: WebGLProgramParametersWithUniforms,
@@ -101,6 +109,7 @@ function addLight(
   shader.uniforms['bakedIntensity'] = intensity;
   shader.fragmentShader = shader.fragmentShader
     .replace('#include <common>', '#include <common>\nuniform float bakedIntensity;')
+    .replace('#include <lights_fragment_begin>', ShaderChunk.lights_fragment_begin.replace(PROBE, ''))
     .replace('#include <lights_fragment_maps>', `vec3 baked = vec3( 0.0 );\n${maps}`)
     .replace(
       '#include <lights_fragment_end>',

@@ -3,6 +3,7 @@
 
 use libfuzzer_sys::fuzz_target;
 use pipeline::options::{Violations, wanted};
+use probes::Places;
 use prost::Message;
 use protocol::api::SubmitSceneHeader;
 
@@ -23,5 +24,11 @@ fuzz_target!(|bytes: &[u8]| {
     assert!(bake.max_edge.is_none_or(|edge| edge > 0.0 && edge.is_finite()), "{bake:?}");
     assert!(wanted.import.sky.is_finite() && wanted.import.sky.min_element() >= 0.0);
     assert!(wanted.import.weld.is_none_or(|weld| weld > 0.0 && weld.is_finite()));
+    assert!(wanted.occlusion.is_none_or(|distance| distance > 0.0 && distance.is_finite()));
+    match wanted.probes {
+        Some(Places::Grid(spacing)) => assert!(spacing > 0.0 && spacing.is_finite()),
+        Some(Places::Points(points)) => assert!(!points.is_empty() && points.iter().all(|point| point.is_finite())),
+        None => {}
+    }
     assert!(wanted.export.exposure.is_none_or(|exposure| exposure > 0.0 && exposure.is_finite()));
 });

@@ -1,18 +1,18 @@
 //! Lightmaps: their texels against path-traced references and vertices of the same bake, and the files that they come in.
 
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 use std::path::Path;
 
 use assert_cmd::Command;
-use bake::BakeSettings;
+use bake::{AskedPoints, BakeSettings};
 use glam::DVec3;
 use gltf::{Gltf, Semantic};
 use lightmap::{Lightmap, Plan, Resolution, plan};
 use output::export::{ExportSettings, export};
 use scene::{ImportOptions, ReadOptions, Scene, import};
-use serde_json::Value;
+use serde_json::{Value, json};
 use tests::baking::baked_with_points;
-use tests::builder::{Material, SceneBuilder};
+use tests::builder::{Material, SceneBuilder, pack};
 use tests::data;
 use tests::programs::binary;
 use tests::shapes;
@@ -26,6 +26,10 @@ fn cornell() -> Scene {
 
 fn planned(scene: &Scene, texel: f64) -> Plan {
     plan(scene, Resolution::Texel(texel), &|| false).unwrap()
+}
+
+fn texels(plan: &Plan) -> AskedPoints<'_> {
+    AskedPoints { on_surfaces: plan.points(), ..AskedPoints::default() }
 }
 
 /// Irradiance that a viewer finds at a place of a surface, with bilinear filtering.
@@ -119,8 +123,8 @@ fn error_of(map: &Lightmap, scene: &Scene, name: &str) -> f64 {
 fn texels_of_cornell_are_as_near_the_reference_as_its_vertices() {
     let scene = cornell();
     let plan = planned(&scene, 0.05);
-    let baked = baked_with_points(&scene, &BakeSettings::for_error(0.02), plan.points(), 2);
-    let map = plan.lightmap(&baked.at_points);
+    let baked = baked_with_points(&scene, &BakeSettings::for_error(0.02), &texels(&plan), 2);
+    let map = plan.lightmap(&baked.at_points.on_surfaces);
     let folder = tempfile::tempdir().unwrap();
     let lit = folder.path().join("lit.glb");
     export(&scene, &baked.lit, &ExportSettings::default(), &lit).unwrap();
@@ -141,7 +145,8 @@ fn texels_are_the_same_whatever_the_workers() {
     let plan = planned(&scene, 0.2);
     for rows in [bake::RowStrategy::Exact, bake::RowStrategy::Gather] {
         let settings = BakeSettings { rows, ..BakeSettings::for_error(0.1) };
-        let light = |threads| baked_with_points(&scene, &settings, plan.points(), threads).at_points;
+        let light =
+            |threads| baked_with_points(&scene, &settings, &texels(&plan), threads).at_points.on_surfaces;
         assert!(light(1) == light(3), "{rows:?}");
     }
 }
@@ -209,6 +214,44 @@ fn a_file_keeps_its_meshes_and_materials_and_names_its_lightmap() {
     // At most E = 1 / (1 - .5), which the walls would have without the box.
     let scale = map["scale"].as_f64().unwrap();
     assert!((1.2..2.2).contains(&scale), "{map}");
+}
+
+#[test]
+fn a_mesh_of_many_nodes_is_stored_once() {
+    let folder = tempfile::tempdir().unwrap();
+    // The number of accessors, and the rectangles of the boxes on the page.
+    let solved = |copies: usize| -> (usize, Vec<String>) {
+        let [low, high] = [0.05, 0.15].map(DVec3::splat);
+        let (mut document, binary) = SceneBuilder::new()
+            .part("walls", &shapes::unit_room(), Material::grey(0.5).emitting(1.0))
+            .part("box", &shapes::box_facing_out(low, high), Material::grey(0.5))
+            .document();
+        for copy in 1..copies {
+            let place = json!([0.2 * (copy % 4) as f64, 0.0, 0.2 * (copy / 4) as f64]);
+            document["nodes"].as_array_mut().unwrap().push(json!({ "mesh": 1, "translation": place }));
+            document["scenes"][0]["nodes"].as_array_mut().unwrap().push(json!(copy + 1));
+        }
+        std::fs::write(folder.path().join("scene.glb"), pack(&document, &binary)).unwrap();
+        let answer = solve(folder.path(), &["-o", "lit.glb", "--lightmap", "--texel-size", "0.05"]);
+        assert!(answer.status.success(), "{}", String::from_utf8_lossy(&answer.stderr));
+        let lit = Gltf::open(folder.path().join("lit.glb")).unwrap();
+        let boxes = lit.nodes().filter(|node| node.index() > 0).map(|node| node.mesh().unwrap());
+        let primitives: Vec<_> = boxes.flat_map(|mesh| mesh.primitives().collect::<Vec<_>>()).collect();
+        let of = |semantic: &Semantic| -> BTreeSet<usize> {
+            primitives.iter().map(|own| own.get(semantic).unwrap().index()).collect()
+        };
+        assert_eq!((primitives.len(), of(&Semantic::Positions).len()), (copies, 1));
+        assert_eq!(of(&Semantic::TexCoords(1)).len(), 1);
+        let rectangle = |primitive: &gltf::Primitive| {
+            let link = primitive.material().extension_value("MOZ_lightmap").unwrap().clone();
+            link["extensions"]["KHR_texture_transform"].to_string()
+        };
+        (lit.accessors().count(), primitives.iter().map(rectangle).collect())
+    };
+    let (two, many) = (solved(2), solved(9));
+    assert_eq!(two.0, many.0, "accessors");
+    let distinct: BTreeSet<&String> = many.1.iter().collect();
+    assert_eq!(distinct.len(), 9, "{:?}", many.1);
 }
 
 #[test]

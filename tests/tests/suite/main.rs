@@ -10,6 +10,9 @@
 //! | `point_lights` | flux of point lights, as rows have it, against solid angles |
 //! | `layout` | crates and modules against the rules of which may use which |
 //! | `layers` | light by groups of its sources, direct and indirect, against the whole |
+//! | `lightmaps` | texels against path-traced references and vertices, and the files that they come in |
+//! | `probes` | light at points in space against the field of a disk and the solution's own irradiance |
+//! | `ambient` | ambient occlusion where it is known |
 //! | `relight` | scenes lit otherwise against bakes of the changed scenes |
 //! | `leaks` | closed walls against light |
 //! | `mesh` | the mesh against its promises: tiling, convexity, no cracks, balance |
@@ -38,6 +41,7 @@
 //! | `faults` | bakes while workers and the network fail against undisturbed ones, bit for bit |
 //! | `bad_input` | the command line against wrong files, wrong addresses and lost workers |
 
+mod ambient;
 mod area_lights;
 mod bad_input;
 mod determinism;
@@ -59,6 +63,7 @@ mod occlusion;
 mod output_mesh;
 mod pictures;
 mod point_lights;
+mod probes;
 mod promises;
 mod public_files;
 mod receiver_rows;

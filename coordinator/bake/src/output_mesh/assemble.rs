@@ -68,6 +68,6 @@ impl Working {
             LitLayer { irradiance: irradiance.collect(), ..layer.clone() }
         };
         let layers = lit.layers.par_iter().map(layer).collect();
-        LitMesh { vertices, surfaces, layers, unshot }
+        LitMesh { vertices, surfaces, layers, unshot, occlusion: vec![] }
     }
 }

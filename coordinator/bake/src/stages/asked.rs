@@ -1,4 +1,4 @@
-//! Light at points that somebody asks about, such as the texels of a lightmap.
+//! Light at points that somebody asks about, such as the texels of a lightmap and probes.
 
 use glam::DVec3;
 use kernel::replica::{Receiver, Receivers};
@@ -12,39 +12,82 @@ use crate::mesh::along_curve;
 use crate::observer::Phase;
 use crate::solver::bounds::Bounds;
 
-/// Key of the first point as a receiver: above those of all others.
-const FIRST_KEY: u64 = 1 << 39;
-
 /// Points of which rows are under way at a time.
 const AT_ONCE: usize = 1 << 16;
 
+/// Points whose light is wanted beside that of the mesh.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct AskedPoints<'a> {
+    /// Points of the scene's surfaces, such as texels: light between them may be interpolated as that of vertices is.
+    pub on_surfaces: &'a [Receiver],
+    /// Points anywhere in its space.
+    pub in_space: &'a [Receiver],
+}
+
+/// Irradiance at the points that were asked about: the part that the settings want, then each group's.
+#[derive(Debug, Clone, Default)]
+pub struct PointLight {
+    /// Of [`AskedPoints::on_surfaces`].
+    pub on_surfaces: Vec<Vec<DVec3>>,
+    /// Of [`AskedPoints::in_space`].
+    pub in_space: Vec<Vec<DVec3>>,
+}
+
+/// A sort of points.
+struct Sort {
+    /// Where rows ask for them.
+    place: for<'a> fn(&'a Receivers) -> Place<'a>,
+    /// Key of the first point as a receiver: above those of all others.
+    first_key: u64,
+    phase: Phase,
+}
+
+const ON_SURFACES: Sort =
+    Sort { place: |points| Place::Many(points), first_key: 1 << 39, phase: Phase::Lightmap };
+
+const IN_SPACE: Sort = Sort { place: |points| Place::Once(points), first_key: 1 << 40, phase: Phase::Probes };
+
 impl Solved {
-    /// Irradiance at some points: of the part of the light that is wanted, and of each group.
+    /// Irradiance at all points that are asked about.
     #[tracing::instrument(skip_all)]
     pub fn light_at(
         &mut self,
         cx: &mut Context,
+        asked: &AskedPoints,
+        layers: &[Layer],
+    ) -> Result<PointLight> {
+        Ok(PointLight {
+            on_surfaces: self.light_of(cx, asked.on_surfaces, &ON_SURFACES, layers)?,
+            in_space: self.light_of(cx, asked.in_space, &IN_SPACE, layers)?,
+        })
+    }
+
+    fn light_of(
+        &mut self,
+        cx: &mut Context,
         points: &[Receiver],
+        sort: &Sort,
         layers: &[Layer],
     ) -> Result<Vec<Vec<DVec3>>> {
         let mut light = vec![vec![DVec3::ZERO; points.len()]; 1 + layers.len()];
         if points.is_empty() {
             return Ok(light);
         }
-        cx.client.monitor.enter(Phase::Lightmap, self.mesh.mesh.vertices.len());
+        cx.client.monitor.enter(sort.phase, self.mesh.mesh.vertices.len());
         // Rows over neighbours in one plane cost least.
         let mut order: Vec<usize> = (0..points.len()).collect();
         order.sort_by_cached_key(|point| (points[*point].plane.0, along_curve(points[*point].position)));
         for (index, some) in order.chunks(AT_ONCE).enumerate() {
-            let first_key = FIRST_KEY + (index * AT_ONCE) as u64;
+            let first_key = sort.first_key + (index * AT_ONCE) as u64;
             let receivers = some.iter().map(|point| points[*point]).collect();
             let receivers = Receivers { first_key, receivers };
             let whole = Lights { sources: &self.sources.all, radiosity: &self.solution.radiosity };
             let of_layers =
                 layers.iter().map(|layer| Lights { sources: &layer.sources, radiosity: &layer.radiosity });
             let lights: Vec<Lights> = [whole].into_iter().chain(of_layers).collect();
+            let place = (sort.place)(&receivers);
             let Received { light: found, cover } =
-                irradiance_at(cx, &self.mesh, &mut self.rows, Place::Many(&receivers), &lights)?;
+                irradiance_at(cx, &self.mesh, &mut self.rows, place, &lights)?;
             let mut bounds = Bounds::default();
             bounds.add(&cover.sums);
             for (light, Irradiance { mut direct, mut all }) in light.iter_mut().zip(found) {
@@ -54,7 +97,7 @@ impl Solved {
                 some.iter().zip(wanted).for_each(|(point, wanted)| light[*point] = wanted);
             }
         }
-        cx.end_step("lightmap");
+        cx.end_step(sort.phase.name());
         Ok(light)
     }
 }

@@ -10,7 +10,7 @@
 //! | [`Measured`](measure::Measured) | measure | the solution is compared with light gathered at random points |
 //! | | back-face check | light that falls on the backs of one-sided surfaces is reported |
 //! | | groups | the light of each group of sources is solved for separately; that of each source, where it is to be kept |
-//! | | lightmap | the solution is asked for the light of points that the caller names |
+//! | | lightmap, probes | the solution is asked for the light of points that the caller names |
 //!
 //! Where an error is asked for, refining and measuring are repeated until it is met, or all of it with finer shooters or
 //! more rays.
@@ -37,6 +37,7 @@ mod sides;
 mod sky;
 mod solved;
 
+pub use asked::{AskedPoints, PointLight};
 pub use irradiance::{Lights, Place, irradiance_at};
 pub use layers::{PART_TOLERANCE, SKY, check_groups, listed, names_of};
 pub use light::{LightSource, Origin};

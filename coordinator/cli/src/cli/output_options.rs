@@ -1,8 +1,14 @@
+use std::fs;
+
 use bake::BakeSettings;
 use clap::Args;
 use output::export::ExportSettings;
 use pipeline::lightmap_run::LightmapSettings;
-use pipeline::options::{Violations, export_settings, irradiance_unit, light_parts, lightmap_settings};
+use pipeline::options::{
+    Violations, export_settings, irradiance_unit, light_parts, lightmap_settings, occlusion_distance,
+    probe_places,
+};
+use probes::Places;
 use protocol::api;
 
 use super::options::Given;
@@ -17,12 +23,21 @@ pub struct OutputOptions {
     /// Lights are named by their node, emissive surfaces by their node or material; the sky is `sky`.
     #[arg(long = "group", value_name = "NAME=LIGHT,LIGHT", value_parser = group, help_heading = "Output")]
     groups: Vec<api::LightGroup>,
+    /// Write light probes at the points of this file: x, y and z on each line, in units of the file
+    #[arg(long, value_name = "FILE", value_parser = points, help_heading = "Output", conflicts_with = "output.probes")]
+    probe_points: Option<ProbePoints>,
 }
+
+/// Coordinates of points, one after another.
+#[derive(Clone)]
+struct ProbePoints(Vec<f64>);
 
 impl OutputOptions {
     /// The options as a message, with the format of the output.
     pub fn options(&self, format: api::Format) -> api::OutputOptions {
-        api::OutputOptions { format: format.into(), groups: self.groups.clone(), ..self.given.0.clone() }
+        let probe_points = self.probe_points.clone().map_or_else(Vec::new, |ProbePoints(points)| points);
+        let groups = self.groups.clone();
+        api::OutputOptions { format: format.into(), groups, probe_points, ..self.given.0.clone() }
     }
 
     /// The settings that the options ask for, added to those of the bake.
@@ -46,6 +61,36 @@ impl OutputOptions {
         wrong.check()?;
         Ok(lightmap)
     }
+
+    /// The distance within which things occlude, if the options ask for ambient occlusion.
+    pub fn occlusion(&self) -> anyhow::Result<Option<f64>> {
+        let mut wrong = Violations::default();
+        let distance = occlusion_distance(&self.options(api::Format::Unspecified), &mut wrong);
+        wrong.check()?;
+        Ok(distance)
+    }
+
+    /// The probes that the options ask for.
+    pub fn probes(&self) -> anyhow::Result<Option<Places>> {
+        let mut wrong = Violations::default();
+        let places = probe_places(&self.options(api::Format::Unspecified), &mut wrong);
+        wrong.check()?;
+        Ok(places)
+    }
+}
+
+/// The points of a file.
+fn points(path: &str) -> Result<ProbePoints, String> {
+    let text = fs::read_to_string(path).map_err(|error| error.to_string())?;
+    let mut points = vec![];
+    for (number, line) in text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty()) {
+        let words = line.split([',', ' ', '\t']).filter(|word| !word.is_empty());
+        let numbers: Option<Vec<f64>> =
+            words.map(|word| word.parse().ok().filter(|value: &f64| value.is_finite())).collect();
+        let numbers = numbers.filter(|numbers| numbers.len() == 3);
+        points.extend(numbers.ok_or_else(|| format!("line {}: must be three numbers", number + 1))?);
+    }
+    if points.is_empty() { Err("it has no points".into()) } else { Ok(ProbePoints(points)) }
 }
 
 /// `NAME=LIGHT,LIGHT`.

@@ -46,6 +46,12 @@ pub fn run(arguments: &RelightArguments) -> anyhow::Result<()> {
     if arguments.written.lightmap()?.is_some() {
         anyhow::bail!("--lightmap: a relight writes light at vertices; bake the scene again for a lightmap");
     }
+    if arguments.written.occlusion()?.is_some() {
+        anyhow::bail!("--occlusion: a relight has no geometry to look at; bake the scene again");
+    }
+    if arguments.written.probes()?.is_some() {
+        anyhow::bail!("--probes: a relight has light at vertices only; bake the scene again for probes");
+    }
     if let Some(report) = &arguments.report {
         check_report(report)?;
     }

@@ -2,6 +2,7 @@ use std::time::Duration;
 
 use cluster::WorkerSummary;
 use comfy_table::{Table, presets};
+use output::export::Unshared;
 use pipeline::summary::{Summary, TimeDivision, WorkerMetrics, busy_share};
 
 use super::console;
@@ -29,6 +30,14 @@ impl Tables for Summary {
         row("  divided", divided(&self.time));
         row("vertices", format!("{} ({} shooting)", bake.vertices, bake.shooting_vertices));
         row("triangles", self.exported.triangles.to_string());
+        if let Some(Unshared { meshes, nodes, vertices }) = self.exported.unshared {
+            row(
+                "instances",
+                format!(
+                    "{vertices} vertices for {nodes} nodes of {meshes} meshes; a lightmap would share them"
+                ),
+            );
+        }
         if let Some(map) = &self.lightmap {
             let [width, height] = map.size;
             row(
@@ -43,6 +52,13 @@ impl Tables for Summary {
                     map.hidden_texels
                 ),
             );
+        }
+        if let Some(probes) = &self.probes {
+            let grid = probes.grid.map_or_else(String::new, |grid| {
+                let [x, y, z] = grid.size;
+                format!(" ({x} x {y} x {z}, {} apart)", grid.spacing)
+            });
+            row("probes", format!("{}{grid}, {} inside of walls", probes.probes, probes.inside));
         }
         let model = &bake.model;
         row(

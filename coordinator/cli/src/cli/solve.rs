@@ -6,6 +6,7 @@ use clap::Args;
 use cluster::ClusterSettings;
 use output::export::check_writable;
 use pipeline::options::{Violations, bake_settings};
+use pipeline::probes_run::ProbeSettings;
 use pipeline::run::{BakeRequest, CheckpointFile, RunError, SceneSource, Workers};
 use protocol::api::BakeOptions;
 
@@ -129,6 +130,8 @@ pub fn run(arguments: &SolveArguments, workers: &ClusterSettings) -> anyhow::Res
         bake: BakeSettings { keep_light: arguments.keep_light.is_some().then_some(u64::MAX), ..settings },
         export,
         lightmap,
+        occlusion: arguments.written.occlusion()?,
+        probes: arguments.written.probes()?.map(|places| ProbeSettings { places, beside: true }),
         output: &arguments.output,
         kept_light: arguments.keep_light.as_deref(),
         report: arguments.report.as_deref(),

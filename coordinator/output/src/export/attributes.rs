@@ -20,6 +20,9 @@ pub(super) const IRRADIANCE: &str = "IRRADIANCE";
 /// Name of the attribute of the radiosity that is still to be shot, without its underscore.
 pub(super) const UNSHOT: &str = "UNSHOT";
 
+/// Name of the attribute of the part of the hemisphere in which nothing stands near, without its underscore.
+pub(super) const OCCLUSION: &str = "OCCLUSION";
+
 /// An attribute of the input, as floats.
 pub(super) struct SourceAttribute {
     /// Its name.
@@ -33,7 +36,7 @@ pub(super) struct SourceAttribute {
 }
 
 /// Reads the attributes that the refined mesh takes over: neither those that it has of its own (`POSITION`, `NORMAL`,
-/// `_IRRADIANCE` and what begins like it, `_UNSHOT`) nor those that belong to an undone pose (`JOINTS`, `WEIGHTS`). `COLOR_0`, which the
+/// `_IRRADIANCE` and what begins like it, `_UNSHOT`, `_OCCLUSION`) nor those that belong to an undone pose (`JOINTS`, `WEIGHTS`). `COLOR_0`, which the
 /// light is multiplied by, is also kept by itself, as [`TINT`], unless it `keeps_colours` as they are.
 ///
 /// Matrices, which only application-specific attributes have, are left out.
@@ -47,7 +50,9 @@ pub(super) fn read(
         let own = match &semantic {
             Semantic::Positions | Semantic::Normals => true,
             Semantic::Joints(_) | Semantic::Weights(_) => true,
-            Semantic::Extras(name) => name == TINT || name == UNSHOT || name.starts_with(IRRADIANCE),
+            Semantic::Extras(name) => {
+                [TINT, UNSHOT, OCCLUSION].contains(&name.as_str()) || name.starts_with(IRRADIANCE)
+            }
             _ => false,
         };
         let width = accessor.dimensions().multiplicity();

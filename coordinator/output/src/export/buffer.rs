@@ -216,7 +216,7 @@ fn accessor_references(root: &mut Root) -> Vec<&mut Index<Accessor>> {
 }
 
 /// Everything in the document that names a buffer view.
-fn view_references(root: &mut Root) -> Vec<&mut Index<View>> {
+pub(super) fn view_references(root: &mut Root) -> Vec<&mut Index<View>> {
     let mut references = Vec::new();
     for accessor in &mut root.accessors {
         references.extend(accessor.buffer_view.as_mut());
@@ -228,6 +228,6 @@ fn view_references(root: &mut Root) -> Vec<&mut Index<View>> {
     references
 }
 
-fn pad(bytes: &mut Vec<u8>) {
+pub(super) fn pad(bytes: &mut Vec<u8>) {
     bytes.resize(bytes.len().next_multiple_of(ALIGNMENT), 0);
 }

@@ -16,7 +16,9 @@ use super::draft::{Assembled, Draft, posed, source_primitive};
 use super::layers::Parts;
 use super::materials::LitMaterials;
 use super::refined::{Placement, RefinedPrimitive, Show, refine};
-use super::{Domain, ExportError, ExportSettings, Materials, attributes, extensions, layers, materials};
+use super::{
+    Domain, ExportError, ExportSettings, Materials, Unshared, attributes, extensions, layers, materials,
+};
 use bake::lit::LitMesh;
 use document::placement::world_matrices;
 use scene::{Scene, Side};
@@ -35,11 +37,24 @@ pub(super) fn assemble(
     let lit_nodes = lit_nodes(scene, lit)?;
     let is_lit = |node| lit_nodes.contains_key(&node);
     let mut assembler = Assembler::new(Draft::new(scene, is_lit), lit, exposure, settings)?;
+    // Of each mesh, the nodes that show it and the vertices that they get.
+    let mut shown: BTreeMap<usize, (usize, usize)> = BTreeMap::new();
     for (&node, primitives) in &lit_nodes {
-        assembler.light_node(node, primitives)?;
+        let before = assembler.draft.vertices;
+        let mesh = assembler.light_node(node, primitives)?;
+        let (nodes, vertices) = shown.entry(mesh.value()).or_default();
+        *nodes += 1;
+        *vertices += assembler.draft.vertices - before;
     }
     assembler.settle_materials()?;
-    assembler.draft.finish(is_lit, output)
+    let several = shown.values().filter(|(nodes, _)| *nodes > 1);
+    let unshared = several.fold(Unshared::default(), |sum, (nodes, vertices)| Unshared {
+        meshes: sum.meshes + 1,
+        nodes: sum.nodes + nodes,
+        vertices: sum.vertices + vertices,
+    });
+    let assembled = assembler.draft.finish(is_lit, output)?;
+    Ok(Assembled { unshared: (unshared.meshes > 0).then_some(unshared), ..assembled })
 }
 
 /// The lit sides of each node. A side without triangles, which glTF cannot express, does not count; a primitive of which other
@@ -99,8 +114,8 @@ impl<'a> Assembler<'a> {
         })
     }
 
-    /// Gives the node a mesh of its own, with its light.
-    fn light_node(&mut self, node: usize, primitives: &LitPrimitives) -> Result<(), ExportError> {
+    /// Gives the node a mesh of its own, with its light. Returns the input's.
+    fn light_node(&mut self, node: usize, primitives: &LitPrimitives) -> Result<Index<Mesh>, ExportError> {
         let (source, mut mesh) = posed(&self.draft.scene.source.root, node)?;
         let mut further_sides = Vec::new();
         let mut hidden = BTreeSet::new();
@@ -123,7 +138,7 @@ impl<'a> Assembler<'a> {
         let shown = mesh.primitives.into_iter().enumerate().filter(|(index, _)| !hidden.contains(index));
         mesh.primitives = shown.map(|(_, primitive)| primitive).chain(further_sides).collect();
         self.draft.put(node, source, mesh);
-        Ok(())
+        Ok(source)
     }
 
     /// The primitive of one lit side.

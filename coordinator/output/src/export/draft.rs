@@ -10,7 +10,7 @@ use gltf::json::{Index, Mesh, Root};
 
 use super::buffer::{self, NewData};
 use super::materials::complete_texture_transforms;
-use super::{ExportError, extensions, images};
+use super::{ExportError, Unshared, extensions, images};
 use scene::{Scene, Surface};
 
 /// The output before it is written.
@@ -22,6 +22,8 @@ pub(super) struct Assembled {
     pub(super) vertices: usize,
     /// Triangles of the lit primitives.
     pub(super) triangles: usize,
+    /// What light at vertices costs where several nodes show one mesh.
+    pub(super) unshared: Option<Unshared>,
     /// Warnings on what could not be kept.
     pub(super) warnings: Vec<String>,
 }
@@ -86,7 +88,7 @@ impl<'a> Draft<'a> {
         let warnings = images::embed(&mut root, &scene.source, output, &mut new)?;
         let pinned = extensions::pinned(&scene.source.root)?;
         let binary = buffer::gather(&mut root, &scene.source.buffers, new, pinned)?;
-        Ok(Assembled { root, binary, vertices, triangles, warnings })
+        Ok(Assembled { root, binary, vertices, triangles, unshared: None, warnings })
     }
 }
 

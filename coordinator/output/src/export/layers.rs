@@ -1,25 +1,32 @@
 //! Names of the attributes that hold parts of the light.
 
+use std::borrow::Cow;
+
 use glam::DVec3;
 use gltf::Semantic;
 use serde_json::{Value, json};
 
 use super::ExportError;
-use super::attributes::{IRRADIANCE, UNSHOT};
+use super::attributes::{IRRADIANCE, OCCLUSION, UNSHOT};
 use bake::lit::LitMesh;
 
-/// Attributes of irradiances or radiosities beside the whole light, each with its value at every vertex of the lit mesh.
-pub(super) type Parts<'a> = Vec<(Semantic, &'a [DVec3])>;
+/// Attributes beside the whole light, each with its value at every vertex of the lit mesh.
+pub(super) type Parts<'a> = Vec<(Semantic, Cow<'a, [DVec3]>)>;
 
-/// All that the lit mesh has beside the whole light: its layers, and what is still unshot.
+/// All that the lit mesh has beside the whole light: its layers, what is still unshot, and how open it is. That has three equal
+/// components, since Blender reads no two attributes of different shapes.
 ///
 /// # Errors
 /// When two layers would have the same attribute.
 pub(super) fn parts(lit: &LitMesh) -> Result<Parts<'_>, ExportError> {
-    let layers = lit.layers.iter().map(|layer| layer.irradiance.as_slice());
+    let layers = lit.layers.iter().map(|layer| Cow::from(&layer.irradiance));
     let mut parts: Parts = semantics(lit)?.into_iter().zip(layers).collect();
     if !lit.unshot.is_empty() {
-        parts.push((Semantic::Extras(UNSHOT.into()), &lit.unshot));
+        parts.push((Semantic::Extras(UNSHOT.into()), Cow::from(&lit.unshot)));
+    }
+    if !lit.occlusion.is_empty() {
+        let occlusion = lit.occlusion.iter().copied().map(DVec3::splat).collect();
+        parts.push((Semantic::Extras(OCCLUSION.into()), occlusion));
     }
     Ok(parts)
 }

@@ -7,19 +7,22 @@ use gltf::Semantic;
 use gltf::json::image::MimeType;
 use gltf::json::mesh::{Mode, Primitive};
 use gltf::json::texture::{MagFilter, MinFilter, Sampler, Texture, WrappingMode};
-use gltf::json::validation::Checked::Valid;
-use gltf::json::{Image, Index, Material, Mesh, Root};
+use gltf::json::validation::Checked::{self, Valid};
+use gltf::json::{Accessor, Image, Index, Material, Mesh, Root};
 use serde_json::{Value, json};
 
 use super::ExportError;
 use super::attributes::components;
 use super::draft::{Assembled, Draft, posed, source_primitive};
 use super::pages::{PageFormat, exr, largest, png};
-use lightmap::{Lightmap, SideLayout};
+use lightmap::{Lightmap, SharedLayout, SideLayout};
 use scene::{Scene, Side};
 
 /// The extension by which a material names its lightmap.
 const MOZ_LIGHTMAP: &str = "MOZ_lightmap";
+
+/// The extension by which an instance has its part of a page.
+const TEXTURE_TRANSFORM: &str = "KHR_texture_transform";
 
 /// The set of texture coordinates that a lightmap has, unless the input's materials use it.
 const FIRST_SET: u32 = 1;
@@ -76,6 +79,7 @@ pub(super) fn assemble(
         textures: vec![],
         scale: 1.0,
         materials: BTreeMap::new(),
+        shared: BTreeMap::new(),
     };
     let extras = assembler.add_pages(pages)?;
     for (&node, primitives) in &by_node {
@@ -112,9 +116,20 @@ struct Assembler<'a> {
     textures: Vec<Index<Texture>>,
     /// Irradiance that 1 stands for in them.
     scale: f32,
-    /// By material of the input, page, and whether for one side only.
-    materials: BTreeMap<(Option<usize>, u32, bool), Index<Material>>,
+    /// Materials with their lightmap.
+    materials: BTreeMap<MaterialKey, Index<Material>>,
+    /// What sides with one layout have in common, by its number.
+    shared: BTreeMap<u32, (Attributes, Option<Index<Accessor>>)>,
 }
+
+/// The material of the input, the page, whether it is for one side only, and the bits of its rectangle, if there are several on a page.
+type MaterialKey = (Option<usize>, u32, bool, Option<[u32; 4]>);
+
+/// The attributes of a primitive.
+type Attributes = BTreeMap<Checked<Semantic>, Index<Accessor>>;
+
+/// The indices of a primitive on each page; none where its vertices follow one another.
+type Pages = Vec<(u32, Option<Index<Accessor>>)>;
 
 impl Assembler<'_> {
     /// Adds the images of all layers. Returns what the extras say of them.
@@ -207,6 +222,41 @@ impl Assembler<'_> {
         mesh: Index<Mesh>,
         original: &Primitive,
     ) -> Result<Vec<Primitive>, ExportError> {
+        self.draft.vertices += layout.sources.len();
+        self.draft.triangles += layout.triangles.len();
+        let known = layout.shared.as_ref().and_then(|shared| self.shared.get(&shared.group)).cloned();
+        let (attributes, pages) = match known {
+            Some((attributes, indices)) => {
+                let page = layout.pages.iter().flatten().next().copied().unwrap_or(0);
+                (attributes, vec![(page, indices)])
+            }
+            None => self.geometry(layout, mesh, original)?,
+        };
+        if let (Some(shared), [(_, indices)]) = (&layout.shared, pages.as_slice()) {
+            self.shared.entry(shared.group).or_insert_with(|| (attributes.clone(), *indices));
+        }
+        let mut primitives = vec![];
+        for (page, indices) in pages {
+            let material = Some(self.material(original.material, page, one_side, layout.shared.as_ref())?);
+            let attributes = attributes.clone();
+            primitives.push(Primitive {
+                attributes,
+                indices,
+                material,
+                mode: Valid(Mode::Triangles),
+                ..original.clone()
+            });
+        }
+        Ok(primitives)
+    }
+
+    /// The attributes of a side, and its indices by page.
+    fn geometry(
+        &mut self,
+        layout: &SideLayout,
+        mesh: Index<Mesh>,
+        original: &Primitive,
+    ) -> Result<(Attributes, Pages), ExportError> {
         let surface = &self.draft.scene.surfaces[layout.surface];
         let source = source_primitive(&self.draft.document, mesh, surface)?;
         let is_back = surface.side == Side::Back;
@@ -243,19 +293,18 @@ impl Assembler<'_> {
             );
         }
         let own = Semantic::TexCoords(self.set);
-        let coordinates = layout.coordinates.as_flattened();
+        let coordinates = layout.shared.as_ref().map_or(&*layout.coordinates, |shared| &shared.coordinates);
+        let coordinates = coordinates.as_flattened();
         let coordinates = self.draft.new.push_attribute(&mut self.draft.root, &own, 2, coordinates);
         for set in 0..self.set {
             // Sets must be numbered without gaps.
             attributes.entry(Valid(Semantic::TexCoords(set))).or_insert(coordinates);
         }
         attributes.insert(Valid(own), coordinates);
-        self.draft.vertices += layout.sources.len();
-        self.draft.triangles += layout.triangles.len();
         let by_page = layout.by_page();
         let keeps_indices =
             by_page.len() == 1 && !is_back && !has_copies && original.mode == Valid(Mode::Triangles);
-        let mut primitives = vec![];
+        let mut pages = vec![];
         for (page, mut indices) in by_page {
             if is_back {
                 indices.chunks_exact_mut(3).for_each(|triangle| triangle.swap(1, 2));
@@ -265,17 +314,9 @@ impl Assembler<'_> {
             } else {
                 Some(self.draft.new.push_indices(&mut self.draft.root, &indices, layout.sources.len()))
             };
-            let material = Some(self.material(original.material, page, one_side)?);
-            let attributes = attributes.clone();
-            primitives.push(Primitive {
-                attributes,
-                indices,
-                material,
-                mode: Valid(Mode::Triangles),
-                ..original.clone()
-            });
+            pages.push((page, indices));
         }
-        Ok(primitives)
+        Ok((attributes, pages))
     }
 
     /// The material with the lightmap of a page.
@@ -284,8 +325,12 @@ impl Assembler<'_> {
         original: Option<Index<Material>>,
         page: u32,
         one_side: bool,
+        shared: Option<&SharedLayout>,
     ) -> Result<Index<Material>, ExportError> {
-        let key = (original.map(|index| index.value()), page, one_side);
+        let rectangle = shared.map(|SharedLayout { offset: [x, y], scale: [width, height], .. }| {
+            [x, y, width, height].map(|value| value.to_bits())
+        });
+        let key = (original.map(|index| index.value()), page, one_side, rectangle);
         if let Some(&made) = self.materials.get(&key) {
             return Ok(made);
         }
@@ -295,7 +340,10 @@ impl Assembler<'_> {
         }
         let texture = self.textures.get(page as usize);
         let texture = texture.ok_or_else(|| ExportError::Mismatch(format!("lightmap has no page {page}")))?;
-        let link = json!({ "index": texture.value(), "texCoord": self.set, "intensity": self.scale });
+        let mut link = json!({ "index": texture.value(), "texCoord": self.set, "intensity": self.scale });
+        if let Some(SharedLayout { offset, scale, .. }) = shared {
+            link["extensions"] = json!({ TEXTURE_TRANSFORM: { "offset": offset, "scale": scale } });
+        }
         material.extensions.get_or_insert_default().others.insert(MOZ_LIGHTMAP.into(), link);
         let made = self.draft.root.push(material);
         self.materials.insert(key, made);

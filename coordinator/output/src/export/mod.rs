@@ -5,7 +5,7 @@
 //! - Each lit node gets a mesh of its own, because two nodes of one mesh are lit differently; each side of a `doubleSided`
 //!   primitive becomes a primitive. Points and lines stay.
 //! - Vertices have `COLOR_0` (irradiance x exposure x the input's `COLOR_0`, clamped to [0, 1], linear), `_IRRADIANCE` (neither
-//!   exposed nor clamped), `_IRRADIANCE_NAME` per light group, `_UNSHOT` during a bake, `_COLOR_0` (the input's `COLOR_0`), and
+//!   exposed nor clamped), `_IRRADIANCE_NAME` per light group, `_UNSHOT` during a bake, `_OCCLUSION` on request, `_COLOR_0` (the input's `COLOR_0`), and
 //!   the input's other attributes, interpolated. `JOINTS`, `WEIGHTS` and morph targets are dropped.
 //! - Materials become `KHR_materials_unlit`: a viewer shows `COLOR_0` x base colour, radiosity x exposure. `COLOR_0` includes
 //!   1 - metallicFactor, except where a texture states the metal. Materials that emit more than they reflect stay lit, as an
@@ -30,11 +30,13 @@
 //! | `draft` | what both have in common: the input with other meshes |
 //! | `pages` | the pages of a lightmap as images |
 //! | `ply` | the lit mesh as PLY |
+//! | `compress` | the output made small |
 //! | `buffer` | the output's buffer: new accessors in, unused old ones out |
 //! | `write` | files, all or nothing |
 
 mod attributes;
 mod buffer;
+mod compress;
 mod document;
 mod draft;
 mod exposure;
@@ -81,6 +83,18 @@ pub enum Materials {
     Keep,
 }
 
+/// Whether vertices and indices are compressed.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Compression {
+    /// As those of the input, where that was done by meshoptimizer.
+    #[default]
+    AsInput,
+    /// They are not.
+    None,
+    /// By meshoptimizer, as EXT_meshopt_compression and KHR_mesh_quantization have it.
+    Meshopt,
+}
+
 /// How to write the lit scene.
 #[derive(Debug, Clone)]
 pub struct ExportSettings {
@@ -92,6 +106,8 @@ pub struct ExportSettings {
     pub domain: Domain,
     /// What becomes of the input's materials.
     pub materials: Materials,
+    /// Whether it is compressed.
+    pub compression: Compression,
     /// An object whose members go to `asset.extras.halflight`, beside `exposure` and `unit`. Other values become its member
     /// `settings`; null is left out.
     pub extras: serde_json::Value,
@@ -104,6 +120,7 @@ impl Default for ExportSettings {
             unit: "W/m^2".into(),
             domain: Domain::default(),
             materials: Materials::default(),
+            compression: Compression::default(),
             extras: serde_json::Value::Null,
         }
     }
@@ -118,8 +135,21 @@ pub struct Exported {
     pub vertices: usize,
     /// Triangles of the lit primitives.
     pub triangles: usize,
+    /// What light at vertices costs where several nodes show one mesh.
+    pub unshared: Option<Unshared>,
     /// Warnings on parts of the input that the output lacks.
     pub warnings: Vec<String>,
+}
+
+/// Meshes of the input that several nodes show, each of which has vertices of its own in the output.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Unshared {
+    /// Number of these meshes.
+    pub meshes: usize,
+    /// Nodes that show them.
+    pub nodes: usize,
+    /// Vertices that all these nodes have.
+    pub vertices: usize,
 }
 
 /// Why the lit scene cannot be written.
@@ -167,6 +197,9 @@ pub enum ExportError {
     /// An image cannot be encoded.
     #[error("a page of the lightmap cannot be encoded: {0}")]
     Image(String),
+    /// Vertices or indices cannot be compressed.
+    #[error("vertices cannot be compressed: {0}")]
+    Compression(String),
     /// The format's lengths have 32 bits.
     #[error("output would have {0} bytes, more than the format's 4 GiB: bake with a coarser mesh")]
     TooLarge(usize),
@@ -220,7 +253,7 @@ pub fn export(
     }
     let mut assembled = document::assemble(scene, lit, exposure, settings, path)?;
     document::describe(&mut assembled.root, lit, exposure, settings)?;
-    write_assembled(assembled, exposure, path)
+    write_assembled(scene, assembled, exposure, settings, path)
 }
 
 /// Checks, before a long bake, that a lightmap of this number of pages can be written with an output. Returns the files of its pages
@@ -260,7 +293,7 @@ pub fn export_lightmap(
     for (path, bytes) in lightmap::contents(pages, path)? {
         files::write(&path, &bytes).map_err(|error| FileError::Write { path, error })?;
     }
-    write_assembled(assembled, exposure, path)
+    write_assembled(scene, assembled, exposure, &settings, path)
 }
 
 /// Refuses an output that cannot have a lightmap.
@@ -271,10 +304,24 @@ fn check_holds_lightmap(path: &Path) -> Result<(), ExportError> {
     }
 }
 
-fn write_assembled(assembled: Assembled, exposure: f64, path: &Path) -> Result<Exported, ExportError> {
-    let Assembled { root, binary, vertices, triangles, warnings } = assembled;
+fn write_assembled(
+    scene: &Scene,
+    assembled: Assembled,
+    exposure: f64,
+    settings: &ExportSettings,
+    path: &Path,
+) -> Result<Exported, ExportError> {
+    let Assembled { mut root, mut binary, vertices, triangles, unshared, warnings } = assembled;
+    let is_compressed = match settings.compression {
+        Compression::AsInput => scene.source.is_meshopt,
+        Compression::None => false,
+        Compression::Meshopt => true,
+    };
+    if is_compressed {
+        binary = compress::compress(&mut root, binary, extensions::pinned(&scene.source.root)?)?;
+    }
     write::write(root, binary, path)?;
-    Ok(Exported { exposure, vertices, triangles, warnings })
+    Ok(Exported { exposure, vertices, triangles, unshared, warnings })
 }
 
 /// The exposure that is asked for, or one that suits the light.

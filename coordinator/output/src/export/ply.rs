@@ -78,11 +78,16 @@ pub(super) fn encode(
             push(&mut vertices, scene, lit, surface, vertex)?;
         }
     }
-    let mut file = header(scene, &groups, exposure, settings, vertex_count, face_count).into_bytes();
+    let mut file = header(scene, lit, exposure, settings, vertex_count, face_count).into_bytes();
     file.append(&mut vertices);
     file.append(&mut faces);
-    let exported =
-        Exported { exposure, vertices: vertex_count as usize, triangles: face_count, warnings: vec![] };
+    let exported = Exported {
+        exposure,
+        vertices: vertex_count as usize,
+        triangles: face_count,
+        unshared: None,
+        warnings: vec![],
+    };
     Ok((file, exported))
 }
 
@@ -101,6 +106,7 @@ fn push(
         mean(vertex.reflectance, surface.reflectance) * irradiance + mean(vertex.exitance, surface.exitance);
     let of_groups = lit.layers.iter().map(|layer| layer.irradiance.get(vertex.index as usize).copied());
     let of_groups = of_groups.map(|value| value.unwrap_or(DVec3::NAN));
+    let occlusion = lit.occlusion.get(vertex.index as usize).map(|open| *open as f32);
     let position = scene.frame.to_world(vertex.lit.position);
     for value in [position, vertex.lit.normal, irradiance, radiosity].into_iter().chain(of_groups) {
         let value = value.as_vec3();
@@ -110,12 +116,13 @@ fn push(
         }
         out.extend(value.to_array().into_iter().flat_map(f32::to_le_bytes));
     }
+    out.extend(occlusion.into_iter().flat_map(f32::to_le_bytes));
     Ok(())
 }
 
 fn header(
     scene: &Scene,
-    groups: &[&str],
+    lit: &LitMesh,
     exposure: f64,
     settings: &ExportSettings,
     vertices: u32,
@@ -137,10 +144,11 @@ fn header(
     }
     let _ = writeln!(text, "element vertex {vertices}");
     let mut properties: Vec<String> = ["x", "y", "z", "nx", "ny", "nz"].map(str::to_owned).to_vec();
-    let of_groups = groups.iter().map(|group| layers::attribute(group).to_ascii_lowercase());
+    let of_groups = lit.layers.iter().map(|layer| layers::attribute(&layer.name).to_ascii_lowercase());
     for quantity in ["irradiance".into(), "radiosity".into()].into_iter().chain(of_groups) {
         properties.extend(["red", "green", "blue"].map(|channel| format!("{quantity}_{channel}")));
     }
+    properties.extend((!lit.occlusion.is_empty()).then(|| "occlusion".into()));
     for property in properties {
         let _ = writeln!(text, "property float {property}");
     }

@@ -22,6 +22,7 @@ use protocol::api;
 use bake::{BakeSettings, LightChange, LightGroup, LightPart, NewLight};
 use lightmap::Resolution;
 use output::export::{ExportSettings, Materials, PageFormat, check_group_names};
+use probes::{MOST_PROBES, Places};
 use scene::ImportOptions;
 
 use crate::lightmap_run::LightmapSettings;
@@ -190,6 +191,29 @@ pub fn lightmap_settings(options: &api::OutputOptions, wrong: &mut Violations) -
     lightmap.then_some(LightmapSettings { resolution, format: lightmap_format })
 }
 
+/// The probes that are asked for, if any are.
+pub fn probe_places(options: &api::OutputOptions, wrong: &mut Violations) -> Option<Places> {
+    let OutputSettings { probes, .. } = schema::settings(options, wrong);
+    let points = &options.probe_points;
+    if points.is_empty() {
+        return probes.map(Places::Grid);
+    }
+    let field = "output.probe_points";
+    wrong.demand(probes.is_none(), field, "cannot be combined with output.probes");
+    wrong.demand(points.len() <= 3 * MOST_PROBES, field, format!("must be {MOST_PROBES} points at most"));
+    let is_whole = points.len().is_multiple_of(3) && points.iter().all(|value| value.is_finite());
+    wrong.demand(is_whole, field, "must be three finite numbers each");
+    Some(Places::Points(points.chunks_exact(3).map(DVec3::from_slice).collect()))
+}
+
+/// The distance within which things occlude, if ambient occlusion is asked for.
+pub fn occlusion_distance(options: &api::OutputOptions, wrong: &mut Violations) -> Option<f64> {
+    let OutputSettings { occlusion, lightmap, .. } = schema::settings(options, wrong);
+    let holds = occlusion.is_none() || !lightmap;
+    wrong.demand(holds, "output.occlusion", "is for vertices: bake without lightmap");
+    occlusion
+}
+
 /// All that a job needs to know of what was asked for.
 #[derive(Debug, Clone)]
 pub struct Wanted {
@@ -201,6 +225,10 @@ pub struct Wanted {
     pub export: ExportSettings,
     /// The lightmap that it gets.
     pub lightmap: Option<LightmapSettings>,
+    /// Where it has probes.
+    pub probes: Option<Places>,
+    /// Distance within which things occlude, where it has ambient occlusion.
+    pub occlusion: Option<f64>,
 }
 
 /// What the options of a submission ask for.
@@ -215,11 +243,15 @@ pub fn wanted(header: &api::SubmitSceneHeader, wrong: &mut Violations) -> Wanted
     wrong.demand(!has_files, "output.lightmap_format", "must be png or rgbm: a job has one file");
     let is_mesh = output.format() == api::Format::Ply;
     wrong.demand(lightmap.is_none() || !is_mesh, "output.lightmap", "needs the format GLB");
+    let probes = probe_places(&output, wrong);
+    wrong.demand(probes.is_none() || !is_mesh, "output.probes", "need the format GLB");
     Wanted {
         import: import_options(&scene, wrong),
         bake: BakeSettings { only, groups, ..bake },
         export: export_settings(&output, irradiance_unit(&scene), wrong),
         lightmap,
+        probes,
+        occlusion: occlusion_distance(&output, wrong),
     }
 }
 
@@ -298,6 +330,33 @@ mod tests {
         assert_eq!(light_parts(&all, &mut wrong).0, LightPart::All);
         assert_eq!(light_parts(&api::OutputOptions::default(), &mut wrong).0, LightPart::All);
         assert!(wrong.check().is_ok());
+    }
+
+    #[test]
+    fn probes_are_on_a_grid_or_at_points() {
+        let of = |output: api::OutputOptions| {
+            let mut wrong = Violations::default();
+            let header = api::SubmitSceneHeader { output: Some(output), ..Default::default() };
+            (wanted(&header, &mut wrong).probes, wrong.check())
+        };
+        let grid = api::OutputOptions { probes: Some(0.5), ..Default::default() };
+        let points = vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
+        let points = api::OutputOptions { probe_points: points, ..Default::default() };
+        assert_eq!(of(grid.clone()), (Some(Places::Grid(0.5)), Ok(())));
+        let expected = [DVec3::new(1.0, 2.0, 3.0), DVec3::new(4.0, 5.0, 6.0)].to_vec();
+        assert_eq!(of(points.clone()), (Some(Places::Points(expected)), Ok(())));
+        let odd = api::OutputOptions { probe_points: vec![1.0, f64::NAN], ..Default::default() };
+        let both = api::OutputOptions { probes: Some(0.5), ..points };
+        let ply = api::OutputOptions { format: api::Format::Ply.into(), ..grid };
+        let mapped = api::OutputOptions { occlusion: Some(1.0), lightmap: true, ..Default::default() };
+        for (output, field) in [
+            (odd, "output.probe_points must be three finite numbers each"),
+            (both, "output.probe_points cannot be combined with output.probes"),
+            (ply, "output.probes need the format GLB"),
+            (mapped, "output.occlusion is for vertices: bake without lightmap"),
+        ] {
+            assert_eq!(of(output).1.unwrap_err().to_string(), field);
+        }
     }
 
     #[test]

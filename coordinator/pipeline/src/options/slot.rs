@@ -4,7 +4,7 @@ use glam::DVec3;
 use protocol::api;
 
 use bake::{LightPart, Quality, RowStrategy};
-use output::export::{Domain, Materials, PageFormat};
+use output::export::{Compression, Domain, Materials, PageFormat};
 use scene::LightUnit;
 
 use super::kind::Value;
@@ -128,5 +128,6 @@ choices! {
     LightPart, api::Part: All = All, Direct = Direct, Indirect = Indirect;
     Domain, api::Domain: Vertex = Vertex, Corner = Corner;
     Materials, api::Materials: Unlit = Unlit, Keep = Keep;
+    Compression, api::Compression: AsInput = Unspecified, None = None, Meshopt = Meshopt;
     PageFormat, api::LightmapFormat: Png = Png, Rgbm = Rgbm, Exr = Exr;
 }

@@ -132,7 +132,8 @@ fn scene_of(mut file: PlainDocument, options: &ImportOptions) -> Result<Scene, I
     }
     let mut root = file.document.into_json();
     document::require_again(&mut root, file.required);
-    let source = SourceDocument { root, buffers: file.buffers, folder: file.folder };
+    let source =
+        SourceDocument { root, buffers: file.buffers, folder: file.folder, is_meshopt: file.is_meshopt };
     content.into_scene(source, options)
 }
 

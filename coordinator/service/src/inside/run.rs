@@ -9,12 +9,13 @@ use std::time::Instant;
 
 use bake::{BakeError, BakeSettings, NewLight};
 use cluster::checkpoint::CheckpointError;
-use output::export::ExportError;
+use output::export::{Compression, ExportError, ExportSettings};
 use output::files::FileError;
 use pipeline::options::{
     LONGEST_TEXT, MOST_NAMES, Violations, export_settings, import_options, irradiance_unit, new_light, wanted,
 };
 use pipeline::prediction::least_memory_bytes;
+use pipeline::probes_run::ProbeSettings;
 use pipeline::relight::RelightRequest;
 use pipeline::run::{BakeRequest, CheckpointFile, RunError, SceneSource, SharedRows, Workers};
 use protocol::api::submit_scene_header::Source;
@@ -103,7 +104,8 @@ fn attempt<W: Write>(
         }
         Ok(SceneSource::Bytes(bytes))
     };
-    reporter.export = wanted.export.clone();
+    // Previews are looked at once.
+    reporter.export = ExportSettings { compression: Compression::None, ..wanted.export.clone() };
     let (report_json, lights) = match relight {
         None => {
             wrong.check().map_err(failed)?;
@@ -117,6 +119,8 @@ fn attempt<W: Write>(
                 },
                 export: wanted.export,
                 lightmap: wanted.lightmap,
+                occlusion: wanted.occlusion,
+                probes: wanted.probes.map(|places| ProbeSettings { places, beside: false }),
                 output: &output,
                 kept_light: Some(&store.light(record.id)),
                 report: None,

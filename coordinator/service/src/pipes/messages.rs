@@ -336,6 +336,7 @@ fn api_phase(phase: bake::Phase) -> Phase {
         bake::Phase::FinalSolve => Phase::FinalSolve,
         bake::Phase::Groups => Phase::Groups,
         bake::Phase::Lightmap => Phase::Lightmap,
+        bake::Phase::Probes => Phase::Probes,
     }
 }
 

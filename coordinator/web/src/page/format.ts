@@ -27,6 +27,7 @@ export const PHASES: Record<Phase, string> = {
   [Phase.FINAL_SOLVE]: 'final solve',
   [Phase.GROUPS]: 'light groups',
   [Phase.LIGHTMAP]: 'lightmap',
+  [Phase.PROBES]: 'probes',
   [Phase.EXPORT]: 'writing the file',
 };
 

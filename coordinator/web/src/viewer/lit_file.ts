@@ -2,6 +2,9 @@
 
 import { Box3, Light, Mesh, PerspectiveCamera, type BufferGeometry, type Group, type Object3D } from 'three';
 import { GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
+// The decoder that needs no WebAssembly, which the page's policy does not allow; it comes without types.
+// @ts-expect-error
+import { MeshoptDecoder } from '../../node_modules/meshoptimizer/meshopt_decoder_reference.js';
 import { Spread } from './spread';
 
 /** What a file can be coloured by. */
@@ -27,7 +30,7 @@ export interface LitFile {
 
 /** Reads a lit GLB. */
 export async function readLitFile(bytes: ArrayBuffer): Promise<LitFile> {
-  const { asset, scene: root, cameras } = await new GLTFLoader().parseAsync(bytes, '');
+  const { asset, scene: root, cameras } = await new GLTFLoader().setMeshoptDecoder(MeshoptDecoder).parseAsync(bytes, '');
   const noted = (asset.extras as { halflight?: { exposure?: unknown; unit?: unknown } } | undefined)?.halflight;
   // Unlit materials take no notice of lights.
   root.getObjectsByProperty('isLight', true).forEach((light) => (light as Light).removeFromParent());

@@ -82,6 +82,7 @@ fn step(phase: Phase) -> &'static str {
         Phase::FinalSolve => "final solve",
         Phase::Groups => "groups",
         Phase::Lightmap => "lightmap",
+        Phase::Probes => "probes",
         Phase::Export => "export",
     }
 }
