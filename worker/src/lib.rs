@@ -1,13 +1,14 @@
 //! The worker: computes rows of form factors and tiles of pictures for coordinators, and keeps nothing.
 //!
 //! In: replicas of scenes, receivers and pictures, and jobs that name them. Out: encoded rows and tiles. It must not know meshes,
-//! energies, files or other workers. Begin reading at [`engine`], then [`job`] and `session`.
+//! energies, files, or other workers but those that it is told to pass a replica on to. Begin reading at [`engine`], then [`job`] and `session`.
 //!
 //! | module | contents |
 //! |---|---|
 //! | [`engine`] | computes rows; pure |
 //! | [`store`] | the replicas held |
 //! | [`upload`] | checks a replica on its way in |
+//! | [`passing`] | passes a replica on to another worker |
 //! | [`job`] | checks and computes one job |
 //! | [`tile`] | checks and computes one tile of a picture |
 //! | [`pool`] | the threads that compute |
@@ -25,6 +26,7 @@ pub mod incoming;
 pub mod job;
 pub mod memory;
 pub mod metrics;
+pub mod passing;
 pub mod pool;
 mod service;
 mod session;
@@ -51,6 +53,7 @@ use tonic::transport::server::Connected;
 
 use crate::health::Health;
 use crate::metrics::Metrics;
+use crate::passing::Passing;
 use crate::pool::{Compute, ComputePool};
 use crate::service::WorkerService;
 
@@ -84,6 +87,8 @@ pub struct Settings {
     pub replica_bytes: u64,
     /// Token that every call must carry.
     pub token: Option<Token>,
+    /// How other workers are called to pass replicas on; `None` for never.
+    pub passing: Option<Passing>,
     /// Metrics.
     pub metrics: Metrics,
     /// How jobs are computed.
@@ -97,7 +102,7 @@ impl Settings {
         memory::memory_bytes() / 8
     }
 
-    /// Default settings with this name and without a token.
+    /// Default settings with this name, without a token, and without other workers.
     #[must_use]
     pub fn new(name: &str, threads: NonZeroUsize) -> Self {
         Self {
@@ -106,6 +111,7 @@ impl Settings {
             threads,
             replica_bytes: Self::default_replica_bytes(),
             token: None,
+            passing: None,
             metrics: Metrics::default(),
             compute: Compute::Threads,
         }

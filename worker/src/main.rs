@@ -5,12 +5,15 @@ mod options;
 use std::io::Write;
 use std::net::SocketAddr;
 use std::process::ExitCode;
+use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::Context;
 use clap::Parser;
 use options::Options;
 use prometheus_client::registry::Registry;
+use protocol::network::Sockets;
+use protocol::security::ClientSecurity;
 use protocol::server::stop_on_signal;
 use protocol::telemetry::{Logging, LoggingSettings, MetricsPage};
 use protocol::worker::worker_server::SERVICE_NAME;
@@ -19,6 +22,7 @@ use tokio::net::TcpListener;
 use worker::Settings;
 use worker::incoming::{ConnectionLimits, incoming};
 use worker::metrics::Metrics;
+use worker::passing::Passing;
 
 /// How long what is left of sessions may take after the worker is done.
 const PARTING: Duration = Duration::from_secs(1);
@@ -72,6 +76,11 @@ async fn run(options: Options) -> anyhow::Result<()> {
         Some(threads) => threads,
         None => std::thread::available_parallelism().context("cannot count the cores: give --threads")?,
     };
+    // One that cannot show who it is, or check others, passes nothing on.
+    let passing = options.client().ok().map(|security| Passing {
+        network: Arc::new(Sockets),
+        security: ClientSecurity { server_name: None, ..security },
+    });
     let metrics = Metrics::default();
     let _page = show(&metrics, options.metrics())?;
     let name = options.name.filter(|name| !name.is_empty()).unwrap_or_else(|| default_name(address));
@@ -83,7 +92,7 @@ async fn run(options: Options) -> anyhow::Result<()> {
     let limits = ConnectionLimits { token: token.is_some(), ..ConnectionLimits::WORKER };
     let incoming = incoming(listener, transport.tls().cloned(), limits);
     let replica_bytes = options.replica_bytes.0.unwrap_or_else(Settings::default_replica_bytes);
-    let settings = Settings { replica_bytes, token, metrics, ..Settings::new(&name, threads) };
+    let settings = Settings { replica_bytes, token, metrics, passing, ..Settings::new(&name, threads) };
     Ok(worker::serve(incoming, settings, shutdown).await?)
 }
 

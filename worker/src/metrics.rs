@@ -8,7 +8,7 @@ use prometheus_client::metrics::family::Family;
 use prometheus_client::metrics::gauge::Gauge;
 use prometheus_client::registry::{Registry, Unit};
 use protocol::worker::worker_message::Body;
-use protocol::worker::{FailureReason, Finished, FinishedTile, RowStatistics};
+use protocol::worker::{FailureReason, Finished, FinishedTile, PassOutcome, RowStatistics};
 
 /// Counters of a worker. A clone is another handle to the same ones.
 #[derive(Debug, Clone, Default)]
@@ -41,6 +41,10 @@ pub struct Metrics {
     pub uploads: Counter,
     /// Uploads refused or broken off.
     pub failed_uploads: Counter,
+    /// Replicas passed on to other workers.
+    pub passes: Counter,
+    /// Replicas that could not be passed on.
+    pub failed_passes: Counter,
 }
 
 /// Why a job was not computed.
@@ -85,6 +89,8 @@ impl Metrics {
         );
         registry.register("uploads", "Replicas that arrived whole", self.uploads.clone());
         registry.register("upload_failures", "Uploads refused or broken off", self.failed_uploads.clone());
+        registry.register("passes", "Replicas passed on to other workers", self.passes.clone());
+        registry.register("pass_failures", "Replicas not passed on", self.failed_passes.clone());
     }
 
     /// Counts the answer to a job.
@@ -95,8 +101,13 @@ impl Metrics {
             Body::Failed(failed) => {
                 self.failures.get_or_create(&failed.reason().into()).inc();
             }
-            Body::Hello(_) | Body::KeepAlive(_) | Body::Goodbye(_) => {}
+            Body::Hello(_) | Body::KeepAlive(_) | Body::Goodbye(_) | Body::Passed(_) | Body::Held(_) => {}
         }
+    }
+
+    /// A replica was passed on, or not.
+    pub fn pass_ended(&self, outcome: PassOutcome) {
+        if outcome == PassOutcome::Done { &self.passes } else { &self.failed_passes }.inc();
     }
 
     fn count_tile(&self, finished: &FinishedTile) {

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use kernel::replica::Digest;
 use protocol::security::Caller;
 use protocol::worker::worker_server::Worker;
 use protocol::worker::{
@@ -23,7 +24,8 @@ use crate::{Settings, session};
 /// Answers that may wait for the network before a session stops taking messages in.
 const ANSWERS_AHEAD: usize = 16;
 
-/// Uploads at the same time. Each may be of a quarter of the room for replicas: those under way take no more than those held.
+/// Uploads at the same time, of coordinators and of other workers. Each may be of a quarter of the room for replicas: those under way
+/// take no more than twice what those held do.
 const UPLOADS: usize = 4;
 
 /// How long an upload may pause before it is broken off.
@@ -36,12 +38,15 @@ pub(crate) struct WorkerService {
     /// Sessions that are not over yet.
     pub(crate) sessions: TaskTracker,
     uploads: Arc<Semaphore>,
+    /// The same for those of other workers: where one is slow, no coordinator's upload waits for it.
+    passed: Arc<Semaphore>,
 }
 
 impl WorkerService {
     pub(crate) fn new(settings: Settings, pool: ComputePool, shutdown: CancellationToken) -> Self {
         let shared = Shared::new(settings, pool, shutdown);
-        Self { shared, sessions: TaskTracker::new(), uploads: Arc::new(Semaphore::new(UPLOADS)) }
+        let [uploads, passed] = [(); 2].map(|()| Arc::new(Semaphore::new(UPLOADS)));
+        Self { shared, sessions: TaskTracker::new(), uploads, passed }
     }
 
     /// Takes a replica in.
@@ -52,29 +57,57 @@ impl WorkerService {
         let largest = self.shared.store().largest();
         let mut upload = Upload::begin(&header, largest).map_err(|error| refusal(&error))?;
         let (digest, length) = (upload.digest(), upload.length());
+        let Settings { instance, passing, .. } = &*self.shared.settings;
+        let is_passed = header.passed_to != 0;
+        if is_passed && header.passed_to != *instance {
+            return Err(Status::failed_precondition(
+                "the replica is for another worker: its address leads here",
+            ));
+        }
         if self.shared.store().get(digest).is_some() {
+            self.tell_of(digest, is_passed);
             return Ok(LoadReplicaReply { already_held: true, digest: digest.to_bytes() });
         }
-        // It is never closed.
-        let _place = self.uploads.acquire().await;
+        // They are never closed.
+        let _place = if is_passed {
+            let place = self.passed.try_acquire();
+            place.map_err(|_| Status::unavailable("too many replicas come from other workers at once"))
+        } else {
+            let place = self.uploads.acquire().await;
+            place.map_err(|_| Status::unavailable("the worker takes no uploads any more"))
+        }?;
         while let Some(chunk) = next(&mut chunks).await? {
             let Some(Body::Data(data)) = chunk.body else { return Err(refusal(&UploadError::Order)) };
             upload.push(&data).map_err(|error| refusal(&error))?;
             self.shared.uploads.came(data.len());
         }
         let preparing = self.shared.uploads.preparing();
-        let replica = self
+        let (replica, parcel) = self
             .shared
             .pool
-            .run(|| upload.finish())
+            .run(|| upload.finish_and_keep())
             .await
             .map_err(|panicked| Status::internal(format!("replica {digest}: {panicked}")))?
             .map_err(|error| refusal(&error))?;
         drop(preparing);
-        self.shared.change_store(|store| store.insert(digest, replica, length));
+        self.shared.change_store(|store| {
+            store.insert(digest, replica, length);
+            if passing.is_some() {
+                store.keep_parcel(digest, parcel);
+            }
+        });
+        self.tell_of(digest, is_passed);
         self.shared.settings.metrics.uploads.inc();
         tracing::info!(replica = %digest, bytes = length, "replica loaded");
         Ok(LoadReplicaReply { already_held: false, digest: digest.to_bytes() })
+    }
+
+    /// Tells all coordinators of a replica that another worker passed on.
+    fn tell_of(&self, digest: Digest, is_passed: bool) {
+        if is_passed {
+            // Where no coordinator is left, nobody waits for it.
+            let _ = self.shared.arrivals.send(digest);
+        }
     }
 }
 

@@ -9,8 +9,8 @@ use protocol::telemetry::Held;
 use protocol::worker::coordinator_message::Body as Incoming;
 use protocol::worker::worker_message::Body as Outgoing;
 use protocol::worker::{
-    CancelJob, CoordinatorHello, CoordinatorMessage, Goodbye, KeepAlive, PROTOCOL_VERSION, WorkerHello,
-    WorkerMessage, check_versions,
+    CancelJob, CoordinatorHello, CoordinatorMessage, Goodbye, KeepAlive, PROTOCOL_VERSION, ReplicaHeld,
+    ReplicaPassed, WorkerHello, WorkerMessage, check_versions,
 };
 use tokio::sync::mpsc;
 use tokio::task::JoinSet;
@@ -25,6 +25,9 @@ use crate::tile::Tile;
 /// Jobs of one session that may be under way for each thread: more are left in the network until some are answered. Far
 /// above what a coordinator that shares work out sends ahead.
 const JOBS_PER_THREAD: usize = 64;
+
+/// Replicas of one session that may be passed on at the same time: far above what a coordinator asks for.
+const MOST_PASSES: usize = 64;
 
 /// How long a coordinator may take to say hello.
 const HELLO: Duration = Duration::from_secs(10);
@@ -67,6 +70,8 @@ struct Session<'a> {
 impl Session<'_> {
     async fn converse(mut self, mut inbound: Streaming<CoordinatorMessage>) -> Result<(), Status> {
         let settings = &self.worker.settings;
+        let mut arrivals = self.worker.arrivals.subscribe();
+        let mut passes = JoinSet::new();
         let largest_replica = self.worker.store().largest();
         self.send(Outgoing::Hello(WorkerHello {
             protocol_version: PROTOCOL_VERSION,
@@ -76,6 +81,7 @@ impl Session<'_> {
             instance: settings.instance,
             row_version: ROW_VERSION,
             largest_replica,
+            passes_replicas: settings.passing.is_some(),
         }))
         .await?;
         let hello = timeout(HELLO, inbound.message()).await;
@@ -98,6 +104,17 @@ impl Session<'_> {
                     if let Some(answer) = answer {
                         settings.metrics.count(&answer);
                         self.send(answer).await?;
+                    }
+                }
+                Some(passed) = passes.join_next() => {
+                    let passed: ReplicaPassed = passed.map_err(|error| Status::internal(error.to_string()))?;
+                    settings.metrics.pass_ended(passed.outcome());
+                    self.send(Outgoing::Passed(passed)).await?;
+                }
+                arrived = arrivals.recv() => {
+                    // What this session has missed, the coordinator sends itself.
+                    if let Ok(digest) = arrived {
+                        self.send(Outgoing::Held(ReplicaHeld { digest: digest.to_bytes() })).await?;
                     }
                 }
                 message = inbound.message(), if listening && self.jobs.len() < most_jobs => {
@@ -125,6 +142,15 @@ impl Session<'_> {
                             let digest = Digest::try_from(release.digest.as_ref())
                                 .map_err(|error| Status::invalid_argument(error.to_string()))?;
                             self.worker.change_store(|store| store.remove(digest));
+                        }
+                        Some(Some(Incoming::Pass(order))) => {
+                            let digest = Digest::try_from(order.digest.as_ref())
+                                .map_err(|error| Status::invalid_argument(error.to_string()))?;
+                            let Some(passing) = settings.passing.clone().filter(|_| passes.len() < MOST_PASSES)
+                            else {
+                                return Err(Status::invalid_argument("more replicas to pass on than it may be asked for"));
+                            };
+                            passes.spawn(passing.pass(order, self.worker.store().parcel(digest)));
                         }
                         Some(Some(Incoming::Goodbye(_))) => leaving = Some("as the coordinator wishes"),
                         Some(Some(Incoming::Hello(_)) | None) => {

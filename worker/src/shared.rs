@@ -3,12 +3,17 @@
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use kernel::replica::Digest;
+use tokio::sync::broadcast;
 use tokio_util::sync::CancellationToken;
 
 use crate::Settings;
 use crate::metrics::Metrics;
 use crate::pool::ComputePool;
 use crate::store::ReplicaStore;
+
+/// Arrivals that a session may be behind with. Of those that it misses the coordinator does not hear, and sends them itself.
+const ARRIVALS: usize = 64;
 
 /// State of a worker. A clone is another handle to it.
 #[derive(Clone)]
@@ -17,13 +22,16 @@ pub(crate) struct Shared {
     pub(crate) pool: ComputePool,
     pub(crate) shutdown: CancellationToken,
     pub(crate) uploads: Arc<UploadProgress>,
+    /// Tells all sessions of a replica that came from another worker.
+    pub(crate) arrivals: broadcast::Sender<Digest>,
     store: Arc<Mutex<ReplicaStore>>,
 }
 
 impl Shared {
     pub(crate) fn new(settings: Settings, pool: ComputePool, shutdown: CancellationToken) -> Self {
         let store = Arc::new(Mutex::new(ReplicaStore::new(settings.replica_bytes)));
-        Self { settings: Arc::new(settings), pool, shutdown, uploads: Arc::default(), store }
+        let (arrivals, _) = broadcast::channel(ARRIVALS);
+        Self { settings: Arc::new(settings), pool, shutdown, uploads: Arc::default(), arrivals, store }
     }
 
     /// The replicas; hold them for a look-up, never across work.

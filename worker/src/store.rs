@@ -3,9 +3,10 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
+use bytes::Bytes;
 use kernel::picture::decode_picture;
 use kernel::replica::{Digest, ReplicaError, decode_receivers, decode_scene};
-use protocol::worker::ReplicaKind;
+use protocol::worker::{ReplicaHeader, ReplicaKind};
 
 use crate::engine::{ReceiverSet, Scene};
 use kernel::picture::tracer::Picture;
@@ -40,6 +41,15 @@ impl Replica {
     }
 }
 
+/// A replica as it came, to be passed on. A clone is another handle to the same bytes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Parcel {
+    /// Describes it.
+    pub header: ReplicaHeader,
+    /// The bytes that follow the header.
+    pub bytes: Bytes,
+}
+
 /// Replicas by digest, bounded by their encoded size: the least recently used ones make room for new ones.
 ///
 /// Jobs under way keep handles to what they use, so a replica may be dropped here at any time.
@@ -53,12 +63,14 @@ pub struct ReplicaStore {
 struct Entry {
     replica: Replica,
     bytes: u64,
+    parcel: Option<Parcel>,
     /// Value of [`ReplicaStore::uses`] when it was last asked for.
     last_use: u64,
 }
 
 impl ReplicaStore {
-    /// An empty store with a capacity in bytes of encoded replicas. Decoded they take up to about four times as much.
+    /// An empty store with a capacity in bytes of encoded replicas. Decoded they take up to about four times as much, and to be passed on
+    /// no more than once again.
     #[must_use]
     pub fn new(capacity: u64) -> Self {
         Self { capacity, held: 0, uses: 0, entries: HashMap::new() }
@@ -107,7 +119,20 @@ impl ReplicaStore {
             self.remove(oldest);
         }
         self.held += bytes;
-        self.entries.insert(digest, Entry { replica, bytes, last_use: self.uses });
+        self.entries.insert(digest, Entry { replica, bytes, parcel: None, last_use: self.uses });
+    }
+
+    /// Keeps a replica that is held as it came, too.
+    pub fn keep_parcel(&mut self, digest: Digest, parcel: Parcel) {
+        if let Some(entry) = self.entries.get_mut(&digest) {
+            entry.parcel = Some(parcel);
+        }
+    }
+
+    /// A replica as it came; `None` where it is not held.
+    #[must_use]
+    pub fn parcel(&self, digest: Digest) -> Option<Parcel> {
+        self.entries.get(&digest).and_then(|entry| entry.parcel.clone())
     }
 
     /// Forgets a replica.

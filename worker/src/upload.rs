@@ -4,7 +4,7 @@ use kernel::replica::{Digest, ReplicaError};
 use protocol::packing::unpacked;
 use protocol::worker::{ReplicaHeader, ReplicaKind};
 
-use crate::store::Replica;
+use crate::store::{Parcel, Replica};
 
 /// Why an upload is refused.
 #[derive(Debug, thiserror::Error)]
@@ -120,6 +120,14 @@ impl Upload {
     /// # Errors
     /// When bytes are missing, were changed, or are not a replica.
     pub fn finish(self) -> Result<Replica, UploadError> {
+        self.finish_and_keep().map(|(replica, _)| replica)
+    }
+
+    /// As [`Self::finish`], with the bytes as they came.
+    ///
+    /// # Errors
+    /// As for [`Self::finish`].
+    pub fn finish_and_keep(mut self) -> Result<(Replica, Parcel), UploadError> {
         let is_complete = |announced: u64, bytes: &[u8]| {
             let received = bytes.len() as u64;
             let digest = self.digest;
@@ -130,18 +138,29 @@ impl Upload {
             }
         };
         is_complete(self.coming(), &self.bytes)?;
-        let bytes = if self.packed.is_some() {
-            unpacked(&self.bytes, self.length)
-                .map_err(|error| UploadError::Packing { digest: self.digest, cause: error.to_string() })?
-        } else {
-            self.bytes
+        let unpacked = match self.packed {
+            Some(_) => unpacked(&self.bytes, self.length)
+                .map(Some)
+                .map_err(|error| UploadError::Packing { digest: self.digest, cause: error.to_string() })?,
+            None => None,
         };
-        is_complete(self.length, &bytes)?;
-        let received = Digest::of(&bytes);
+        let bytes = unpacked.as_deref().unwrap_or(&self.bytes);
+        is_complete(self.length, bytes)?;
+        let received = Digest::of(bytes);
         if received != self.digest {
             return Err(UploadError::Digest { announced: self.digest, received });
         }
-        Ok(Replica::decode(self.kind, &bytes)?)
+        let replica = Replica::decode(self.kind, bytes)?;
+        let header = ReplicaHeader {
+            digest: self.digest.to_bytes(),
+            kind: self.kind.into(),
+            length: self.length,
+            packed_length: self.packed.unwrap_or(0),
+            passed_to: 0,
+        };
+        // It stays as long as the replica.
+        self.bytes.shrink_to_fit();
+        Ok((replica, Parcel { header, bytes: self.bytes.into() }))
     }
 }
 
@@ -164,6 +183,7 @@ mod tests {
             kind: replica.kind.into(),
             length: replica.bytes.len() as u64,
             packed_length: 0,
+            passed_to: 0,
         }
     }
 

@@ -1,18 +1,22 @@
 //! A worker as a coordinator sees it, message by message.
 
 use std::io;
+use std::net::SocketAddr;
 use std::num::NonZeroUsize;
+use std::sync::Arc;
 
 use glam::DVec3;
 use kernel::geometry::PlaneId;
 use kernel::replica::{Digest, EncodedReplica, Receiver, Receivers, encode_receivers, encode_scene};
 use kernel::row::{Precision, ROW_VERSION, RowRequest, Shape, Shooter};
+use protocol::network::Sockets;
+use protocol::security::{ClientSecurity, Token};
 use protocol::worker::coordinator_message::Body as Outgoing;
 use protocol::worker::worker_client::WorkerClient;
 use protocol::worker::worker_message::Body as Incoming;
 use protocol::worker::{
     CoordinatorHello, CoordinatorMessage, FailureReason, Goodbye, KeepAlive, MAX_MESSAGE_BYTES,
-    PROTOCOL_VERSION, ReplicaChunk, ReplicaHeader, WorkerMessage, replica_chunk,
+    PROTOCOL_VERSION, PassOutcome, PassReplica, ReplicaChunk, ReplicaHeader, WorkerMessage, replica_chunk,
 };
 use tokio::net::TcpListener;
 use tokio::sync::mpsc;
@@ -21,24 +25,30 @@ use tokio_util::sync::CancellationToken;
 use tonic::transport::Channel;
 use tonic::{Code, Status, Streaming};
 use worker::Settings;
+use worker::passing::Passing;
 
 /// A worker of one thread, and a coordinator's connection to it.
 struct Setup {
+    address: SocketAddr,
     client: WorkerClient<Channel>,
     shutdown: CancellationToken,
     serving: tokio::task::JoinHandle<Result<(), worker::ServeError>>,
 }
 
 async fn setup() -> io::Result<Setup> {
+    setup_with(Settings { instance: 1, ..Settings::new("test", NonZeroUsize::MIN) }).await
+}
+
+/// The same, with these settings.
+async fn setup_with(settings: Settings) -> io::Result<Setup> {
     let listener = TcpListener::bind("127.0.0.1:0").await?;
-    let address = format!("http://{}", listener.local_addr()?);
+    let address = listener.local_addr()?;
     let shutdown = CancellationToken::new();
-    let settings =
-        Settings { instance: 1, replica_bytes: 4 << 20, ..Settings::new("test", NonZeroUsize::MIN) };
+    let settings = Settings { replica_bytes: 4 << 20, ..settings };
     let serving = tokio::spawn(worker::serve(TcpListenerStream::new(listener), settings, shutdown.clone()));
-    let client = WorkerClient::connect(address).await.map_err(io::Error::other)?;
+    let client = WorkerClient::connect(format!("http://{address}")).await.map_err(io::Error::other)?;
     let client = client.max_decoding_message_size(MAX_MESSAGE_BYTES);
-    Ok(Setup { client, shutdown, serving })
+    Ok(Setup { address, client, shutdown, serving })
 }
 
 struct Session {
@@ -111,6 +121,7 @@ fn chunks(replica: &EncodedReplica) -> Vec<ReplicaChunk> {
         kind: replica.kind.into(),
         length: replica.bytes.len() as u64,
         packed_length: 0,
+        passed_to: 0,
     };
     [replica_chunk::Body::Header(header), replica_chunk::Body::Data(replica.bytes.clone())]
         .map(|body| ReplicaChunk { body: Some(body) })
@@ -222,10 +233,68 @@ async fn a_goodbye_lets_all_jobs_finish() {
 
 #[tokio::test]
 async fn a_worker_told_to_stop_says_goodbye_and_leaves() {
-    let Setup { mut client, shutdown, serving } = setup().await.unwrap();
+    let Setup { mut client, shutdown, serving, .. } = setup().await.unwrap();
     let mut session = Session::open(&mut client, PROTOCOL_VERSION).await;
     shutdown.cancel();
     assert!(matches!(session.hear().await.unwrap(), Incoming::Goodbye(_)));
     assert!(session.is_over().await);
     serving.await.unwrap().unwrap();
+}
+
+/// A worker that passes replicas on with this token.
+fn passing(token: Option<&Token>) -> Settings {
+    let security = ClientSecurity { token: token.cloned(), ..ClientSecurity::default() };
+    let passing = Passing { network: Arc::new(Sockets), security };
+    Settings { instance: 1, passing: Some(passing), ..Settings::new("from", NonZeroUsize::MIN) }
+}
+
+/// Has a worker that holds a replica, or does not, pass it on to another one. How it says that went.
+async fn pass(settings: Settings, holds: bool, to: &Setup, instance: u64) -> (PassOutcome, String) {
+    let Setup { mut client, .. } = setup_with(settings).await.unwrap();
+    let mut session = Session::open(&mut client, PROTOCOL_VERSION).await;
+    let ([_, receivers], _) = work(1);
+    if holds {
+        load(&mut client, chunks(&receivers)).await.unwrap();
+    }
+    session.say(Outgoing::Pass(PassReplica {
+        number: 7,
+        digest: receivers.digest.to_bytes(),
+        name: "localhost:1".into(),
+        address: to.address.to_string(),
+        instance,
+    }));
+    let Incoming::Passed(passed) = session.hear().await.unwrap() else { panic!("not passed") };
+    assert_eq!((passed.number, &passed.digest), (7, &receivers.digest.to_bytes()));
+    (passed.outcome(), passed.message)
+}
+
+#[tokio::test]
+async fn a_replica_is_passed_on_to_the_worker_that_is_meant_and_nobody_else() {
+    let token = Token::new("0123456789abcdef").unwrap();
+    let demanding =
+        Settings { instance: 2, token: Some(token.clone()), ..Settings::new("to", NonZeroUsize::MIN) };
+    let to = setup_with(demanding).await.unwrap();
+    let (outcome, message) = pass(passing(None), true, &to, 2).await;
+    assert!(outcome == PassOutcome::Failed && message.contains("token"), "{message}");
+    let (outcome, message) = pass(passing(Some(&token)), true, &to, 3).await;
+    assert!(outcome == PassOutcome::Failed && message.contains("another worker"), "{message}");
+    let (outcome, message) = pass(passing(Some(&token)), false, &to, 2).await;
+    assert_eq!((outcome, message.as_str()), (PassOutcome::NotHeld, ""));
+    let (outcome, message) = pass(passing(Some(&token)), true, &to, 2).await;
+    assert_eq!((outcome, message.as_str()), (PassOutcome::Done, ""));
+}
+
+#[tokio::test]
+async fn who_gets_a_replica_from_another_worker_tells_its_coordinator() {
+    let mut to = setup().await.unwrap();
+    let mut session = Session::open(&mut to.client, PROTOCOL_VERSION).await;
+    let (outcome, message) = pass(passing(None), true, &to, 1).await;
+    assert_eq!(outcome, PassOutcome::Done, "{message}");
+    let ([scene, receivers], request) = work(1);
+    let Incoming::Held(held) = session.hear().await.unwrap() else { panic!("not told") };
+    assert_eq!(held.digest, receivers.digest.to_bytes());
+    load(&mut to.client, chunks(&scene)).await.unwrap();
+    session.ask(1, &request);
+    let Incoming::Finished(finished) = session.hear().await.unwrap() else { panic!("not finished") };
+    assert_eq!(finished.rows.len(), 1);
 }

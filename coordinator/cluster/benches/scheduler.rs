@@ -4,7 +4,7 @@
 use std::collections::VecDeque;
 use std::hint::black_box;
 
-use cluster::scheduler::{Action, Event, JobId, Policy, Scheduler, WorkerId};
+use cluster::scheduler::{Action, Event, JobId, PassOutcome, Policy, Scheduler, WorkerId};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use kernel::replica::Digest;
 
@@ -41,6 +41,11 @@ fn bake(workers: u32) -> u64 {
                 match action {
                     Action::LoadReplica { worker, digest } => {
                         events.push_back(Event::ReplicaLoaded { worker, digest });
+                    }
+                    Action::PassReplica { from, worker, digest } => {
+                        events.push_back(Event::ReplicaLoaded { worker, digest });
+                        let outcome = PassOutcome::Done;
+                        events.push_back(Event::PassEnded { from, worker, digest, outcome });
                     }
                     Action::Send { worker, job } => events.push_back(Event::Finished { worker, job }),
                     Action::Deliver { .. } => events.extend(waiting.pop_front()),

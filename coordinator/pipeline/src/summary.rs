@@ -87,7 +87,7 @@ impl WorkerMetrics {
             Self::Exclusive(workers, counts) => {
                 let counts = json!({
                     "duplicates": counts.duplicates, "ignored_answers": counts.ignored_answers,
-                    "lost_workers": counts.lost_workers,
+                    "lost_workers": counts.lost_workers, "passed_replicas": counts.passed_replicas,
                 });
                 (workers.iter().map(whole).collect(), Some(counts))
             }

@@ -7,13 +7,17 @@
 //! |---|---|
 //! | [`worker`] | the generated messages and services of `radiosity.worker.v1` |
 //! | [`api`] | the generated messages and services of `radiosity.v1`, for clients of the service |
+//! | [`network`] | names and connections: sockets, or a simulation |
 //! | [`packing`] | replicas compressed for their way |
+//! | [`replicas`] | a replica in pieces, on its way to a worker |
 //! | [`security`] | certificates, tokens, limits of plain text |
 //! | [`server`] | what servers have in common: limits of connections, and shutdown |
 //! | [`telemetry`] | logs, metrics and spans |
 
 pub mod api;
+pub mod network;
 pub mod packing;
+pub mod replicas;
 pub mod security;
 pub mod server;
 pub mod telemetry;

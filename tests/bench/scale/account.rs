@@ -11,6 +11,8 @@ use crate::processor::Nanoseconds;
 pub enum Cause {
     /// The driver computes, and asks for nothing meanwhile.
     Coordinator,
+    /// A replica is on its way to it, or made ready there.
+    Replica,
     /// A job is on its way to it, or all answers are on their way home.
     Network,
     /// Fewer jobs are under way than there are threads: the window, or the end of a batch.

@@ -7,16 +7,19 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use bake::{BakeError, Phase, RowService};
-use cluster::scheduler::{Action, Event, Policy, Scheduler, WorkerId, room};
+use cluster::scheduler::{Action, Event, PassOutcome, Policy, Scheduler, WorkerId, room};
 use cluster::{FinishedJob, JobId};
 use kernel::replica::{Digest, EncodedReplica};
 use kernel::row::RowRequest;
 use prost::Message;
 
 use crate::account::{Account, Cause};
-use crate::model::{Model, NETWORK_THREADS, PER_MESSAGE, WAKING, Where};
+use crate::model::{Model, NETWORK_THREADS, WAKING, Where};
 use crate::processor::{Nanoseconds, processor_time, processor_time_of_all};
 use crate::recorder::{Recorded, Recorder};
+
+/// Length of the message that has a worker pass a replica on.
+const PASS_BYTES: u64 = 100;
 
 /// A cluster that is simulated.
 pub struct Simulated<'a> {
@@ -66,6 +69,10 @@ struct Worker {
     computing: Option<JobId>,
     /// Jobs on their way to it.
     coming: u64,
+    /// Replicas on their way to it, or made ready there.
+    loading: u64,
+    /// When its own link is free again, for replicas that it passes on.
+    link_out: Nanoseconds,
     /// Mean time of its jobs.
     mean: f64,
     /// Jobs that it may hold, once that was measured.
@@ -78,6 +85,8 @@ enum Happening {
     Submitted(JobId),
     Tick,
     ReplicaLoaded(usize, Digest),
+    PassArrives([usize; 2], Digest),
+    PassEnded([usize; 2], Digest),
     Released(Digest),
     JobArrives(usize, JobId),
     CancelArrives(usize, JobId),
@@ -93,6 +102,9 @@ impl<'a> Simulated<'a> {
         let mut scheduler = Scheduler::new(model.policy);
         let workers = model.workers.len();
         for worker in 0..workers {
+            if model.passes {
+                scheduler.handle(Event::PassesReplicas { worker: WorkerId(worker as u32) });
+            }
             scheduler.handle(Event::WorkerConnected { worker: WorkerId(worker as u32), threads: 1 });
         }
         let mut simulated = Self {
@@ -136,7 +148,7 @@ impl<'a> Simulated<'a> {
         // Of the thread's own time nothing is shared: what threads share is done by others, while it waits.
         let own = self.model.scaled(own - self.mark[0]);
         let shared = self.model.scaled(all - self.mark[1]).saturating_sub(own);
-        self.now += own + shared / self.model.cores;
+        self.now += (own + shared / self.model.cores) / self.model.driver;
         self.account.shared += shared;
         *self.account.driver.entry(self.phase.get().name()).or_default() += own + shared;
     }
@@ -186,7 +198,25 @@ impl<'a> Simulated<'a> {
                 self.foresee(time + self.model.period, Happening::Tick);
             }
             Happening::ReplicaLoaded(worker, digest) => {
+                self.workers[worker].loading -= 1;
                 self.tell(time, Event::ReplicaLoaded { worker: id(worker), digest });
+            }
+            Happening::PassArrives([from, to], digest) => {
+                let (bytes, prepare) = self.recorder.replica(digest);
+                // The other worker is dialled: a message there and back before the first byte.
+                let connected = time + 2 * (self.model.latency + self.model.per_message);
+                let sent = self.workers[from].link_out.max(connected) + self.model.travelling(bytes);
+                self.workers[from].link_out = sent;
+                let ready = sent + self.model.latency + self.model.scaled(prepare);
+                let told = ready + self.model.latency + self.model.per_message;
+                self.foresee(told, Happening::ReplicaLoaded(to, digest));
+                // It hears from the other worker that it is done, and says so.
+                let ended = told + self.model.latency + self.model.per_message;
+                self.foresee(ended, Happening::PassEnded([from, to], digest));
+            }
+            Happening::PassEnded([from, to], digest) => {
+                let outcome = PassOutcome::Done;
+                self.tell(time, Event::PassEnded { from: id(from), worker: id(to), digest, outcome });
             }
             Happening::Released(digest) => self.tell(time, Event::Released { digest }),
             Happening::JobArrives(worker, job) => {
@@ -198,7 +228,7 @@ impl<'a> Simulated<'a> {
                 let line = &mut self.workers[worker].line;
                 if let Some(place) = line.iter().position(|waits| *waits == job) {
                     line.remove(place);
-                    let there = self.on_network_thread(time + self.model.latency, PER_MESSAGE);
+                    let there = self.on_network_thread(time + self.model.latency, self.model.per_message);
                     self.foresee(there, Happening::Cancelled(worker, job));
                 }
             }
@@ -243,7 +273,8 @@ impl<'a> Simulated<'a> {
         let remote = shoots && self.model.shooting != Where::Locally && self.model.workers.len() > 1;
         let (decode, bytes) = if remote { (0, 64) } else { (decode, answer_bytes) };
         self.link_in = self.link_in.max(time) + self.model.travelling(bytes);
-        let decoded = self.on_network_thread(self.link_in + self.model.latency, PER_MESSAGE + decode);
+        let decoded =
+            self.on_network_thread(self.link_in + self.model.latency, self.model.per_message + decode);
         self.account.decoding += decode;
         self.foresee(decoded, Happening::Answered(worker, id));
         self.workers[worker].computing = None;
@@ -271,7 +302,7 @@ impl<'a> Simulated<'a> {
     }
 
     fn send(&mut self, time: Nanoseconds, bytes: u64) -> Nanoseconds {
-        let made = self.on_network_thread(time, PER_MESSAGE);
+        let made = self.on_network_thread(time, self.model.per_message);
         self.link_out = self.link_out.max(made) + self.model.travelling(bytes);
         self.link_out + self.model.latency
     }
@@ -289,9 +320,16 @@ impl<'a> Simulated<'a> {
                 Action::LoadReplica { worker, digest } => {
                     let (bytes, prepare) = self.recorder.replica(digest);
                     let prepare = self.model.scaled(prepare);
-                    let there = self.send(time, bytes);
+                    let there = if self.model.free_replicas { time } else { self.send(time, bytes) };
                     let known = there + prepare + self.model.latency;
+                    self.workers[worker.0 as usize].loading += 1;
                     self.foresee(known, Happening::ReplicaLoaded(worker.0 as usize, digest));
+                }
+                Action::PassReplica { from, worker, digest } => {
+                    let there = self.send(time, PASS_BYTES);
+                    self.workers[worker.0 as usize].loading += 1;
+                    let ends = [from, worker].map(|worker| worker.0 as usize);
+                    self.foresee(there, Happening::PassArrives(ends, digest));
                 }
                 Action::Send { worker, job } => {
                     let state = self.jobs.get_mut(&job).expect("it was submitted");
@@ -320,7 +358,11 @@ impl<'a> Simulated<'a> {
         let mut waiting = BTreeMap::new();
         let any = self.workers.iter().any(|worker| worker.computing.is_some());
         for worker in self.workers.iter().filter(|worker| worker.computing.is_none()) {
-            let cause = if worker.coming > 0 || !any { Cause::Network } else { Cause::TooFewJobs };
+            let cause = match (worker.coming, worker.loading) {
+                (0, 0) if any => Cause::TooFewJobs,
+                (0, 1..) => Cause::Replica,
+                _ => Cause::Network,
+            };
             *waiting.entry(cause).or_default() += 1;
         }
         waiting

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | scale | speed-up and efficiency by workers, and what idle threads wait for |
 //! | summary | efficiency on 4, 16, 64 and 256 workers, and over round trips of 100 ms |
+//! | limits | what faster replicas, messages, links or arithmetic would bring |
 //! | slow | what one slow worker costs, or one that hangs |
 //! | window | what more rows under way while shooting bring |
 //! | paper | who shoots; jobs sent on news or by the period; energies apart or in the vertices |
@@ -41,6 +42,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     match what {
         "scale" => scenes.try_for_each(tables::scale),
         "summary" => scenes.try_for_each(tables::summary),
+        "limits" => scenes.try_for_each(tables::limits),
         "slow" => scenes.try_for_each(tables::slow),
         "window" => scenes.try_for_each(tables::window),
         "paper" => {
@@ -48,6 +50,6 @@ fn main() -> Result<(), Box<dyn Error>> {
             records::compare();
             Ok(())
         }
-        _ => Err("say scale, summary, slow, window or paper, then names of scenes: small, medium, large, checked, error, house".into()),
+        _ => Err("say scale, summary, limits, slow, window or paper, then names of scenes: small, medium, large, checked, error, house".into()),
     }
 }

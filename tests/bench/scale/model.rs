@@ -17,6 +17,14 @@ pub struct Model {
     pub latency: Nanoseconds,
     /// Of the coordinator's link in each direction, bytes a second.
     pub bandwidth: f64,
+    /// Processor time that a message takes of one of the network's threads, beside what is measured: gRPC, HTTP/2, system calls.
+    pub per_message: Nanoseconds,
+    /// All that the bake's own threads compute takes one over this.
+    pub driver: u64,
+    /// Workers pass replicas on to each other, over links as fast as the coordinator's.
+    pub passes: bool,
+    /// Replicas take no time to travel.
+    pub free_replicas: bool,
     /// When jobs are sent.
     pub policy: Policy,
     /// From tick to tick, with the periodic policy.
@@ -37,8 +45,8 @@ pub enum Where {
     },
 }
 
-/// Processor time that a message takes of one of the network's threads, beside what is measured: gRPC, HTTP/2, system calls.
-pub const PER_MESSAGE: Nanoseconds = 30_000;
+/// Processor time that a message takes of one of the network's threads.
+const PER_MESSAGE: Nanoseconds = 30_000;
 
 /// Time for the driver's thread to wake up.
 pub const WAKING: Nanoseconds = 20_000;
@@ -59,6 +67,10 @@ impl Model {
             cores: CORES,
             latency: 200_000,
             bandwidth: 125e6,
+            per_message: PER_MESSAGE,
+            driver: 1,
+            passes: true,
+            free_replicas: false,
             policy: Policy::Finished,
             period: 1_000_000,
             shooting: Where::Locally,

@@ -24,9 +24,9 @@ pub fn scale(scene: &Named) -> Result<(), Box<dyn Error>> {
         prepared.settings.window = window;
         println!("\nprocessor times x {slowness}, window {window}:\n");
         println!(
-            "| workers | seconds | speed-up | efficiency | idle: coordinator | network | too few jobs | copies | dropped | most |"
+            "| workers | seconds | speed-up | efficiency | idle: coordinator | replicas | network | too few jobs | copies | dropped | most |"
         );
-        println!("|---:|---:|---:|---:|---:|---:|---:|---:|---:|---|");
+        println!("|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---|");
         let alone = prepared.run(Model { slowness, ..Model::even(1) })?;
         for workers in WORKERS {
             let run = prepared.run(Model { slowness, ..Model::even(workers) })?;
@@ -47,9 +47,9 @@ pub fn summary(scene: &Named) -> Result<(), Box<dyn Error>> {
     let alone = prepared.run(Model::even(1))?;
     describe(scene, &alone);
     println!(
-        "\n| workers | seconds | speed-up | efficiency | idle: coordinator | network | too few jobs | copies | dropped | most |"
+        "\n| workers | seconds | speed-up | efficiency | idle: coordinator | replicas | network | too few jobs | copies | dropped | most |"
     );
-    println!("|---:|---:|---:|---:|---:|---:|---:|---:|---:|---|");
+    println!("|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---|");
     for (workers, latency) in [(4, 0), (16, 0), (64, 0), (256, 0), (4, 100_000_000), (16, 100_000_000)] {
         let even = Model::even(workers);
         let model = Model { latency: even.latency.max(latency / 2), ..even };
@@ -95,6 +95,8 @@ fn describe(scene: &Named, run: &Run) {
     let phases: Vec<String> =
         account.driver.iter().map(|(phase, time)| format!("{phase} {:.3} s", in_seconds(*time))).collect();
     println!("driver: {}", phases.join(", "));
+    let steps = run.report.own_seconds.iter().map(|(step, seconds)| format!("{step} {seconds:.3} s"));
+    println!("driver, wall time by step: {}", steps.collect::<Vec<_>>().join(", "));
     println!("{} shots, {} sweeps", run.report.shots, run.report.sweeps);
     let phases: Vec<String> =
         account.elapsed.iter().map(|(phase, time)| format!("{phase} {:.3} s", in_seconds(*time))).collect();
@@ -119,17 +121,53 @@ fn line(workers: usize, alone: f64, run: &Run) {
         })
         .collect();
     println!(
-        "| {workers} | {:.3} | {:.1} | {:.2} | {:.1} % | {:.1} % | {:.1} % | {} | {} | {} |",
+        "| {workers} | {:.3} | {:.1} | {:.2} | {:.1} % | {:.1} % | {:.1} % | {:.1} % | {} | {} | {} |",
         run.seconds,
         alone / run.seconds,
         alone / all,
         100.0 * idle(Cause::Coordinator),
+        100.0 * idle(Cause::Replica),
         100.0 * idle(Cause::Network),
         100.0 * idle(Cause::TooFewJobs),
         run.account.duplicates[0],
         run.account.duplicates[1],
         most.into_values().collect::<Vec<_>>().join(", ")
     );
+}
+
+/// What would bring more, each with all before it: how far a bake is from what it could be.
+///
+/// # Errors
+/// When the scene cannot be baked.
+pub fn limits(scene: &Named) -> Result<(), Box<dyn Error>> {
+    let mut prepared = scene.prepare()?;
+    prepared.run(Model::even(1))?;
+    let alone = prepared.run(Model::even(1))?;
+    describe(scene, &alone);
+    type Change = fn(Model) -> Model;
+    let changes: [(&str, Change); 6] = [
+        ("replicas from the coordinator alone", |model| Model { passes: false, ..model }),
+        ("passed from worker to worker", |model| Model { passes: true, ..model }),
+        ("replicas travel in no time", |model| Model { free_replicas: true, ..model }),
+        ("messages cost no processor time", |model| Model { per_message: 0, ..model }),
+        ("10 Gbit/s", |model| Model { bandwidth: 1.25e9, ..model }),
+        ("own arithmetic 4 times as fast", |model| Model { driver: 4, ..model }),
+    ];
+    for workers in [16, 64, 256] {
+        println!("\n{workers} workers\n");
+        println!(
+            "| with | workers | seconds | speed-up | efficiency | idle: coordinator | replicas | network | too few jobs | copies | dropped | most |"
+        );
+        println!("|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---|");
+        let mut model = Model::even(workers);
+        for (name, change) in changes {
+            model = change(model);
+            let run = prepared.run(model.clone())?;
+            print!("| {name} ");
+            line(workers, alone.seconds, &run);
+        }
+    }
+    Ok(())
 }
 
 /// What one slow worker, or one that hangs, costs.

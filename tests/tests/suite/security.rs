@@ -86,6 +86,30 @@ fn encrypted_workers_bake_the_same_bytes() {
     assert!(named.success, "{}", named.said);
 }
 
+/// More workers than the coordinator sends a replica to at a time; how many got one from another worker.
+fn passed_among_many(bench: &Bench, of_workers: &[&str], of_coordinator: &[&str]) -> (u64, Option<Vec<u8>>) {
+    let workers: Vec<WorkerProcess> = (0..12).map(|_| start(of_workers)).collect();
+    let addresses: Vec<&str> = workers.iter().map(|worker| worker.address.as_str()).collect();
+    let solved = bench.solve(&addresses.join(","), of_coordinator);
+    assert!(solved.success, "{}", solved.said);
+    (solved.report["cluster"]["passed_replicas"].as_u64().unwrap(), solved.lit)
+}
+
+#[test]
+fn workers_pass_replicas_on_with_certificate_and_token_or_not_at_all() {
+    let (bench, authority) = (Bench::new(), Authority::new());
+    let (worker, coordinator) = (here(&authority), authority.sign(&["coordinator"]));
+    let token = bench.file("token", "a-secret-of-many-words");
+    let of_workers = [&arguments(&worker)[..], &["--token-file", &token]].concat();
+    let of_coordinator = [&arguments(&coordinator)[..], &["--token-file", &token]].concat();
+    let (passed, lit) = passed_among_many(&bench, &of_workers, &of_coordinator);
+    assert!(passed > 0);
+    // Where workers take coordinators alone, these send all.
+    let with_roles = [&of_workers[..], &["--tls-callers", "coordinator"]].concat();
+    let (passed, same) = passed_among_many(&bench, &with_roles, &of_coordinator);
+    assert!(passed == 0 && same == lit);
+}
+
 #[test]
 fn certificates_that_are_not_right_are_refused() {
     let (bench, authority, other) = (Bench::new(), Authority::new(), Authority::new());

@@ -9,12 +9,12 @@ use tokio_util::sync::DropGuard;
 
 use super::error::ClusterError;
 use super::message::Message;
-use super::network::Network;
 use super::reactor::{self, ReactorObserver};
 use super::request::Request;
 use super::settings::ClusterSettings;
 use super::start::Started;
 use super::summary::{ClusterCounts, FinishedWork, WorkerSummary};
+use protocol::network::Network;
 
 /// All workers, as tasks of the runtime that it was started on, over any [`Network`].
 pub struct AsyncCluster {

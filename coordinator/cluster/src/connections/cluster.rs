@@ -12,11 +12,11 @@ use super::error::ClusterError;
 use super::handle::Handle;
 use super::hub::Hub;
 use super::message::Message;
-use super::network::Sockets;
 use super::settings::ClusterSettings;
 use super::start::Started;
 use super::summary::{ClusterCounts, WorkerSummary};
 use crate::metrics::Metrics;
+use protocol::network::Sockets;
 
 /// Threads that move messages, at least and at most: one per core between. They decode all rows, and two were busy with those of 19
 /// workers.

@@ -8,13 +8,13 @@ use std::time::Duration;
 
 use hyper_util::rt::TokioIo;
 use kernel::row::ROW_VERSION;
+use protocol::replicas::client;
 use protocol::security::{ClientSecurity, Credentials, SecuredChannel, explain};
 use protocol::worker::coordinator_message::Body as Outgoing;
 use protocol::worker::worker_client::WorkerClient;
 use protocol::worker::worker_message::Body as Incoming;
 use protocol::worker::{
-    CoordinatorHello, CoordinatorMessage, MAX_MESSAGE_BYTES, PROTOCOL_VERSION, WorkerHello, WorkerMessage,
-    check_versions,
+    CoordinatorHello, CoordinatorMessage, PROTOCOL_VERSION, WorkerHello, WorkerMessage, check_versions,
 };
 use tokio::io::DuplexStream;
 use tokio::sync::mpsc;
@@ -28,7 +28,7 @@ use tower::service_fn;
 use worker::Settings;
 
 use super::error::{ClusterError, is_refusal, reason, words};
-use super::network::Network;
+use protocol::network::Network;
 
 /// Time limit for a worker to accept a connection, and again to say hello.
 pub(super) const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
@@ -63,6 +63,19 @@ pub(super) struct Connection {
     pub uploads: WorkerClient<SecuredChannel>,
     /// Whether it can fall silent while this process lives.
     pub remote: bool,
+    /// Where other workers reach it.
+    pub peer: Option<Peer>,
+}
+
+/// A worker as others dial it.
+#[derive(Debug, Clone)]
+pub(super) struct Peer {
+    /// Name that its certificate must have.
+    pub name: String,
+    /// Address, as this process dials it.
+    pub socket: SocketAddr,
+    /// The number in its hello: at the same address another worker may answer, seen from elsewhere.
+    pub instance: u64,
 }
 
 /// Checks that an address has the form `host:port`.
@@ -116,6 +129,12 @@ pub(super) async fn dial(
             Ok(answer) => answer,
             Err(_) => Err(silent(&address)),
         };
+        let answer = answer.map(|connection| {
+            let name = security.server_name.as_deref().unwrap_or(given).into();
+            let passes = connection.hello.passes_replicas;
+            let peer = passes.then_some(Peer { name, socket, instance: connection.hello.instance });
+            Connection { peer, ..connection }
+        });
         return if plain { answer.map_err(with_certificates_in_mind) } else { answer };
     }
 }
@@ -181,12 +200,6 @@ fn with_limits(endpoint: Endpoint) -> Endpoint {
         .max_frame_size(LARGEST_FRAME)
 }
 
-fn client(channel: Channel, credentials: Credentials) -> WorkerClient<SecuredChannel> {
-    WorkerClient::with_interceptor(channel, credentials)
-        .max_decoding_message_size(MAX_MESSAGE_BYTES)
-        .max_encoding_message_size(MAX_MESSAGE_BYTES)
-}
-
 /// Opens the session and exchanges hellos. Callers limit its time.
 async fn greet(
     address: String,
@@ -223,7 +236,8 @@ async fn greet(
     if hello.threads == 0 {
         return Err(refused("it has no threads".into()));
     }
-    Ok(Connection { address, hello, inbound, outbound, uploads: client(uploads, credentials), remote })
+    let uploads = client(uploads, credentials);
+    Ok(Connection { address, hello, inbound, outbound, uploads, remote, peer: None })
 }
 
 #[cfg(test)]
@@ -233,8 +247,8 @@ mod tests {
     use protocol::security::{Tls, TlsFiles, Transport};
     use tokio_rustls::TlsAcceptor;
 
-    use super::super::network::{Answer, ByteStream};
     use super::*;
+    use protocol::network::{Answer, ByteStream};
 
     /// A worker that shakes hands and then hangs up or stays silent.
     struct Mute {

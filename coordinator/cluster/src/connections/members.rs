@@ -17,11 +17,11 @@ use super::backoff::Backoff;
 use super::connect::{self, CONNECT_TIMEOUT, Connection, EMBEDDED, place};
 use super::error::ClusterError;
 use super::message::{Joined, Message};
-use super::network::Network;
 use super::session::{self, News, SessionMetrics};
 use super::settings::ClusterSettings;
 use crate::metrics::Metrics;
 use crate::scheduler::WorkerId;
+use protocol::network::Network;
 
 /// Interval between look-ups of a name: a new machine is found within it.
 const LOOK_UP_INTERVAL: Duration = Duration::from_secs(2);
@@ -222,6 +222,7 @@ impl Members {
             worker,
             address: connection.address.clone(),
             hello: connection.hello.clone(),
+            peer: connection.peer.clone(),
             commands,
             bytes_sent: Arc::clone(&bytes_sent),
         }));

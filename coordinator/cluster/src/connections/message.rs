@@ -7,6 +7,7 @@ use kernel::replica::{Digest, EncodedReplica};
 use protocol::worker::WorkerHello;
 use tokio::sync::{mpsc, oneshot};
 
+use super::connect::Peer;
 use super::error::ClusterError;
 use super::request::Request;
 use super::session::{Command, News};
@@ -52,6 +53,8 @@ pub(super) struct Joined {
     pub worker: WorkerId,
     pub address: String,
     pub hello: WorkerHello,
+    /// Where other workers reach it, if replicas may be passed on to it, and by it.
+    pub peer: Option<Peer>,
     pub commands: mpsc::UnboundedSender<Command>,
     /// Counted by its session.
     pub bytes_sent: Arc<AtomicU64>,

@@ -15,12 +15,12 @@
 //! | `pulse` | keep-alives: whether the worker is there, and uploads get on |
 //! | `distance` | how many jobs a worker holds so that its threads go on while messages travel |
 //! | `upload` | sends one replica to one worker |
+//! | `passing` | where workers reach each other to pass replicas on, and which uploads take long |
 //! | `refusals` | replicas that workers do not take |
 //! | `request`, `answer` | jobs of either kind, and their answers, checked |
 //! | `waiting` | why workers are absent, and how long they are waited for |
 //! | `accounts`, `summary`, `recent` | what each worker did, and the recent rate |
 //! | `ledger` | what the threads of all workers did, over time |
-//! | `network` | names and connections: sockets, or a simulation |
 //!
 //! Workers in this process and elsewhere speak the same protocol through the same code; only the bytes below it go through memory or
 //! a socket. No file here needs this one: they name each other.
@@ -38,7 +38,7 @@ mod hub;
 mod ledger;
 mod members;
 mod message;
-pub mod network;
+mod passing;
 mod pulse;
 mod reactor;
 mod recent;

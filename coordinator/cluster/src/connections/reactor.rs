@@ -18,6 +18,7 @@ use super::error::ClusterError;
 use super::ledger::{Ledger, Threads};
 use super::members::Members;
 use super::message::{Joined, Message};
+use super::passing::Passing;
 use super::refusals::Refusals;
 use super::request::Request;
 use super::session::{Command, LostWorkerReason, News};
@@ -25,7 +26,7 @@ use super::settings::{ClusterSettings, Schedule};
 use super::summary::{ClusterCounts, Delivery};
 use super::upload::Published;
 use super::waiting::{Ready, Waiting};
-use crate::scheduler::{Abandonment, Action, Event, JobId, Policy, Scheduler, WorkerId};
+use crate::scheduler::{Abandonment, Action, Event, JobId, PassOutcome, Policy, Scheduler, WorkerId};
 
 pub(super) type Result = std::result::Result<Delivery, ClusterError>;
 
@@ -49,6 +50,9 @@ pub(crate) trait ReactorObserver: Send + 'static {
         scheduler.handle(event)
     }
 
+    /// Sees the scheduler before its first event.
+    fn begin(&mut self, _scheduler: &mut Scheduler) {}
+
     /// Takes the numbers of requests, sessions, and digests of answers that may come twice, between two messages.
     fn held(&mut self, _requests: usize, _sessions: usize, _delivered: usize) {}
 }
@@ -66,6 +70,7 @@ pub(super) struct Reactor<O> {
     accounts: Accounts,
     distances: Distances,
     refusals: Refusals,
+    passing: Passing,
     /// Answers that were delivered, of jobs that another worker holds too, until it has answered or is lost.
     delivered: HashMap<JobId, Delivered>,
     /// Counts the sessions.
@@ -89,7 +94,7 @@ struct Delivered {
 impl<O: ReactorObserver> Reactor<O> {
     /// A reactor that waits for workers from this number of names. Results of jobs go to `results`.
     pub(super) fn new(
-        observer: O,
+        mut observer: O,
         settings: ClusterSettings,
         members: Arc<Members>,
         names: usize,
@@ -101,11 +106,13 @@ impl<O: ReactorObserver> Reactor<O> {
             Schedule::Finished => Policy::Finished,
             Schedule::Periodic { .. } => Policy::Periodic,
         };
+        let mut scheduler = Scheduler::new(policy);
+        observer.begin(&mut scheduler);
         Self {
             observer,
             settings,
             members,
-            scheduler: Scheduler::new(policy),
+            scheduler,
             replicas: HashMap::new(),
             requests: HashMap::new(),
             sessions: BTreeMap::new(),
@@ -113,6 +120,7 @@ impl<O: ReactorObserver> Reactor<O> {
             accounts: Accounts::default(),
             distances: Distances::default(),
             refusals: Refusals::default(),
+            passing: Passing::default(),
             delivered: HashMap::new(),
             results,
             waiting: Waiting::new(names, ready),
@@ -134,6 +142,7 @@ impl<O: ReactorObserver> Reactor<O> {
             let grace_ends = self.waiting.ends(self.settings.grace);
             let begins = self.waiting.begins();
             let refusals_end = self.refusals.ends();
+            let late = self.passing.next_late();
             tokio::select! {
                 message = inbox.recv() => match message {
                     Some(message) => self.take(message),
@@ -147,6 +156,11 @@ impl<O: ReactorObserver> Reactor<O> {
                 }
                 () = sleep_until(refusals_end.unwrap_or_else(Instant::now)), if refusals_end.is_some() => {
                     self.on(Event::GaveUpOnRefused);
+                }
+                () = sleep_until(late.unwrap_or_else(Instant::now)), if late.is_some() => {
+                    if let Some((worker, digest)) = self.passing.take_late() {
+                        self.on(Event::ReplicaLate { worker, digest });
+                    }
                 }
                 () = tick(&mut timer) => self.on(Event::Tick),
                 // The caller left without a goodbye.
@@ -200,6 +214,7 @@ impl<O: ReactorObserver> Reactor<O> {
                     duplicates: self.scheduler.duplicates_sent(),
                     ignored_answers: self.scheduler.ignored_answers(),
                     lost_workers: self.accounts.losses(),
+                    passed_replicas: self.scheduler.passed_replicas(),
                 };
                 // The caller may have left.
                 let _ = reply.send((self.accounts.summaries(), counts));
@@ -233,7 +248,7 @@ impl<O: ReactorObserver> Reactor<O> {
         self.on(Event::Withdrawn { jobs });
     }
 
-    fn join(&mut self, Joined { worker, address, hello, commands, bytes_sent }: Joined) {
+    fn join(&mut self, Joined { worker, address, hello, peer, commands, bytes_sent }: Joined) {
         let threads = hello.threads as usize;
         tracing::info!(worker = hello.name, address, threads, version = hello.software_version, "connected");
         self.waiting.came(&address);
@@ -249,6 +264,10 @@ impl<O: ReactorObserver> Reactor<O> {
         self.connected.workers.fetch_add(1, Relaxed);
         self.connected.threads.fetch_add(threads, Relaxed);
         self.distances.joined(worker, threads);
+        if let Some(peer) = peer {
+            self.passing.joined(worker, peer);
+            self.on(Event::PassesReplicas { worker });
+        }
         self.on(Event::WorkerConnected { worker, threads });
         self.look_round();
     }
@@ -276,7 +295,15 @@ impl<O: ReactorObserver> Reactor<O> {
         match news {
             News::Loaded(digest) => {
                 self.refusals.arrived(worker, self.accounts.address(worker), digest);
+                self.passing.arrived(worker, digest);
                 self.on(Event::ReplicaLoaded { worker, digest });
+            }
+            News::Passed { digest, to, outcome, message } => {
+                if outcome == PassOutcome::Failed {
+                    let from = self.accounts.name(worker);
+                    tracing::debug!(worker = from, replica = %digest, message, "a replica was not passed on");
+                }
+                self.on(Event::PassEnded { from: worker, worker: to, digest, outcome });
             }
             News::Refused { digest, message } => self.refuse(worker, digest, message),
             News::Finished(answer) => self.finish(worker, answer),
@@ -319,6 +346,7 @@ impl<O: ReactorObserver> Reactor<O> {
         self.connected.ahead.store(self.distances.ahead(), Relaxed);
         self.delivered.retain(|_, delivered| delivered.holder != worker);
         self.refusals.lost(worker, self.accounts.address(worker), reason.is_orderly());
+        self.passing.lost(worker);
         if self.shutdown.is_some() {
             self.accounts.close(worker);
             return;
@@ -395,16 +423,12 @@ impl<O: ReactorObserver> Reactor<O> {
         let mut refused = vec![];
         for action in actions {
             match action {
-                Action::LoadReplica { worker, digest } => match self.replicas.get(&digest) {
-                    Some(replica) => {
-                        let place = (self.accounts.name(worker), self.accounts.address(worker));
-                        match self.refusals.sends(worker, place, &replica.replica) {
-                            Ok(()) => self.command(worker, Command::Load(Arc::clone(replica))),
-                            Err(message) => refused.push((worker, digest, message)),
-                        }
-                    }
-                    None => self.report(Err(ClusterError::NotPublished(digest))),
-                },
+                Action::LoadReplica { worker, digest } => {
+                    refused.extend(self.load(worker, digest, None));
+                }
+                Action::PassReplica { from, worker, digest } => {
+                    refused.extend(self.load(worker, digest, Some(from)));
+                }
                 Action::ReleaseReplica { worker, digest } => self.command(worker, Command::Release(digest)),
                 Action::Send { worker, job } => {
                     if let Some(request) = self.requests.get(&job) {
@@ -429,6 +453,32 @@ impl<O: ReactorObserver> Reactor<O> {
         for (worker, digest, message) in refused {
             self.refuse(worker, digest, message);
         }
+    }
+
+    /// Has a replica loaded to a worker, by another one or from here. Returns why it is not to be, if so.
+    fn load(
+        &mut self,
+        worker: WorkerId,
+        digest: Digest,
+        from: Option<WorkerId>,
+    ) -> Option<(WorkerId, Digest, String)> {
+        let Some(replica) = self.replicas.get(&digest).map(Arc::clone) else {
+            self.report(Err(ClusterError::NotPublished(digest)));
+            return None;
+        };
+        let place = (self.accounts.name(worker), self.accounts.address(worker));
+        if let Err(message) = self.refusals.sends(worker, place, &replica.replica) {
+            return Some((worker, digest, message));
+        }
+        self.passing.begins(worker, digest, replica.replica.bytes.len() as u64);
+        match from.zip(self.passing.peer(worker)) {
+            Some((from, peer)) => {
+                let peer = peer.clone();
+                self.command(from, Command::Pass { digest, to: worker, peer });
+            }
+            None => self.command(worker, Command::Load(replica)),
+        }
+        None
     }
 
     fn command(&self, worker: WorkerId, command: Command) {

@@ -1,6 +1,6 @@
 //! One worker's session: commands in, news out. Any failure ends it and is reported in one way, as the loss of the worker.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
@@ -10,7 +10,8 @@ use protocol::telemetry::Held;
 use protocol::worker::coordinator_message::Body as Outgoing;
 use protocol::worker::worker_message::Body as Incoming;
 use protocol::worker::{
-    CancelJob, CoordinatorMessage, FailureReason, Goodbye, JobFailed, ReleaseReplica, WorkerMessage,
+    CancelJob, CoordinatorMessage, FailureReason, Goodbye, JobFailed, PassReplica, ReleaseReplica,
+    WorkerMessage,
 };
 use tokio::sync::mpsc;
 use tokio::task::JoinSet;
@@ -18,13 +19,13 @@ use tokio::time::{Instant, MissedTickBehavior, interval};
 use tonic::Status;
 
 use super::answer::{Answer, Checked, check_tile};
-use super::connect::Connection;
+use super::connect::{Connection, Peer};
 use super::error::words;
 use super::pulse::{KEEP_ALIVE, Lapse, Pulse};
 use super::request::Request;
 use super::upload::{Published, UploadFailure, pack, upload};
 use crate::metrics::{Metrics, WorkerMetrics};
-use crate::scheduler::JobId;
+use crate::scheduler::{JobId, PassOutcome, WorkerId};
 
 /// Jobs of more time than this are told of in the log: others may have waited for them.
 const LONG_JOB: Duration = Duration::from_millis(500);
@@ -35,6 +36,15 @@ pub(super) enum Command {
     Job(JobId, Arc<Request>),
     /// Load a replica.
     Load(Arc<Published>),
+    /// Have the worker pass a replica on.
+    Pass {
+        /// The replica.
+        digest: Digest,
+        /// Its destination.
+        to: WorkerId,
+        /// Where that is.
+        peer: Peer,
+    },
     /// Tell the worker that a job is not wanted any more.
     Cancel(JobId),
     /// Tell the worker that it may forget a replica.
@@ -51,6 +61,17 @@ pub(super) enum News {
     Refused {
         /// The replica.
         digest: Digest,
+        /// The worker's words.
+        message: String,
+    },
+    /// A replica that it was to pass on has gone, or not.
+    Passed {
+        /// The replica.
+        digest: Digest,
+        /// Its destination.
+        to: WorkerId,
+        /// How it went.
+        outcome: PassOutcome,
         /// The worker's words.
         message: String,
     },
@@ -133,8 +154,8 @@ pub(super) async fn run(
     tell: impl Fn(News),
 ) -> LostWorkerReason {
     let Connection { mut inbound, outbound, uploads: upload_client, remote, .. } = connection;
-    let (under_way, pulse) = (HashMap::new(), Pulse::default());
-    let mut session = Session { outbound, under_way, pulse, bytes_sent, metrics, tell };
+    let (under_way, passes, pulse) = (HashMap::new(), HashSet::new(), Pulse::default());
+    let mut session = Session { outbound, under_way, passes, pulse, bytes_sent, metrics, tell };
     let (mut packings, mut uploads) = (JoinSet::new(), JoinSet::new());
     let mut keep_alive = interval(KEEP_ALIVE);
     keep_alive.set_missed_tick_behavior(MissedTickBehavior::Delay);
@@ -196,10 +217,17 @@ fn other_kind(job: u64) -> LostWorkerReason {
     LostWorkerReason::Garbage(format!("an answer of another kind to job {job}"))
 }
 
+/// The replica that a message names.
+fn replica_of(digest: &[u8]) -> Result<Digest, LostWorkerReason> {
+    Digest::try_from(digest).map_err(|error| LostWorkerReason::Garbage(error.to_string()))
+}
+
 struct Session<T> {
     outbound: mpsc::UnboundedSender<CoordinatorMessage>,
     /// Jobs that the worker has not answered, each counted in the metrics while it is here.
     under_way: HashMap<JobId, (Arc<Request>, Held)>,
+    /// Replicas that the worker is to pass on, and has not told of.
+    passes: HashSet<(WorkerId, Digest)>,
     pulse: Pulse,
     /// Length of the replicas and jobs sent.
     bytes_sent: Arc<AtomicU64>,
@@ -227,6 +255,12 @@ impl<T: Fn(News)> Session<T> {
                 self.send(Outgoing::Release(ReleaseReplica { digest: digest.to_bytes() }));
             }
             Command::Goodbye => self.send(Outgoing::Goodbye(Goodbye { reason: "the work is done".into() })),
+            Command::Pass { digest, to, peer: Peer { name, socket, instance } } => {
+                self.passes.insert((to, digest));
+                let address = socket.to_string();
+                let digest = digest.to_bytes();
+                self.send(Outgoing::Pass(PassReplica { number: to.0, digest, name, address, instance }));
+            }
             // Uploads are started where they are awaited.
             Command::Load(_) => {}
         }
@@ -267,6 +301,22 @@ impl<T: Fn(News)> Session<T> {
                     (self.tell)(News::RoundTrip(time));
                 }
             }
+            Some(Incoming::Passed(passed)) => {
+                let to = WorkerId(passed.number);
+                let digest = replica_of(&passed.digest)?;
+                if !self.passes.remove(&(to, digest)) {
+                    return Err(LostWorkerReason::Garbage(format!("it passed replica {digest} on unasked")));
+                }
+                let outcome = match passed.outcome() {
+                    protocol::worker::PassOutcome::Done => PassOutcome::Done,
+                    protocol::worker::PassOutcome::NotHeld => PassOutcome::NotHeld,
+                    protocol::worker::PassOutcome::Failed | protocol::worker::PassOutcome::Unspecified => {
+                        PassOutcome::Failed
+                    }
+                };
+                (self.tell)(News::Passed { digest, to, outcome, message: passed.message });
+            }
+            Some(Incoming::Held(held)) => (self.tell)(News::Loaded(replica_of(&held.digest)?)),
             Some(Incoming::Goodbye(Goodbye { reason })) => return Err(LostWorkerReason::Left(reason)),
             Some(Incoming::Hello(_)) | None => {
                 return Err(LostWorkerReason::Garbage("a second hello, or an unknown message".into()));

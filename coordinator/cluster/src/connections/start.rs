@@ -10,9 +10,9 @@ use super::connect::check_name;
 use super::error::ClusterError;
 use super::members::Members;
 use super::message::Message;
-use super::network::Network;
 use super::reactor::{self, Connected, Reactor, ReactorObserver};
 use super::settings::{ClusterSettings, Workers};
+use protocol::network::Network;
 
 /// The reactor's task, as seen by its owner.
 pub(super) struct Started {

@@ -154,4 +154,6 @@ pub struct ClusterCounts {
     pub ignored_answers: u64,
     /// Times that a worker was lost without a goodbye.
     pub lost_workers: u64,
+    /// Replicas that workers passed on to each other.
+    pub passed_replicas: u64,
 }

@@ -6,18 +6,14 @@ use std::time::Duration;
 use bytes::Bytes;
 use kernel::replica::{Digest, EncodedReplica};
 use protocol::packing::packed;
+use protocol::replicas::chunks;
 use protocol::security::SecuredChannel;
-use protocol::worker::replica_chunk::Body;
 use protocol::worker::worker_client::WorkerClient;
-use protocol::worker::{LoadReplicaReply, ReplicaChunk, ReplicaHeader};
+use protocol::worker::{LoadReplicaReply, ReplicaHeader};
 use tokio::task::spawn_blocking;
 use tokio::time::timeout;
 
 use super::error::{is_refusal, is_refusal_of_replica, words};
-
-/// Bytes per chunk: large enough to cost nothing, small enough to let other messages through, and to show on a slow link that the
-/// upload gets on.
-const CHUNK_BYTES: usize = 64 << 10;
 
 /// From this number of bytes on packing takes so long that the threads that move messages leave it to others.
 const MUCH_TO_PACK: usize = 1 << 18;
@@ -93,7 +89,15 @@ pub(super) async fn upload(
     let replica = &published.replica;
     let digest = replica.digest;
     let limit = UPLOAD_TIMEOUT + Duration::from_secs(replica.bytes.len() as u64 / SLOWEST_BYTES);
-    let loading = client.load_replica(tokio_stream::iter(chunks(replica, packed)));
+    let header = ReplicaHeader {
+        digest: digest.to_bytes(),
+        kind: replica.kind.into(),
+        length: replica.bytes.len() as u64,
+        packed_length: packed.as_ref().map_or(0, |packed| packed.len() as u64),
+        passed_to: 0,
+    };
+    let bytes = packed.unwrap_or_else(|| replica.bytes.clone());
+    let loading = client.load_replica(tokio_stream::iter(chunks(header, bytes)));
     let result = match timeout(limit, loading).await {
         Err(_) => Err(UploadFailure::Broken(format!("it took more than {} s", limit.as_secs()))),
         Ok(Err(status)) if is_refusal_of_replica(&status) => Err(UploadFailure::Refused(words(&status))),
@@ -114,19 +118,4 @@ fn check(digest: Digest, reply: &LoadReplicaReply) -> Result<(), UploadFailure> 
         Ok(theirs) => Err(UploadFailure::Impossible(format!("it says that it holds replica {theirs}"))),
         Err(error) => Err(UploadFailure::Impossible(error.to_string())),
     }
-}
-
-/// Splits a replica into its header and chunks of its bytes, which are shared and not copied.
-fn chunks(replica: &EncodedReplica, packed: Option<Bytes>) -> impl Iterator<Item = ReplicaChunk> + use<> {
-    let header = ReplicaHeader {
-        digest: replica.digest.to_bytes(),
-        kind: replica.kind.into(),
-        length: replica.bytes.len() as u64,
-        packed_length: packed.as_ref().map_or(0, |packed| packed.len() as u64),
-    };
-    let bytes = packed.unwrap_or_else(|| replica.bytes.clone());
-    let data = (0..bytes.len())
-        .step_by(CHUNK_BYTES)
-        .map(move |start| Body::Data(bytes.slice(start..bytes.len().min(start + CHUNK_BYTES))));
-    std::iter::once(Body::Header(header)).chain(data).map(|body| ReplicaChunk { body: Some(body) })
 }

@@ -8,7 +8,7 @@ use super::choice::Place;
 use super::event::WorkerId;
 use super::index::Index;
 use super::state::Scheduler;
-use super::worker::Worker;
+use super::worker::{ReplicaState, Worker};
 
 impl Scheduler {
     /// Checks the invariants between two events: no job is lost, none has more than two copies, suspects are alone, and
@@ -18,6 +18,11 @@ impl Scheduler {
     /// When it does not: the scheduler has a bug.
     pub fn sanity_check(&self) {
         self.check_jobs();
+        let loading = self.workers.values().flat_map(|worker| {
+            let loading = worker.replicas.iter().filter(|(_, state)| **state == ReplicaState::Loading);
+            loading.map(move |(digest, _)| (*digest, worker.id))
+        });
+        self.spread.sanity_check(&loading.collect());
         let mut fresh = Index::default();
         for worker in self.workers.values() {
             worker.under_way.iter().for_each(|held| fresh.note(worker.id, held));

@@ -87,7 +87,7 @@ impl Scheduler {
         let Some(worker) = self.workers.get_mut(&id) else { return };
         for &digest in digests {
             worker.replicas.entry(digest).or_insert_with(|| {
-                actions.push(Action::LoadReplica { worker: id, digest });
+                self.spread.ask(id, digest, actions);
                 ReplicaState::Loading
             });
         }

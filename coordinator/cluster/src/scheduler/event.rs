@@ -69,6 +69,29 @@ pub enum Event {
         /// The jobs.
         jobs: Vec<JobId>,
     },
+    /// A worker passes replicas on to others, and takes them from others.
+    PassesReplicas {
+        /// The worker.
+        worker: WorkerId,
+    },
+    /// A replica was passed on, or not. That it has arrived its new holder tells itself.
+    PassEnded {
+        /// The worker that was told to pass it on.
+        from: WorkerId,
+        /// Its destination.
+        worker: WorkerId,
+        /// The replica.
+        digest: Digest,
+        /// How it went.
+        outcome: PassOutcome,
+    },
+    /// A replica takes long: more than [`patience`](super::patience) says.
+    ReplicaLate {
+        /// Its destination.
+        worker: WorkerId,
+        /// The replica.
+        digest: Digest,
+    },
     /// A replica has arrived.
     ReplicaLoaded {
         /// The worker that holds it.
@@ -129,11 +152,31 @@ pub enum Event {
     Tick,
 }
 
+/// How passing a replica on went.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PassOutcome {
+    /// It is there.
+    Done,
+    /// The worker that was to pass it on does not hold it any more.
+    NotHeld,
+    /// The other worker cannot be reached, or does not take it.
+    Failed,
+}
+
 /// An action to carry out.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Action {
-    /// Load a replica to a worker.
+    /// Load a replica to a worker, also where another one was to pass it on and that took long or failed.
     LoadReplica {
+        /// Its destination.
+        worker: WorkerId,
+        /// The replica.
+        digest: Digest,
+    },
+    /// Have a worker pass a replica on that it holds.
+    PassReplica {
+        /// The worker.
+        from: WorkerId,
         /// Its destination.
         worker: WorkerId,
         /// The replica.

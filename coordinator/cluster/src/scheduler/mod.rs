@@ -10,6 +10,7 @@
 //! | `index` | workers and their jobs in the orders that choices ask for |
 //! | `choice` | which job goes next, and to which worker |
 //! | `turns` | the handle whose job goes next |
+//! | `spread` | which replica goes on its way next, and from whom |
 //! | `duplicates` | copies of late jobs for idle workers |
 //! | `limits` | when jobs are suspected or given up |
 //! | `checking` | invariants between any two events |
@@ -29,6 +30,7 @@ mod index;
 mod job;
 mod limits;
 mod room;
+mod spread;
 mod state;
 mod turns;
 mod worker;
@@ -36,9 +38,10 @@ mod worker;
 #[cfg(test)]
 mod tests;
 
-pub use event::{Abandonment, Action, Event, Policy, WorkerId};
+pub use event::{Abandonment, Action, Event, PassOutcome, Policy, WorkerId};
 pub use kernel::row::JobId;
 pub use limits::{MOST_FAILURES, MOST_LOSSES_ALONE, MOST_RELOADS, SUSPECT_LOSSES};
 pub use room::room;
+pub use spread::patience;
 pub use state::Scheduler;
 pub use turns::{HandleId, Turns};

@@ -6,10 +6,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use kernel::replica::Digest;
 use kernel::row::JobId;
 
-use super::event::{Abandonment, Action, Event, Policy, WorkerId};
+use super::event::{Abandonment, Action, Event, PassOutcome, Policy, WorkerId};
 use super::index::Index;
 use super::job::{Job, Kind, Queue};
 use super::limits::{MOST_FAILURES, MOST_LOSSES_ALONE, MOST_RELOADS};
+use super::spread::Spread;
 use super::worker::{ReplicaState, Worker};
 
 /// The state of all jobs and workers.
@@ -23,6 +24,8 @@ pub struct Scheduler {
     pub(super) jobs: BTreeMap<JobId, Job>,
     /// Those that no worker holds.
     pub(super) queue: Queue,
+    /// Replicas on their way to workers.
+    pub(super) spread: Spread,
     /// Replicas that workers do not take.
     pub(super) refused: BTreeSet<(WorkerId, Digest)>,
     /// Gets no jobs until it is empty and can take a suspect.
@@ -59,6 +62,17 @@ impl Scheduler {
     #[must_use]
     pub fn duplicates_dropped(&self) -> u64 {
         self.duplicates_dropped
+    }
+
+    /// Has workers pass replicas on as soon as this many uploads of the coordinator are under way.
+    pub fn upload_at_most(&mut self, uploads: usize) {
+        self.spread.upload_at_most(uploads);
+    }
+
+    /// Number of replicas that workers passed on to each other.
+    #[must_use]
+    pub fn passed_replicas(&self) -> u64 {
+        self.spread.passed()
     }
 
     /// Number of threads that their workers hold a job for.
@@ -136,17 +150,36 @@ impl Scheduler {
             Event::ReplicaLoaded { worker, digest } => {
                 let Some(worker) = self.workers.get_mut(&worker) else { return };
                 // It may have been released meanwhile.
-                if let Some(replica) = worker.replicas.get_mut(&digest) {
+                if let Some(replica) = worker.replicas.get_mut(&digest)
+                    && *replica == ReplicaState::Loading
+                {
                     *replica = ReplicaState::Loaded;
                     worker.place(&mut self.index);
+                    self.spread.loaded(worker.id, digest, actions);
                 }
             }
+            Event::PassesReplicas { worker } => self.spread.join(worker),
+            Event::PassEnded { from, worker, digest, outcome } => {
+                let mut holds = false;
+                if let Some(from) = self.workers.get_mut(&from)
+                    && from.replicas.get(&digest) == Some(&ReplicaState::Loaded)
+                {
+                    holds = outcome != PassOutcome::NotHeld;
+                    if !holds {
+                        from.replicas.remove(&digest);
+                        from.place(&mut self.index);
+                    }
+                }
+                self.spread.pass_ended(([from, worker], holds), digest, outcome, actions);
+            }
+            Event::ReplicaLate { worker, digest } => self.spread.late(worker, digest, actions),
             Event::ReplicaRefused { worker, digest } => {
                 // It may be lost, or the replica released meanwhile.
                 let Some(state) = self.workers.get_mut(&worker) else { return };
                 if state.replicas.remove(&digest).is_some() {
                     state.place(&mut self.index);
                     self.refused.insert((worker, digest));
+                    self.spread.refuse(worker, digest, actions);
                     self.unblock();
                 }
             }
@@ -162,10 +195,13 @@ impl Scheduler {
             }
             Event::Released { digest } => {
                 self.refused.retain(|(_, refused)| *refused != digest);
+                let waited = self.spread.release(digest, actions);
                 for (&worker, state) in &mut self.workers {
                     if state.replicas.remove(&digest).is_some() {
                         state.place(&mut self.index);
-                        actions.push(Action::ReleaseReplica { worker, digest });
+                        if !waited.contains(&worker) {
+                            actions.push(Action::ReleaseReplica { worker, digest });
+                        }
                     }
                 }
                 self.unblock();
@@ -231,6 +267,7 @@ impl Scheduler {
 
     fn lose(&mut self, worker: WorkerId, orderly: bool, actions: &mut Vec<Action>) {
         let Some(mut lost) = self.workers.remove(&worker) else { return };
+        self.spread.lose(worker, actions);
         self.index.remove(&mut lost.standing);
         lost.under_way.iter().for_each(|held| self.index.forget(worker, held));
         // Jobs that only others have failed on may now be tried by them again.
@@ -257,8 +294,13 @@ impl Scheduler {
             return;
         };
         // Those that are being loaded already are left at that: several jobs tell the same news.
+        let (id, spread) = (worker.id, &mut self.spread);
         worker.replicas.retain(|digest, replica| {
-            *replica == ReplicaState::Loading || !state.kind.needs.contains(digest)
+            let stays = *replica == ReplicaState::Loading || !state.kind.needs.contains(digest);
+            if !stays {
+                spread.forget(id, *digest);
+            }
+            stays
         });
         worker.place(&mut self.index);
         state.reloads += 1;

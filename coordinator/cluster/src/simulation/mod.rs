@@ -124,7 +124,7 @@ fn whatever_fails_the_bits_are_the_same() {
     }
     // The simulation would prove nothing if nothing went wrong in it.
     assert!(counts.lost_workers > SEEDS && counts.orderly > SEEDS / 10, "{counts:?}");
-    assert!(counts.sent_again > SEEDS, "{counts:?}");
+    assert!(counts.sent_again > SEEDS && counts.passed > SEEDS, "{counts:?}");
 }
 
 #[test]

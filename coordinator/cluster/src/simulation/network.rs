@@ -10,7 +10,7 @@ use tokio_stream::wrappers::ReceiverStream;
 use tonic::transport::server::Connected;
 use turmoil::net::{TcpListener, TcpStream};
 
-use crate::connections::network::{Answer, ByteStream, Network};
+use protocol::network::{Answer, ByteStream, Network};
 
 /// Port of every worker.
 pub const PORT: u16 = 7070;

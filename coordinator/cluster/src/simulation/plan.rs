@@ -53,6 +53,19 @@ pub struct Plan {
     pub one_name: bool,
     /// Whether jobs are sent when a timer rings.
     pub periodic: bool,
+    /// Whether workers reach each other.
+    pub peers: Peers,
+}
+
+/// Whether workers reach each other, to pass replicas on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Peers {
+    /// They do.
+    Together,
+    /// A firewall is between them.
+    Apart,
+    /// What they send each other waits until faults are over.
+    Held,
 }
 
 impl Plan {
@@ -94,6 +107,7 @@ impl Plan {
             latency: Duration::from_millis(between(1, 80)),
             one_name: between(0, 1) == 0,
             periodic: between(0, 4) == 0,
+            peers: [Peers::Together, Peers::Together, Peers::Apart, Peers::Held][between(0, 3) as usize],
         }
     }
 }

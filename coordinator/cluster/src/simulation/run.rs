@@ -5,16 +5,18 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
-use protocol::security::Transport;
+use protocol::network::Network;
+use protocol::security::{ClientSecurity, Transport};
 use tokio::time::{sleep, timeout};
 use tokio_util::sync::CancellationToken;
 use turmoil::{Builder, Sim};
 use worker::Settings;
+use worker::passing::Passing;
 use worker::pool::Compute;
 
 use super::driver::bake;
 use super::network::{ALL, NameServer, PORT, listen};
-use super::plan::{CALM, Fault, Plan, WorkerPlan};
+use super::plan::{CALM, Fault, Peers, Plan, WorkerPlan};
 use super::room::Room;
 use super::watch::{self, Counts, Watch};
 use crate::connections::{AsyncCluster, ClusterSettings, Schedule, Workers};
@@ -61,11 +63,23 @@ fn simulate(seed: u64, plan: &Plan) -> Result<Vec<u64>, String> {
         .enable_random_order()
         .build();
     let names = NameServer::default();
-    let shutdowns: Vec<_> =
-        (0..).zip(&plan.workers).map(|(index, worker)| host(&mut sim, seed, index, *worker)).collect();
+    let shutdowns: Vec<_> = (0..)
+        .zip(&plan.workers)
+        .map(|(index, worker)| host(&mut sim, &names, seed, index, *worker))
+        .collect();
     for index in 0..plan.workers.len() {
         names.list(&name(index), sim.lookup(name(index)));
     }
+    let pairs: Vec<[String; 2]> =
+        (0..plan.workers.len()).flat_map(|one| (0..one).map(move |other| [name(one), name(other)])).collect();
+    for [one, other] in &pairs {
+        match plan.peers {
+            Peers::Together => {}
+            Peers::Apart => sim.partition(one.as_str(), other.as_str()),
+            Peers::Held => sim.hold(one.as_str(), other.as_str()),
+        }
+    }
+    let mut held = plan.peers == Peers::Held;
     let result = Rc::new(RefCell::new(None));
     sim.client(COORDINATOR, coordinate(plan.clone(), names.clone(), Rc::clone(&result)));
 
@@ -75,6 +89,10 @@ fn simulate(seed: u64, plan: &Plan) -> Result<Vec<u64>, String> {
             watch::note(sim.elapsed(), format!("{} {fault:?}", name(worker)));
             let shutdown = shutdowns[worker].borrow().clone();
             befall(&mut sim, &names, &shutdown, &name(worker), fault);
+        }
+        if held && sim.elapsed() >= CALM {
+            held = false;
+            pairs.iter().for_each(|[one, other]| sim.release(one.as_str(), other.as_str()));
         }
         let is_over = sim.step().map_err(|error| error.to_string())?;
         if watch::is_violated() {
@@ -89,10 +107,17 @@ fn simulate(seed: u64, plan: &Plan) -> Result<Vec<u64>, String> {
 }
 
 /// A worker's machine. Returns what tells its present process to stop.
-fn host(sim: &mut Sim, seed: u64, index: usize, plan: WorkerPlan) -> Rc<RefCell<CancellationToken>> {
+fn host(
+    sim: &mut Sim,
+    names: &NameServer,
+    seed: u64,
+    index: usize,
+    plan: WorkerPlan,
+) -> Rc<RefCell<CancellationToken>> {
     let shutdown = Rc::new(RefCell::new(CancellationToken::new()));
     let present = Rc::clone(&shutdown);
     let starts = AtomicU64::new(0);
+    let network: Arc<dyn Network> = Arc::new(names.clone());
     sim.host(name(index), move || {
         let start = starts.fetch_add(1, Ordering::Relaxed);
         let stop = CancellationToken::new();
@@ -100,6 +125,13 @@ fn host(sim: &mut Sim, seed: u64, index: usize, plan: WorkerPlan) -> Rc<RefCell<
         let settings = Settings {
             instance: seed << 32 | (index as u64) << 16 | start,
             compute: Compute::InTask { time: plan.time },
+            passing: Some(Passing {
+                network: Arc::clone(&network),
+                security: ClientSecurity {
+                    transport: Transport::Plain { anywhere: true },
+                    ..ClientSecurity::default()
+                },
+            }),
             ..Settings::new(&name(index), NonZeroUsize::new(plan.threads).expect("a worker has threads"))
         };
         async move {

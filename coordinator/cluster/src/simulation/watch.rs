@@ -10,7 +10,7 @@ use kernel::replica::Digest;
 
 use super::plan::Plan;
 use crate::connections::ReactorObserver;
-use crate::scheduler::{Action, Event, JobId, Scheduler, WorkerId};
+use crate::scheduler::{Action, Event, JobId, PassOutcome, Scheduler, WorkerId};
 
 /// Bound on jobs of a worker: this many per thread, and as many again.
 const MOST_JOBS_PER_THREAD: usize = 4;
@@ -36,12 +36,14 @@ pub struct Counts {
     pub late: u64,
     /// Jobs cancelled.
     pub cancelled: u64,
+    /// Replicas passed on.
+    pub passed: u64,
 }
 
 impl fmt::Display for Counts {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { lost_workers, orderly, sent_again, late, cancelled } = self;
-        write!(f, "{lost_workers} {orderly} {sent_again} {late} {cancelled}")
+        let Self { lost_workers, orderly, sent_again, late, cancelled, passed } = self;
+        write!(f, "{lost_workers} {orderly} {sent_again} {late} {cancelled} {passed}")
     }
 }
 
@@ -56,6 +58,7 @@ impl Counts {
             sent_again: next()?,
             late: next()?,
             cancelled: next()?,
+            passed: next()?,
         })
     }
 
@@ -66,6 +69,7 @@ impl Counts {
         self.sent_again += other.sent_again;
         self.late += other.late;
         self.cancelled += other.cancelled;
+        self.passed += other.passed;
     }
 }
 
@@ -89,6 +93,8 @@ struct Known {
     under_way: BTreeSet<JobId>,
     /// Replicas, and whether they have arrived.
     replicas: BTreeMap<Digest, bool>,
+    /// Those that another worker was to pass on to it.
+    passed: BTreeSet<Digest>,
 }
 
 /// Starts to watch the simulation that this thread is about to run.
@@ -120,6 +126,11 @@ fn with(look: impl FnOnce(&mut Watch)) {
 pub struct Watcher;
 
 impl ReactorObserver for Watcher {
+    fn begin(&mut self, scheduler: &mut Scheduler) {
+        // Of few workers, too, some are to get what they need from others.
+        scheduler.upload_at_most(1);
+    }
+
     fn decide(&mut self, scheduler: &mut Scheduler, event: Event) -> Vec<Action> {
         let actions = scheduler.handle(event.clone());
         scheduled(&event, &actions, scheduler);
@@ -193,6 +204,7 @@ impl Watch {
                     room: 0,
                     under_way: BTreeSet::new(),
                     replicas: BTreeMap::new(),
+                    passed: BTreeSet::new(),
                 };
                 ensure(self.workers.insert(*worker, known).is_none(), || {
                     format!("{worker:?} connected twice")
@@ -244,15 +256,38 @@ impl Watch {
                     known.room = *jobs;
                 }
             }
-            Event::Released { .. } | Event::Tick => {}
+            Event::PassEnded { from, digest, outcome, .. } => {
+                self.counts.passed += u64::from(*outcome == PassOutcome::Done);
+                if *outcome == PassOutcome::NotHeld
+                    && let Some(known) = self.workers.get_mut(from)
+                    && known.replicas.get(digest) == Some(&true)
+                {
+                    known.replicas.remove(digest);
+                }
+            }
+            Event::PassesReplicas { .. }
+            | Event::ReplicaLate { .. }
+            | Event::Released { .. }
+            | Event::Tick => {}
         }
         let mut is_delivered = false;
         for action in actions {
             match action {
                 Action::LoadReplica { worker, digest } => {
                     let known = self.known(*worker)?;
-                    ensure(known.replicas.insert(*digest, false).is_none(), || {
+                    let was_passed = known.passed.remove(digest);
+                    let before = known.replicas.insert(*digest, false);
+                    ensure(before.is_none() || before == Some(false) && was_passed, || {
                         format!("{digest} loaded twice")
+                    })?;
+                }
+                Action::PassReplica { from, worker, digest } => {
+                    let holds = self.known(*from)?.replicas.get(digest) == Some(&true);
+                    ensure(holds, || format!("{from:?} is to pass {digest} on, and does not hold it"))?;
+                    let known = self.known(*worker)?;
+                    known.passed.insert(*digest);
+                    ensure(known.replicas.insert(*digest, false).is_none(), || {
+                        format!("{digest} passed on twice")
                     })?;
                 }
                 Action::ReleaseReplica { worker, digest } => {

@@ -8,12 +8,12 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use cluster::network::{Answer, ByteStream, Network};
 use cluster::{AsyncCluster, ClusterSettings, JobId, WorkerSummary, Workers};
 use glam::DVec3;
 use kernel::geometry::PlaneId;
 use kernel::replica::{EncodedReplica, Receiver, Receivers, encode_receivers};
 use kernel::row::RowRequest;
+use protocol::network::{Answer, ByteStream, Network};
 use protocol::security::Transport;
 use protocol::worker::worker_server::WorkerServer;
 use tokio::io::{AsyncReadExt, AsyncWriteExt, DuplexStream, copy, copy_bidirectional, duplex, split};
@@ -32,13 +32,13 @@ use super::server::Fake;
 const BUFFER: usize = 1 << 16;
 
 /// Longer than anything here takes by this clock.
-const LONG: Duration = Duration::from_secs(300);
+pub const LONG: Duration = Duration::from_secs(300);
 
 /// Time for a job.
 pub const SOON: Duration = Duration::from_millis(10);
 
 /// What becomes of a connection to an address; given the place among those to it, from 0.
-type Door = Arc<dyn Fn(usize) -> Answer<Box<dyn ByteStream>> + Send + Sync>;
+pub type Door = Arc<dyn Fn(usize) -> Answer<Box<dyn ByteStream>> + Send + Sync>;
 
 /// A network of addresses that answer as a test tells them.
 #[derive(Default)]
@@ -174,7 +174,7 @@ fn throttled(far: DuplexStream, bytes_per_second: usize) -> DuplexStream {
 }
 
 /// A connection that breaks after so long.
-fn cut_after(time: Duration, mut far: DuplexStream) -> DuplexStream {
+pub fn cut_after(time: Duration, mut far: DuplexStream) -> DuplexStream {
     let (mut theirs, served) = duplex(BUFFER);
     tokio::spawn(async move { tokio::time::timeout(time, copy_bidirectional(&mut far, &mut theirs)).await });
     served

@@ -3,6 +3,7 @@
 mod bakery;
 mod clock;
 mod names;
+mod passing;
 mod refusals;
 mod server;
 mod sharing;

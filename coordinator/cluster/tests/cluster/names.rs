@@ -4,8 +4,8 @@ use std::net::SocketAddr;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use cluster::network::{Answer, ByteStream, Network, Sockets};
 use cluster::{AsyncCluster, ClusterSettings, JobId, Workers};
+use protocol::network::{Answer, ByteStream, Network, Sockets};
 
 use super::bakery::Bakery;
 use super::server::Server;

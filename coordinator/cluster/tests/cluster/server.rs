@@ -207,6 +207,7 @@ impl Worker for Fake {
                 instance: fake.instance,
                 row_version: fake.row_version,
                 largest_replica: 0,
+                passes_replicas: false,
             };
             let send = async |body| outbound.send(Ok(WorkerMessage { body: Some(body) })).await;
             let _ = send(Body::Hello(hello)).await;

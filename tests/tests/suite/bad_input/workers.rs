@@ -75,6 +75,7 @@ impl Worker for FutureWorker {
             instance: 99,
             row_version: 99,
             largest_replica: 0,
+            passes_replicas: false,
         };
         let messages = tokio_stream::once(Ok(WorkerMessage { body: Some(Body::Hello(hello)) }));
         Ok(Response::new(Box::pin(messages.chain(tokio_stream::pending()))))

@@ -104,6 +104,7 @@ impl Service {
             instance: self.instance,
             row_version: ROW_VERSION,
             largest_replica: 0,
+            passes_replicas: false,
         }));
         while let Ok(Some(message)) = inbound.message().await {
             match message.body {

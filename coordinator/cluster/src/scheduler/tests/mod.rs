@@ -4,6 +4,7 @@ mod copies;
 mod random;
 mod refused;
 mod sequences;
+mod spread;
 mod suspects;
 
 use std::collections::BTreeMap;

@@ -35,7 +35,10 @@ struct World {
 
 impl World {
     fn new(policy: Policy) -> Self {
-        Self { scheduler: Checked(Scheduler::new(policy)), ..Self::default() }
+        let mut scheduler = Scheduler::new(policy);
+        // Of few workers, too, some are to get what they need from others.
+        scheduler.upload_at_most(1);
+        Self { scheduler: Checked(scheduler), ..Self::default() }
     }
 
     fn happens(&mut self, event: Event) {
@@ -70,6 +73,10 @@ impl World {
                     assert!(self.cancelled.insert((worker, job)), "cancelled twice");
                 }
                 Action::LoadReplica { .. } => self.under_way.push(action),
+                Action::PassReplica { from, worker, .. } => {
+                    assert!(self.alive.contains(&from) && self.alive.contains(&worker), "both are there");
+                    self.under_way.push(action);
+                }
                 Action::ReleaseReplica { .. } => {}
             }
         }
@@ -91,6 +98,9 @@ impl World {
         self.workers += 1;
         let worker = WorkerId(self.workers);
         self.alive.insert(worker);
+        if !self.workers.is_multiple_of(4) {
+            self.happens(Event::PassesReplicas { worker });
+        }
         self.happens(Event::WorkerConnected { worker, threads });
     }
 
@@ -115,7 +125,26 @@ impl World {
             Action::LoadReplica { worker, digest } if dice == 10 => {
                 self.happens(Event::ReplicaRefused { worker, digest });
             }
+            Action::LoadReplica { worker, digest } | Action::PassReplica { worker, digest, .. }
+                if dice == 9 =>
+            {
+                self.happens(Event::ReplicaLate { worker, digest });
+                self.under_way.push(action);
+            }
             Action::LoadReplica { worker, digest } => self.happens(Event::ReplicaLoaded { worker, digest }),
+            Action::PassReplica { from, worker, digest } => {
+                let outcome = match dice {
+                    7 => PassOutcome::NotHeld,
+                    8 | 10 => PassOutcome::Failed,
+                    _ => PassOutcome::Done,
+                };
+                if outcome == PassOutcome::Done {
+                    self.happens(Event::ReplicaLoaded { worker, digest });
+                }
+                if self.alive.contains(&from) {
+                    self.happens(Event::PassEnded { from, worker, digest, outcome });
+                }
+            }
             Action::Send { worker, job } => {
                 let is_first = self.alive.contains(&worker);
                 let was_cancelled = self.cancelled.remove(&(worker, job));
@@ -190,7 +219,9 @@ impl World {
             // Late news has had its time.
             let alive = &self.alive;
             self.under_way.retain(|action| match action {
-                Action::Send { worker, .. } | Action::LoadReplica { worker, .. } => alive.contains(worker),
+                Action::Send { worker, .. }
+                | Action::LoadReplica { worker, .. }
+                | Action::PassReplica { worker, .. } => alive.contains(worker),
                 _ => false,
             });
             if let Some(last) = self.under_way.len().checked_sub(1) {

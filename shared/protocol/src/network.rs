@@ -1,4 +1,4 @@
-//! The network between coordinator and workers: sockets, or a simulation.
+//! The network between coordinator and workers, and between workers: sockets, or a simulation.
 
 use std::future::Future;
 use std::io;
