@@ -23,11 +23,13 @@ pub enum Phase {
     Lightmap,
     /// Light of probes.
     Probes,
+    /// The mesh of the output.
+    ExportMesh,
 }
 
 impl Phase {
     /// All phases, in the order in which they first begin.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Light,
         Self::Shoot,
         Self::Refine,
@@ -36,6 +38,7 @@ impl Phase {
         Self::Groups,
         Self::Lightmap,
         Self::Probes,
+        Self::ExportMesh,
     ];
 
     /// Its name in metrics.
@@ -50,6 +53,7 @@ impl Phase {
             Self::Groups => "groups",
             Self::Lightmap => "lightmap",
             Self::Probes => "probes",
+            Self::ExportMesh => "export mesh",
         }
     }
 }

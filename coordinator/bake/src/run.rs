@@ -89,13 +89,14 @@ fn finish(mut measured: Measured, mut cx: Context, occluders: usize, points: &As
     let kept = keep_light(cx, &mut measured)?;
     let solved = &mut measured.solved;
     let (mesh, irradiance) = (&solved.mesh.mesh, &solved.solution.irradiance);
+    cx.client.monitor.enter(Phase::ExportMesh, mesh.vertices.len());
     let (lit, fitted) = lit_mesh(cx.scene, mesh, cx.settings.only, irradiance, &solved.direct);
     solved.solution.irradiance = fitted;
     let error = cx.settings.simplifies().then_some(&measured.error);
     let (lit, difference) = output_mesh(cx.scene, LitMesh { layers, ..lit }, error);
     measured.error = measured.error.with_simplification(difference);
     cx.client.monitor.set_error(Some(measured.error.total));
-    cx.client.monitor.enter(Phase::Measure, lit.vertices.len());
+    cx.client.monitor.enter(Phase::ExportMesh, lit.vertices.len());
     cx.end_step("export mesh");
     let mut report = measured.report(cx, occluders);
     report.warnings.extend(warnings);

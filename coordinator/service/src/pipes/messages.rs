@@ -337,6 +337,7 @@ fn api_phase(phase: bake::Phase) -> Phase {
         bake::Phase::Groups => Phase::Groups,
         bake::Phase::Lightmap => Phase::Lightmap,
         bake::Phase::Probes => Phase::Probes,
+        bake::Phase::ExportMesh => Phase::ExportMesh,
     }
 }
 

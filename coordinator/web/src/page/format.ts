@@ -28,6 +28,7 @@ export const PHASES: Record<Phase, string> = {
   [Phase.GROUPS]: 'light groups',
   [Phase.LIGHTMAP]: 'lightmap',
   [Phase.PROBES]: 'probes',
+  [Phase.EXPORT_MESH]: 'making the mesh of the file',
   [Phase.EXPORT]: 'writing the file',
 };
 

@@ -83,6 +83,7 @@ fn step(phase: Phase) -> &'static str {
         Phase::Groups => "groups",
         Phase::Lightmap => "lightmap",
         Phase::Probes => "probes",
+        Phase::ExportMesh => "export mesh",
         Phase::Export => "export",
     }
 }
