@@ -56,26 +56,25 @@ impl OutputOptions {
 
     /// The lightmap that the options ask for.
     pub fn lightmap(&self) -> anyhow::Result<Option<LightmapSettings>> {
-        let mut wrong = Violations::default();
-        let lightmap = lightmap_settings(&self.options(api::Format::Unspecified), &mut wrong);
-        wrong.check()?;
-        Ok(lightmap)
+        self.checked(lightmap_settings)
     }
 
     /// The distance within which things occlude, if the options ask for ambient occlusion.
     pub fn occlusion(&self) -> anyhow::Result<Option<f64>> {
-        let mut wrong = Violations::default();
-        let distance = occlusion_distance(&self.options(api::Format::Unspecified), &mut wrong);
-        wrong.check()?;
-        Ok(distance)
+        self.checked(occlusion_distance)
     }
 
     /// The probes that the options ask for.
     pub fn probes(&self) -> anyhow::Result<Option<Places>> {
+        self.checked(probe_places)
+    }
+
+    /// What is read from the options, unless something is wrong with it.
+    fn checked<T>(&self, read: impl Fn(&api::OutputOptions, &mut Violations) -> T) -> anyhow::Result<T> {
         let mut wrong = Violations::default();
-        let places = probe_places(&self.options(api::Format::Unspecified), &mut wrong);
+        let found = read(&self.options(api::Format::Unspecified), &mut wrong);
         wrong.check()?;
-        Ok(places)
+        Ok(found)
     }
 }
 
