@@ -1,6 +1,6 @@
 //! The row kernel in a room like Cornell's: form factors of one shooter at many receivers, two blocks between them.
 
-#[path = "../tests/room/mod.rs"]
+#[path = "../tests/suite/room/mod.rs"]
 mod room;
 
 use std::hint::black_box;

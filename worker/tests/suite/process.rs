@@ -1,7 +1,5 @@
 //! The `worker` binary as a script sees it.
 
-#![cfg(unix)]
-
 use std::io::{BufRead, BufReader};
 use std::net::TcpStream;
 use std::process::{Command, Stdio};

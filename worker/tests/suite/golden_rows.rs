@@ -1,7 +1,5 @@
 //! Golden rows: digests of encoded rows of small scenes, so that no change of the kernel's bits goes unnoticed.
 
-mod room;
-
 use glam::DVec3;
 use kernel::geometry::{ConvexPolygon, PlaneId};
 use kernel::replica::{Digest, Receiver, ScenePolygons};
@@ -9,7 +7,7 @@ use kernel::row::{Hemisphere, Precision, ROW_VERSION, Row, Shape, Shooter, Spot,
 use kernel::visibility::ReceiverGroups;
 use worker::engine::{Scene, compute_hemisphere, compute_row};
 
-use room::{block, polygon, wall_receivers};
+use crate::room::{block, polygon, wall_receivers};
 
 /// [`ROW_VERSION`] of the digests below.
 const VERSION: u32 = 3;
