@@ -224,8 +224,8 @@ impl Grid {
     fn new(positions: &[DVec3], tolerance: f64) -> Self {
         let bounds = Bounds::around(positions.iter().copied());
         let extent = bounds.extent().max_element().max(tolerance);
-        // Places lie on surfaces: a few to a cell.
-        let cell = extent / (positions.len() as f64 / 6.0).sqrt().clamp(1.0, 1024.0);
+        // Places lie on surfaces, and crowd on small things: most cells hold none, and those there hold few.
+        let cell = extent / (4.0 * positions.len() as f64).sqrt().clamp(1.0, 8192.0);
         let low = positions.iter().copied().fold(DVec3::MAX, DVec3::min);
         let count = (bounds.extent() / cell).floor().as_i64vec3() + I64Vec3::ONE;
         let mut grid = Self { low, cell, count, sorted: vec![], tolerance };
