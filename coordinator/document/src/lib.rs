@@ -56,6 +56,16 @@ pub enum LightUnit {
     /// Radiant watts for point and spot lights, as some exporters write them: divided by 4 pi they are W/sr, for a spot light too,
     /// whose cone only masks it. Directional lights are W/m^2, area lights W/(m^2 sr).
     Watt,
+    /// Candela and lux that are watts times 683 lm/W, beside emission in W/(m^2 sr), as Blender's exporter writes them in its mode
+    /// Standard: point, spot and directional lights are divided by that, area lights taken as they are.
+    Blender,
+    /// W/sr and W/m^2, as Blender's exporter writes them in its mode Unitless. The numbers are taken as they are.
+    BlenderUnitless,
+}
+
+impl LightUnit {
+    /// Lumens that Blender's exporter takes a watt for.
+    pub const LUMENS_PER_WATT: f64 = 683.0;
 }
 
 /// Which scene of a file to read, and limits of size.

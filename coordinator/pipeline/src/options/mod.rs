@@ -116,7 +116,10 @@ pub fn import_options(options: &api::SceneOptions, wrong: &mut Violations) -> Im
 pub fn irradiance_unit(options: &api::SceneOptions) -> &'static str {
     match options.light_unit() {
         api::LightUnit::Candela => "lx",
-        api::LightUnit::Watt | api::LightUnit::Unspecified => "W/m^2",
+        api::LightUnit::Watt
+        | api::LightUnit::Blender
+        | api::LightUnit::BlenderUnitless
+        | api::LightUnit::Unspecified => "W/m^2",
     }
 }
 

@@ -124,7 +124,7 @@ macro_rules! choices {
 choices! {
     RowStrategy, api::RowsOf: Automatic = Unspecified, Exact = Shooters, Gather = Receivers;
     Quality, api::Quality: Draft = Draft, Preview = Preview, Final = Final;
-    LightUnit, api::LightUnit: Candela = Candela, Watt = Watt;
+    LightUnit, api::LightUnit: Candela = Candela, Watt = Watt, Blender = Blender, BlenderUnitless = BlenderUnitless;
     LightPart, api::Part: All = All, Direct = Direct, Indirect = Indirect;
     Domain, api::Domain: Vertex = Vertex, Corner = Corner;
     Materials, api::Materials: Unlit = Unlit, Keep = Keep;

@@ -160,6 +160,12 @@ impl Options for BakeOptions {
 const LIGHT_UNITS: &[Choice] = &[
     choice("candela", api::LightUnit::Candela as i32, "candela and lux, as glTF has it"),
     choice("watt", api::LightUnit::Watt as i32, "watts and W/m^2"),
+    choice("blender", api::LightUnit::Blender as i32, "Blender's exporter, lighting mode Standard"),
+    choice(
+        "blender-unitless",
+        api::LightUnit::BlenderUnitless as i32,
+        "Blender's exporter, lighting mode Unitless",
+    ),
 ];
 
 impl Options for SceneOptions {
@@ -192,7 +198,8 @@ impl Options for SceneOptions {
             .help("Unit of the intensities of point, spot and directional lights")
             .details(
             "With candela they are candela and lux, taken as they are; the output is in lux. With watt they are radiant watts \
-             of point and spot lights, divided by 4 pi, and W/m^2 of directional ones. Without this option they are taken as \
+             of point and spot lights, divided by 4 pi, and W/m^2 of directional ones. With blender they are watts that the \
+             exporter multiplied by 683 lm/W, and are divided by that. Without this option they are taken as \
              with candela, but the output is labelled W/m^2. Emissive materials and --sky are never converted. In a file that \
              mixes units, multiply watts by 683 lm/W.",
         )

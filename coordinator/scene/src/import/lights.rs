@@ -24,7 +24,8 @@ use document::{ImportProblem, LightUnit};
 /// The factor that turns the intensity of a file into one per steradian or per square metre.
 fn intensity_factor(unit: LightUnit, kind: &Kind) -> f64 {
     match (unit, kind) {
-        (LightUnit::Candela, _) | (LightUnit::Watt, Kind::Directional) => 1.0,
+        (LightUnit::Candela | LightUnit::BlenderUnitless, _) | (LightUnit::Watt, Kind::Directional) => 1.0,
+        (LightUnit::Blender, _) => 1.0 / LightUnit::LUMENS_PER_WATT,
         (LightUnit::Watt, Kind::Point | Kind::Spot { .. }) => 1.0 / (4.0 * PI),
     }
 }

@@ -8,6 +8,7 @@
 //! | `extremes` | parts too small and lights too bright for the scene |
 //! | `frame`, `triangles` | triangles in the frame, without duplicates |
 //! | `facets` | flat convex pieces |
+//! | `blender` | units of lamps in files of Blender |
 //! | `averaged` | materials averaged over surfaces, with textures and vertex colours |
 //! | `planes` | coplanar facets |
 //! | `layers` | of coplanar facets on one another, all but the first cut away |
@@ -17,6 +18,7 @@
 //! Files are not trusted: whatever the bytes, the answer is a scene or an [`ImportError`].
 
 mod averaged;
+mod blender;
 mod extremes;
 mod facets;
 mod frame;
@@ -298,6 +300,7 @@ impl Content {
             degenerate_triangles,
         };
         scene.import_report = tally.report(&scene);
+        scene.warnings.extend(blender::check_units(&scene, options.light_unit));
         Ok(scene)
     }
 }

@@ -1,6 +1,6 @@
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use document::EXT_LIGHTS_AREA;
+use document::{EXT_LIGHTS_AREA, LightUnit};
 use glam::{DMat4, DVec3};
 use gltf::Document;
 use gltf::khr_lights_punctual::Kind;
@@ -52,11 +52,11 @@ pub enum PlainLightKind {
 }
 
 impl PlainLight {
-    /// The light of a node that stands like this; intensities may be radiant watts. `None` where it has no direction.
+    /// The light of a node that stands like this; intensities are of this unit. `None` where it has no direction.
     pub(super) fn read(
         light: &gltf::khr_lights_punctual::Light<'_>,
         world: DMat4,
-        in_watts: bool,
+        unit: LightUnit,
     ) -> Option<Self> {
         let position = world.transform_point3(DVec3::ZERO);
         let axis = || {
@@ -74,12 +74,13 @@ impl PlainLight {
                 PlainLightKind::Spot { position, along: axis()?, ramp: [scale, -outer * scale] }
             }
         };
-        let unit = match kind {
-            PlainLightKind::Point { .. } | PlainLightKind::Spot { .. } if in_watts => 1.0 / (4.0 * PI),
-            PlainLightKind::Point { .. } | PlainLightKind::Spot { .. } => 1.0,
-            PlainLightKind::Directional { .. } | PlainLightKind::Area { .. } => 1.0,
+        let factor = match (unit, kind) {
+            (LightUnit::Watt, PlainLightKind::Point { .. } | PlainLightKind::Spot { .. }) => 1.0 / (4.0 * PI),
+            (LightUnit::Blender, _) => 1.0 / LightUnit::LUMENS_PER_WATT,
+            (LightUnit::Candela | LightUnit::Watt | LightUnit::BlenderUnitless, _) => 1.0,
         };
-        let intensity = DVec3::from_array(light.color().map(f64::from)) * f64::from(light.intensity()) * unit;
+        let intensity =
+            DVec3::from_array(light.color().map(f64::from)) * f64::from(light.intensity()) * factor;
         Some(Self { kind, intensity })
     }
 

@@ -149,7 +149,7 @@ impl PlainScene {
     ) -> Result<(), PlainError> {
         for node in document.nodes() {
             let world = document.placement(&node);
-            let punctual = node.light().map(|light| PlainLight::read(&light, world, unit == LightUnit::Watt));
+            let punctual = node.light().map(|light| PlainLight::read(&light, world, unit));
             let area = node.extension_value(EXT_LIGHTS_AREA);
             let area =
                 area.map(|reference| PlainLight::read_area(&document.document, reference, world)).transpose();

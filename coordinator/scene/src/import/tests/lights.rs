@@ -117,6 +117,41 @@ fn watts_are_spread_over_the_sphere() {
     }
 }
 
+/// Of a point light in watts, Blender writes W / (4 pi), times 683 in its mode Standard.
+#[test]
+fn lamps_of_blender_are_watts_in_both_modes_of_its_exporter() {
+    for (unit, factor) in [(LightUnit::Blender, 683.0), (LightUnit::BlenderUnitless, 1.0)] {
+        for kind in ["point", "spot", "directional"] {
+            let light = json!({ "type": kind, "intensity": 2.0 * factor, "spot": {} });
+            let options = ImportOptions { light_unit: unit, ..ImportOptions::default() };
+            let scene = import_slice(&lit_by(light, &[json!({})]).glb(), &options).unwrap();
+            assert!((scene.lights[0].intensity.x - 2.0).abs() <= 1e-6, "{kind}, {unit:?}");
+        }
+    }
+}
+
+#[test]
+fn lamps_of_blender_far_from_emission_are_warned_of_with_the_other_unit() {
+    // The square emits pi.
+    let warnings = |generator: &str, kind: &str, intensity: f64, unit| {
+        let mut document = lit_by(json!({ "type": kind, "intensity": intensity, "spot": {} }), &[json!({})]);
+        document.root["asset"]["generator"] = json!(generator);
+        let options = ImportOptions { light_unit: unit, ..ImportOptions::default() };
+        import_slice(&document.glb(), &options).unwrap().warnings
+    };
+    let blender = "Khronos glTF Blender I/O v4.5.48";
+    for (kind, watts) in [("point", 0.25), ("spot", 0.9), ("directional", 4.0)] {
+        let standard = warnings(blender, kind, watts * 683.0, LightUnit::Candela);
+        assert!(standard[0].ends_with("mode Standard, give --light-unit blender"), "{standard:?}");
+        assert_eq!(warnings(blender, kind, watts * 683.0, LightUnit::Blender), [""; 0]);
+        assert_eq!(warnings(blender, kind, watts, LightUnit::Candela), [""; 0]);
+        assert_eq!(warnings(blender, kind, watts, LightUnit::BlenderUnitless), [""; 0]);
+        let unitless = warnings(blender, kind, watts, LightUnit::Blender);
+        assert!(unitless[0].ends_with("mode Unitless, give --light-unit blender-unitless"), "{unitless:?}");
+        assert_eq!(warnings("another exporter", kind, watts * 683.0, LightUnit::Candela), [""; 0]);
+    }
+}
+
 #[test]
 fn sky_is_light_enough() {
     let mut document = TestDocument::square();
