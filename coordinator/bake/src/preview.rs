@@ -5,6 +5,7 @@ use glam::DVec3;
 use crate::light_parts::LightPart;
 use crate::lit::{LitMesh, LitTriangle, LitVertex};
 use crate::mesh::{Mesh, Share, VertexId, triangulate};
+use crate::output_mesh::add_sealed;
 use crate::refinement::{best_fit, best_fit_of_part};
 use scene::Scene;
 
@@ -18,7 +19,7 @@ pub fn preview(
     part: LightPart,
 ) -> LitMesh {
     let (lit, _) = lit_mesh(scene, mesh, part, irradiance, direct);
-    LitMesh { unshot: at_vertices(mesh, shares, unshot), ..lit }
+    add_sealed(scene, LitMesh { unshot: at_vertices(mesh, shares, unshot), ..lit })
 }
 
 /// A part of the light on a mesh, from the irradiance at its vertices and the direct part of that; and the fitted values of all

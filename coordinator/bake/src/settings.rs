@@ -122,10 +122,12 @@ impl BakeSettings {
     /// Vertices that a bake may have where none are asked for.
     pub const LEAST_MAX_VERTICES: usize = 200_000;
 
-    /// Most vertices of the mesh of a scene.
+    /// Most vertices of the mesh of a scene: those of the file, but for the ones that the file has beside the mesh.
     #[must_use]
     pub fn most_vertices(&self, scene: &Scene) -> usize {
-        self.max_vertices.unwrap_or_else(|| Self::LEAST_MAX_VERTICES.max(2 * scene.vertex_count))
+        let of_file =
+            self.max_vertices.unwrap_or_else(|| Self::LEAST_MAX_VERTICES.max(2 * scene.vertex_count));
+        of_file.saturating_sub(scene.sealed_vertex_count)
     }
 
     /// The error asked for, or else that of the mesh.

@@ -11,7 +11,7 @@ pub fn facet(plane: u32, corners: &[[f64; 3]]) -> Facet {
     let corners: Vec<DVec3> = corners.iter().copied().map(DVec3::from_array).collect();
     let normal = area_vector(&corners).normalize_or_zero();
     let corners = corners.into_iter().map(|position| Corner { position, normal }).collect();
-    Facet { plane: PlaneId(plane), normal, corners, triangles: vec![] }
+    Facet { plane: PlaneId(plane), normal, corners, triangles: vec![], is_sealed: false }
 }
 
 fn surface(facets: Vec<Facet>) -> Surface {
@@ -46,6 +46,7 @@ pub fn scene(surfaces: Vec<Vec<Facet>>, lights: Vec<LightKind>) -> Scene {
             is_meshopt: false,
         },
         vertex_count: surfaces.iter().map(Surface::vertex_count).sum(),
+        sealed_vertex_count: 0,
         surfaces,
         lights: lights.into_iter().map(light).collect(),
         sky: DVec3::ZERO,

@@ -37,6 +37,8 @@ pub struct Scene {
     pub plane_count: u32,
     /// Number of vertices: places with one normal, of each lit side.
     pub vertex_count: usize,
+    /// Those among them that only sealed facets have.
+    pub sealed_vertex_count: usize,
     /// Warnings on what the import changed or left out.
     pub warnings: Vec<String>,
     /// Parts of the file that the bake models or ignores.
@@ -114,8 +116,17 @@ impl Surface {
     /// Number of its vertices: corners of facets that have a place and a normal to themselves.
     #[must_use]
     pub fn vertex_count(&self) -> usize {
+        self.count_vertices(|_| true)
+    }
+
+    /// Number of the vertices that facets which may be lit have.
+    pub(crate) fn lit_vertex_count(&self) -> usize {
+        self.count_vertices(|facet| !facet.is_sealed)
+    }
+
+    fn count_vertices(&self, counts: impl Fn(&Facet) -> bool) -> usize {
         let bits = |vector: DVec3| vector.to_array().map(f64::to_bits);
-        let corners = self.facets.iter().flat_map(|facet| &facet.corners);
+        let corners = self.facets.iter().filter(|facet| counts(facet)).flat_map(|facet| &facet.corners);
         let distinct: HashSet<_> =
             corners.map(|corner| (bits(corner.position), bits(corner.normal))).collect();
         distinct.len()

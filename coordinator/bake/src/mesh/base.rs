@@ -63,13 +63,14 @@ impl Mesh {
                 of_facets.flat_map(|facets| region.facets.iter().flat_map(|facet| &facets[*facet as usize])),
             );
         }
-        let facets: usize = scene.surfaces.iter().map(|surface| surface.facets.len()).sum();
+        let lit = |facet: &&Facet| !facet.is_sealed;
+        let facets = scene.surfaces.iter().flat_map(|surface| &surface.facets).filter(lit).count();
         // Strips are what is dear there: all lines are triangulated around.
         let is_large = facets > FEW_FACETS;
         let most_cuts = if is_large { 0 } else { MOST_CUTS };
         let lengths = if is_large {
             let facets = scene.surfaces.par_iter().flat_map_iter(|surface| &surface.facets);
-            lengths(facets, longest_edge, MOST_CUT.max(scene.vertex_count / VERTICES_PER_CUT))
+            lengths(facets.filter(lit), longest_edge, MOST_CUT.max(scene.vertex_count / VERTICES_PER_CUT))
         } else {
             Lengths { longest: longest_edge, shortest: longest_edge }
         };
@@ -86,7 +87,8 @@ impl Mesh {
         let pieces = pieces?;
         let mut welder = Welder::default();
         let facet = |surface: usize, facet: u32| &scene.surfaces[surface].facets[facet as usize];
-        scene.surfaces.iter().flat_map(|surface| &surface.facets).for_each(|facet| welder.add_corners(facet));
+        let facets = scene.surfaces.iter().flat_map(|surface| &surface.facets);
+        facets.filter(lit).for_each(|facet| welder.add_corners(facet));
         let mut places = vec![];
         for (region, pieces) in regions.iter().zip(&pieces) {
             for piece in pieces {

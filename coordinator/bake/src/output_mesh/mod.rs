@@ -19,6 +19,7 @@
 //! | `flip` | diagonals that follow the light |
 //! | `assemble` | the lit mesh of what is left |
 //! | `own_triangles` | the input's own triangles where their corners suffice |
+//! | `sealed` | the dark insides of closed bodies |
 
 mod assemble;
 mod collapse;
@@ -29,6 +30,7 @@ mod join;
 mod limits;
 mod linear;
 mod own_triangles;
+mod sealed;
 mod simplify;
 mod working;
 
@@ -37,6 +39,7 @@ use crate::lit::LitMesh;
 use fit::Fit;
 use limits::Limits;
 use scene::Scene;
+pub use sealed::add_sealed;
 use working::Working;
 
 /// Least interpolation error that the difference is a part of: a hundredth of a per cent is then allowed where light is even.
@@ -51,6 +54,12 @@ const PART_OF_ERROR: f64 = 0.25;
 /// Returns the relative L2 difference too.
 #[must_use]
 pub fn output_mesh(scene: &Scene, lit: LitMesh, error: Option<&ErrorBudget>) -> (LitMesh, f64) {
+    let (lit, difference) = of_lit_facets(scene, lit, error);
+    (add_sealed(scene, lit), difference)
+}
+
+/// The output of what the bake has light of.
+fn of_lit_facets(scene: &Scene, lit: LitMesh, error: Option<&ErrorBudget>) -> (LitMesh, f64) {
     let mut working = Working::new(scene, &lit);
     let allowed = PART_OF_ERROR * error.map_or(0.0, |error| error.receivers.max(LEAST_ERROR));
     // Between the vertices it evens out in part.

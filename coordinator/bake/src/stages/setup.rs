@@ -78,7 +78,7 @@ pub fn shooting_mesh(scene: &Scene, settings: &BakeSettings) -> (Mesh, f64) {
     let extent = extent(scene);
     let most = settings.most_vertices(scene);
     let mut edge = settings.shooter_edge * row_source(scene, settings).edge_factor();
-    if scene.vertex_count >= most {
+    if scene.vertex_count - scene.sealed_vertex_count >= most {
         edge = edge.max(COARSEST);
     }
     let lines = shadow_lines(scene, extent, settings.asked_error());

@@ -20,6 +20,7 @@ fn facet() -> Facet {
         normal: DVec3::Z,
         corners: corners.map(|position| Corner { position, normal: DVec3::Z }).to_vec(),
         triangles: vec![triangle([0, 1, 2]), triangle([0, 2, 3])],
+        is_sealed: false,
     }
 }
 

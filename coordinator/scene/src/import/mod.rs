@@ -28,6 +28,7 @@ mod lit;
 mod materials;
 mod planes;
 mod primitives;
+mod sealed;
 mod tally;
 mod triangles;
 mod weld;
@@ -284,11 +285,15 @@ impl Content {
         }
         let rounding = rounding.max(triangles::rounding_of(frame.centre.abs().max_element() / frame.scale));
         let plane_count = planes::assign(&mut surfaces, &mut lights, rounding);
+        // Before layers are cut: where one hides a part of a body, it closes the body in its stead.
+        sealed::mark(&mut surfaces, &lights);
         warnings.extend(layers::cut(&mut surfaces, plane_count, planes::tolerance(rounding), &frame));
         let vertex_count = surfaces.par_iter().map(Surface::vertex_count).sum();
+        let lit_vertices: usize = surfaces.par_iter().map(Surface::lit_vertex_count).sum();
         let mut scene = Scene {
             source,
             vertex_count,
+            sealed_vertex_count: vertex_count - lit_vertices,
             surfaces,
             lights,
             sky,

@@ -59,7 +59,7 @@ pub(super) fn tolerance(rounding: f64) -> f64 {
 fn facet(light: &AreaLight) -> Facet {
     let (plane, normal) = (light.plane, light.normal());
     let corners = light.polygon().corners.into_iter().map(|position| Corner { position, normal });
-    Facet { plane, normal, corners: corners.collect(), triangles: vec![] }
+    Facet { plane, normal, corners: corners.collect(), triangles: vec![], is_sealed: false }
 }
 
 fn assign_facets(mut facets: Vec<&mut Facet>, rounding: f64) -> u32 {

@@ -36,7 +36,14 @@ impl Tally {
             modelled
                 .push(if scene.sky_pattern.is_some() { "a sky image" } else { "a uniform sky" }.to_owned());
         }
-        ImportReport { modelled, ignored: self.ignored.iter().map(in_words).collect() }
+        let sealed =
+            scene.surfaces.iter().flat_map(|surface| &surface.facets).filter(|facet| facet.is_sealed);
+        let mut ignored: Vec<String> = self.ignored.iter().map(in_words).collect();
+        match sealed.map(|facet| facet.triangles.len()).sum() {
+            0 => {}
+            count => ignored.push(in_words(&("back, in dark insides of closed bodies".to_owned(), count))),
+        }
+        ImportReport { modelled, ignored }
     }
 }
 

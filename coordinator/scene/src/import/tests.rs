@@ -14,5 +14,6 @@ mod numbers;
 mod planes;
 mod prepare;
 mod scene_choice;
+mod sealed;
 mod textures;
 mod weld;

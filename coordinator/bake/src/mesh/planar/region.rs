@@ -25,7 +25,7 @@ impl Region {
     }
 }
 
-/// The regions of a scene, in the order of surfaces and of their first facets.
+/// The regions of a scene that light may reach, in the order of surfaces and of their first facets.
 pub fn regions(scene: &Scene) -> Vec<Region> {
     let of = |(index, surface): (usize, &Surface)| regions_of(index, surface);
     scene.surfaces.par_iter().enumerate().flat_map_iter(of).collect()
@@ -34,7 +34,8 @@ pub fn regions(scene: &Scene) -> Vec<Region> {
 fn regions_of(index: usize, surface: &Surface) -> Vec<Region> {
     let mut joined = DisjointSets::new(surface.facets.len());
     let mut leaving: HashMap<[[u64; 3]; 2], usize> = HashMap::new();
-    let is_flat = |facet: &Facet| facet.corners.iter().all(|corner| corner.normal == facet.normal);
+    let is_flat =
+        |facet: &Facet| !facet.is_sealed && facet.corners.iter().all(|corner| corner.normal == facet.normal);
     for (number, facet) in surface.facets.iter().enumerate().filter(|(_, facet)| is_flat(facet)) {
         for [from, to] in edges(facet) {
             if let Some(other) = leaving.get(&[to, from]) {
@@ -47,7 +48,8 @@ fn regions_of(index: usize, surface: &Surface) -> Vec<Region> {
         }
     }
     let mut members: Vec<Vec<u32>> = vec![vec![]; surface.facets.len()];
-    for facet in 0..surface.facets.len() {
+    // No light reaches the sealed ones.
+    for (facet, _) in surface.facets.iter().enumerate().filter(|(_, facet)| !facet.is_sealed) {
         members[joined.representative(facet)].push(facet as u32);
     }
     let region = |facets: Vec<u32>| {

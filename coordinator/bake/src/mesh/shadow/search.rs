@@ -24,8 +24,8 @@ impl<'a> Receivers<'a> {
         let facets = scene.surfaces.iter().enumerate().flat_map(|(surface, own)| {
             own.facets.iter().enumerate().map(move |(index, facet)| ((surface, index), facet))
         });
-        let facets: Vec<_> =
-            facets.filter(|(_, facet)| Bounds::around(facet.positions()).diagonal() >= shortest).collect();
+        let is_large = |facet: &Facet| Bounds::around(facet.positions()).diagonal() >= shortest;
+        let facets: Vec<_> = facets.filter(|(_, facet)| !facet.is_sealed && is_large(facet)).collect();
         let boxes: Vec<PaddedBox> =
             facets.iter().map(|(_, facet)| PaddedBox::around(facet.positions(), 2.0 * WELD)).collect();
         let bvh = build_bvh2(&boxes, BvhBuildParams::fast_build(), &mut Default::default());

@@ -45,5 +45,6 @@ pub(super) fn turn(facet: &Facet) -> Facet {
         normal: -facet.normal,
         corners: facet.corners.iter().rev().map(turn_corner).collect(),
         triangles: facet.triangles.iter().map(turn_triangle).collect(),
+        is_sealed: false,
     }
 }

@@ -51,6 +51,7 @@ impl Outline {
             normal,
             corners: self.corners.iter().filter(stays).map(corner).collect(),
             triangles: triangles.collect(),
+            is_sealed: false,
         }
     }
 }
