@@ -122,12 +122,16 @@ impl BakeSettings {
     /// Vertices that a bake may have where none are asked for.
     pub const LEAST_MAX_VERTICES: usize = 200_000;
 
-    /// Most vertices of the mesh of a scene: those of the file, but for the ones that the file has beside the mesh.
+    /// Most vertices of the file.
+    #[must_use]
+    pub fn vertices_of_file(&self, scene: &Scene) -> usize {
+        self.max_vertices.unwrap_or_else(|| Self::LEAST_MAX_VERTICES.max(2 * scene.vertex_count))
+    }
+
+    /// Most vertices of the mesh: of those of the file, some are of facets that are no part of it.
     #[must_use]
     pub fn most_vertices(&self, scene: &Scene) -> usize {
-        let of_file =
-            self.max_vertices.unwrap_or_else(|| Self::LEAST_MAX_VERTICES.max(2 * scene.vertex_count));
-        of_file.saturating_sub(scene.sealed_vertex_count)
+        self.vertices_of_file(scene).saturating_sub(scene.sealed_vertex_count)
     }
 
     /// The error asked for, or else that of the mesh.
