@@ -49,7 +49,9 @@ def texels():
         covered = (baked[..., 3] > 0.99) & (baked[..., :3].max(axis=2) > 0.02)
         truth, found = math.pi * baked[covered][:, :3], pixels(ours)[covered][:, :3]
         apart, of_all = relative(found, truth), float(found.mean() / truth.mean() - 1)
-        print(f"{name}: {covered.sum()} texels, {100 * apart:.2f} % from Cycles, {100 * of_all:+.2f} % of its light")
+        middle = float(np.median(np.abs(found - truth).mean(axis=1)) / truth.mean())
+        texels = f"{covered.sum()} texels, {100 * apart:.2f} % (median {100 * middle:.2f} %) from Cycles"
+        print(f"{name}: {texels}, {100 * of_all:+.2f} % of its light")
         if name in ("floor", "back"):
             check(covered.sum() > 500, "Cycles baked too few texels")
             check(apart < FROM_CYCLES and abs(of_all) < OF_CYCLES, f"the light of {name} is not that of Cycles")
