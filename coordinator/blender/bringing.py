@@ -26,13 +26,13 @@ def bring(context, lit, as_lightmap, show, make_single):
     materials that show the light; `make_single` gives objects that share a mesh one of their own.
     """
     document, binary = gltf.read_glb(lit.read_bytes())
-    worlds = gltf.node_worlds(document)
+    found = gltf.Nodes(document)
     result = Brought(unit=document["asset"]["extras"]["halflight"]["unit"])
     owners = [owner for owner in context.scene.objects if owner.type == "MESH" and not owner.hide_render]
     shared = Counter(owner.data for owner in context.scene.objects if owner.type == "MESH")
     pages, copies = {}, {}
     for owner in owners:
-        node = gltf.find_node(document, worlds, owner.name, gltf.world_to_gltf(owner.matrix_world))
+        node = found.find(owner.name, owner.matrix_world)
         own, problem = _own(context, owner, node, shared, make_single)
         if problem:
             result.notes.append(f"{owner.name} has no light: {problem}")

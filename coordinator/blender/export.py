@@ -39,11 +39,11 @@ def export(context, file):
 
 def _drop_earlier(scene, document):
     """Leaves out the coordinates of an earlier lightmap: the baker would find them on some meshes, and not on others."""
-    worlds = gltf.node_worlds(document)
+    nodes = gltf.Nodes(document)
     for owner in scene.objects:
         layers = owner.data.uv_layers.keys() if owner.type == "MESH" else ()
         if layers and layers[-1] == UV_NAME:
-            node = gltf.find_node(document, worlds, owner.name, gltf.world_to_gltf(owner.matrix_world))
+            node = nodes.find(owner.name, owner.matrix_world)
             if node is not None:
                 gltf.drop_coordinates(document, node, len(layers) - 1)
 
@@ -67,7 +67,7 @@ def originals(scene):
 
 def _lamps(context, document):
     """Returns pairs of a node and an area lamp, and notes on lamps of all kinds."""
-    worlds = gltf.node_worlds(document)
+    nodes = gltf.Nodes(document)
     found, notes = [], []
     for lamp, matrix in _placed_lamps(context):
         light = lamp.data
@@ -78,7 +78,7 @@ def _lamps(context, document):
         notes += own_notes
         if area is None:
             continue
-        node = gltf.find_node(document, worlds, lamp.name, gltf.world_to_gltf(matrix), wants_mesh=False)
+        node = nodes.find(lamp.name, matrix, has_mesh=False)
         if node is None:
             notes.append(f"lamp {lamp.name} left out: Blender's exporter wrote no node for it")
         else:

@@ -72,19 +72,38 @@ def image_bytes(document, binary, texture):
     return binary[start : start + view["byteLength"]]
 
 
-def node_worlds(document):
-    """Returns the matrices (4, 4) from each node of the default scene to the world, by index of the node."""
-    found = {}
+class Nodes:
+    """The nodes of a document's default scene: `worlds` has the matrix (4, 4) from each to the world, by index."""
 
-    def visit(index, parent):
-        node = document["nodes"][index]
-        found[index] = parent @ _local(node)
-        for child in node.get("children", []):
-            visit(child, found[index])
+    def __init__(self, document):
+        self.worlds, self._by_name = {}, {}
 
-    for root in document["scenes"][document.get("scene", 0)].get("nodes", []):
-        visit(root, np.eye(4))
-    return found
+        def visit(index, parent):
+            node = document["nodes"][index]
+            self.worlds[index] = parent @ _local(node)
+            self._by_name.setdefault((node.get("name"), "mesh" in node), []).append(index)
+            for child in node.get("children", []):
+                visit(child, self.worlds[index])
+
+        for root in document["scenes"][document.get("scene", 0)].get("nodes", []):
+            visit(root, np.eye(4))
+
+    def find(self, name, world, has_mesh=True):
+        """Returns the index of the node of an object, or None.
+
+        Several nodes have one name where a collection is shown more than once: the one at the object's own place (`world`, 4 x 4,
+        axes of Blender) is meant. Lamps are turned against the axes of the file, so that only their place counts.
+        """
+        world = world_to_gltf(world)
+
+        def distance(index):
+            off = self.worlds[index] - world
+            return np.abs(off if has_mesh else off[:, 3]).max()
+
+        best = min(self._by_name.get((name, has_mesh), ()), key=distance, default=None)
+        if best is None or distance(best) > 1e-3 * (1 + np.abs(world).max()):
+            return None
+        return best
 
 
 def _local(node):
@@ -114,27 +133,6 @@ def world_to_gltf(matrix):
     return axes @ np.asarray(matrix, float) @ axes.T
 
 
-def find_node(document, worlds, name, world, wants_mesh=True):
-    """Returns the index of the node of an object, or None.
-
-    Several nodes have one name where a collection is shown more than once: the one at the object's own place (`world`, 4 x 4,
-    axes of glTF) is meant. Lights lie turned below glTF's axes, so that only their place counts.
-    """
-    def is_it(index):
-        node = document["nodes"][index]
-        return node.get("name") == name and ("mesh" in node) == wants_mesh
-
-    def distance(index):
-        part = worlds[index] - world if wants_mesh else (worlds[index] - world)[:, 3]
-        return np.abs(part).max()
-
-    nodes = [index for index in worlds if is_it(index)]
-    best = min(nodes, key=distance, default=None)
-    if best is None or distance(best) > 1e-3 * (1 + np.abs(world).max()):
-        return None
-    return best
-
-
 def add_area_lights(document, lights):
     """Adds lamps to nodes of a document, as EXT_lights_area.
 
@@ -143,7 +141,7 @@ def add_area_lights(document, lights):
     """
     if not lights:
         return
-    worlds = node_worlds(document)
+    worlds = Nodes(document).worlds
     entries = document.setdefault("extensions", {}).setdefault(AREA_LIGHTS, {}).setdefault("lights", [])
     used = document.setdefault("extensionsUsed", [])
     if AREA_LIGHTS not in used:

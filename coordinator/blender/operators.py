@@ -108,7 +108,9 @@ class HALFLIGHT_OT_bake(bpy.types.Operator):
         return {"CANCELLED"}
 
     def _tell(self, context, text):
-        context.workspace.status_text_set(f"Halflight: {text} (Esc cancels)")
+        # There is no workspace when Blender ends.
+        if context.workspace:
+            context.workspace.status_text_set(f"Halflight: {text} (Esc cancels)" if text else None)
         context.window_manager.halflight_status = text
         for window in context.window_manager.windows:
             for area in window.screen.areas:
@@ -121,7 +123,6 @@ class HALFLIGHT_OT_bake(bpy.types.Operator):
         manager.event_timer_remove(self._timer)
         manager.progress_end()
         self._tell(context, "")
-        context.workspace.status_text_set(None)
 
 
 class HALFLIGHT_OT_hide(bpy.types.Operator):

@@ -116,13 +116,13 @@ class Gltf(unittest.TestCase):
     def test_nodes_of_one_name_differ_by_their_place(self):
         nodes = [{"name": "a", "mesh": 0}, {"name": "a", "mesh": 0, "translation": [2, 0, 0]}, {"name": "a"}]
         document = {"scenes": [{"nodes": [0, 1, 2]}], "nodes": nodes}
-        worlds = gltf.node_worlds(document)
-        place = np.eye(4)
+        found, place = gltf.Nodes(document), np.eye(4)
         place[0, 3] = 2
-        self.assertEqual(gltf.find_node(document, worlds, "a", place), 1)
-        self.assertEqual(gltf.find_node(document, worlds, "a", IDENTITY, wants_mesh=False), 2)
+        self.assertEqual(found.find("a", place), 1)
+        self.assertEqual(found.find("a", IDENTITY, has_mesh=False), 2)
         place[0, 3] = 1
-        self.assertIsNone(gltf.find_node(document, worlds, "a", place))
+        self.assertIsNone(found.find("a", place))
+        self.assertIsNone(found.find("b", IDENTITY))
 
     def test_what_has_no_material_is_grey(self):
         document = {"meshes": [{"primitives": [{"material": 0}, {}]}], "materials": [{"name": "own"}]}
