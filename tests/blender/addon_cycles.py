@@ -89,7 +89,8 @@ def sky():
     box.data.materials.append(room.material("grey", (0.5, 0.5, 0.5)))
     tree = room.world()
     image = bpy.data.images.new("sky", 64, 32, float_buffer=True)
-    colours = np.full((32, 64, 4), 0.1, np.float32)
+    colours = np.full((32, 64, 4), 1, np.float32)
+    colours[..., :3] = 0.1
     # A red and a blue patch to the right of the middle, high and low.
     colours[20:26, 38:46, :3], colours[10:14, 50:56, :3] = (8, 2, 1), (1, 2, 12)
     image.pixels.foreach_set(colours.ravel())
