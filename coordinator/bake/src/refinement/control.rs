@@ -6,34 +6,35 @@
 
 use glam::DVec3;
 
-use super::samples::{Mean, SamplePoints};
-use crate::mesh::Mesh;
+/// A mean over the area, and its standard error.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Mean {
+    pub value: f64,
+    pub standard_error: f64,
+}
+
+impl Mean {
+    /// The mean of values at points.
+    pub fn of(values: &[f64]) -> Self {
+        let count = values.len().max(1) as f64;
+        let value = values.iter().sum::<f64>() / count;
+        let variance = values.iter().map(|each| (each - value).powi(2)).sum::<f64>() / (count - 1.0).max(1.0);
+        Self { value, standard_error: (variance / count).sqrt() }
+    }
+}
 
 /// What many more points tell of direct light alone.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Control {
     /// Error of the radiosity from direct light at the points.
-    own: Vec<DVec3>,
+    pub own: Vec<DVec3>,
     /// Its mean square over the further points.
-    error: Mean,
+    pub error: Mean,
     /// What is added to the mean square of the radiosity at the points.
-    radiosity: f64,
+    pub radiosity: f64,
 }
 
 impl Control {
-    /// Compares direct light of two sets of points, both with their direct light, with that interpolated on the mesh.
-    pub fn new(points: &SamplePoints, further: &SamplePoints, mesh: &Mesh, direct: &[DVec3]) -> Self {
-        let errors = |of: &SamplePoints| -> Vec<DVec3> {
-            of.compare_direct(mesh, direct).into_iter().map(|(_, error)| error).collect()
-        };
-        let radiosity = |of: &SamplePoints| of.mean_square(&of.direct_radiosity()).value;
-        Self {
-            own: errors(points),
-            error: further.mean_square(&errors(further)),
-            radiosity: radiosity(further) - radiosity(points),
-        }
-    }
-
     /// The mean square of errors at the points, given the squares of those and of the direct ones there by `squares`.
     pub fn mean_square(&self, errors: &[DVec3], squares: impl Fn(&[DVec3]) -> Vec<f64>) -> Mean {
         let own = squares(&self.own);
@@ -43,10 +44,5 @@ impl Control {
             value: rest.value + self.error.value,
             standard_error: rest.standard_error.hypot(self.error.standard_error),
         }
-    }
-
-    /// What is added to the mean square of the radiosity at the points.
-    pub fn of_radiosity(&self) -> f64 {
-        self.radiosity
     }
 }

@@ -11,7 +11,7 @@ use kernel::geometry::PlaneId;
 use kernel::replica::{Receiver, Receivers};
 use rayon::prelude::*;
 
-use super::control::Control;
+use super::control::{Control, Mean};
 use super::draw::{SamplePoint, draw_on, point_at};
 use crate::error_budget::{INTERPOLATED_NOISE, without_noise};
 use crate::mesh::{Mesh, PatchId, VertexId, interpolation};
@@ -66,23 +66,6 @@ pub struct SamplePoints {
     bounds: Bounds,
     /// What many more points tell of direct light.
     control: Option<Control>,
-}
-
-/// A mean over the area, and its standard error.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Mean {
-    pub value: f64,
-    pub standard_error: f64,
-}
-
-impl Mean {
-    /// The mean of values at points.
-    pub fn of(values: &[f64]) -> Self {
-        let count = values.len().max(1) as f64;
-        let value = values.iter().sum::<f64>() / count;
-        let variance = values.iter().map(|each| (each - value).powi(2)).sum::<f64>() / (count - 1.0).max(1.0);
-        Self { value, standard_error: (variance / count).sqrt() }
-    }
 }
 
 impl SamplePoints {
@@ -289,11 +272,6 @@ impl SamplePoints {
         self.mean_square(&self.radiosity_of(errors)).value
     }
 
-    /// Radiosity from direct light.
-    pub fn direct_radiosity(&self) -> Vec<DVec3> {
-        self.radiosity_of(&self.direct)
-    }
-
     fn radiosity_of(&self, irradiance: &[DVec3]) -> Vec<DVec3> {
         self.points.iter().zip(irradiance).map(|(point, light)| point.reflectance * *light).collect()
     }
@@ -301,7 +279,15 @@ impl SamplePoints {
     /// Lets the light of further points, whose direct light is known, tell what these miss. `direct` is that of the vertices, as it
     /// is interpolated.
     pub fn set_control(&mut self, further: &Self, mesh: &Mesh, direct: &[DVec3]) {
-        self.control = (further.count() > 0).then(|| Control::new(self, further, mesh, direct));
+        let errors = |of: &Self| -> Vec<DVec3> {
+            of.compare_direct(mesh, direct).into_iter().map(|(_, error)| error).collect()
+        };
+        let radiosity = |of: &Self| of.mean_square(&of.radiosity_of(&of.direct)).value;
+        self.control = Some(Control {
+            own: errors(self),
+            error: further.mean_square(&errors(further)),
+            radiosity: radiosity(further) - radiosity(self),
+        });
     }
 
     /// The points for comparisons with the light of other sources.
@@ -346,7 +332,7 @@ impl SamplePoints {
     }
 
     /// Mean over the area of the squares of values at the first points, below 0 where two draws of small ones have much noise.
-    pub fn mean_square(&self, values: &[DVec3]) -> Mean {
+    fn mean_square(&self, values: &[DVec3]) -> Mean {
         Mean::of(&self.squares(values))
     }
 
@@ -383,7 +369,7 @@ impl SamplePoints {
 
     /// Mean square of the gathered radiosity.
     fn mean_square_radiosity(&self) -> f64 {
-        let further = self.control.as_ref().map_or(0.0, Control::of_radiosity);
+        let further = self.control.as_ref().map_or(0.0, |control| control.radiosity);
         (self.mean_square_error(&self.irradiance) + further).max(0.0)
     }
 }
