@@ -7,10 +7,8 @@
 //! | `prediction` | predicts the interpolation error of each leaf |
 //! | `samples` | light compared at random points |
 //! | `draw` | draws such points |
-//! | `control` | what direct light at many more points tells of the error |
 //! | `fit` | vertex values with the least error between the vertices |
 
-mod control;
 mod draw;
 mod fit;
 mod plan;

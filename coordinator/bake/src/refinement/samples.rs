@@ -11,7 +11,6 @@ use kernel::geometry::PlaneId;
 use kernel::replica::{Receiver, Receivers};
 use rayon::prelude::*;
 
-use super::control::{Control, Mean};
 use super::draw::{SamplePoint, draw_on, point_at};
 use crate::error_budget::{INTERPOLATED_NOISE, without_noise};
 use crate::mesh::{Mesh, PatchId, VertexId, interpolation};
@@ -31,18 +30,6 @@ const MOST_POINTS: usize = 2048;
 /// Positions where light is gathered twice, where few would be enough for light gathered once, relative to these: hot spots are too
 /// small for few.
 const POSITIONS_TWICE: usize = 4;
-
-/// Further positions for each, where direct light alone is computed.
-const FURTHER: usize = 8;
-
-/// There is at most one for this many vertices of the mesh: their light then costs less than that of the vertices.
-const VERTICES_PER_FURTHER: usize = 4;
-
-/// Tells their draws from the others'.
-const SEED_OF_FURTHER: u64 = 0x5bd1_e995;
-
-/// Tells their keys as receivers from the others'.
-const FIRST_KEY_OF_FURTHER: u64 = 1 << 40;
 
 /// Length of the sequence that points are drawn from.
 pub const MOST_DRAWN: usize = 1 << 16;
@@ -64,21 +51,19 @@ pub struct SamplePoints {
     exposed: Vec<bool>,
     /// Scales the light of those that see more than a hemisphere: vertices there are scaled, too.
     bounds: Bounds,
-    /// What many more points tell of direct light.
-    control: Option<Control>,
 }
 
 impl SamplePoints {
     /// Draws points on the reflecting surfaces: half of them uniformly over the area, half by the square error that `expected`
     /// tells of each leaf, where it is known. Another `round` is another draw. Where light is gathered `twice`, each is there two
-    /// times, and there are more of them. Many further points come with them, for direct light alone; none on a small mesh.
+    /// times, and there are more of them.
     pub fn draw(
         mesh: &Mesh,
         scene: &Scene,
         settings: &BakeSettings,
         expected: &[(PatchId, f64)],
         (round, twice): (u32, bool),
-    ) -> (Self, Self) {
+    ) -> Self {
         let reflects =
             |id: &PatchId| scene.surfaces[mesh.patch(*id).surface as usize].reflectance != DVec3::ZERO;
         let reflecting: Vec<PatchId> = mesh.leaves().map(|(id, _)| id).filter(reflects).collect();
@@ -96,19 +81,11 @@ impl SamplePoints {
             count
         };
         let first_key = FIRST_KEY + u64::from(round) * MOST_DRAWN as u64;
-        let draw = |seed: u64, count: usize, first_key: u64| {
-            let mut points = draw_on(mesh, scene, &reflecting, &expected, (seed, round), count);
-            if twice {
-                points = points.into_iter().flat_map(|point| [point.clone(), point]).collect();
-            }
-            Self { first_key, points, ..Self::default() }
-        };
-        let further = (FURTHER * count).min(MOST_DRAWN / 2).min(mesh.vertices.len() / VERTICES_PER_FURTHER);
-        let further = if further < 2 * count { 0 } else { further };
-        (
-            draw(settings.seed, count, first_key),
-            draw(settings.seed ^ SEED_OF_FURTHER, further, FIRST_KEY_OF_FURTHER + first_key),
-        )
+        let mut points = draw_on(mesh, scene, &reflecting, &expected, (settings.seed, round), count);
+        if twice {
+            points = points.into_iter().flat_map(|point| [point.clone(), point]).collect();
+        }
+        Self { first_key, points, ..Self::default() }
     }
 
     /// Draws this many points, at most [`MOST_DRAWN`], on all surfaces in the same way. `expected` is that of each leaf, or empty.
@@ -256,12 +233,7 @@ impl SamplePoints {
     /// Relative interpolation error, given the mean reflectance and the relative noise of the light at a vertex.
     pub fn interpolation_error(&self, mesh: &Mesh, fitted: &[DVec3], reflectance: f64, noise: f64) -> f64 {
         let errors: Vec<DVec3> = self.compare(mesh, fitted).into_iter().map(|(_, error)| error).collect();
-        let errors = self.with_level(&errors, reflectance);
-        let mean = match &self.control {
-            Some(control) => control.mean_square(&errors, |errors| self.squares(errors)),
-            None => self.mean_square(&errors),
-        };
-        let mixed = self.relative_to_radiosity(mean);
+        let mixed = self.relative(&self.with_level(&errors, reflectance));
         // The gathered light is noisy too, unless two draws tell it apart.
         let gathered = if self.is_drawn_twice() { 0.0 } else { 1.0 };
         without_noise(mixed, noise * (gathered + INTERPOLATED_NOISE).sqrt())
@@ -269,31 +241,9 @@ impl SamplePoints {
 
     /// Mean over the area of the square error of the radiosity, given errors of the irradiance at the points.
     pub fn mean_square_error(&self, errors: &[DVec3]) -> f64 {
-        self.mean_square(&self.radiosity_of(errors)).value
-    }
-
-    fn radiosity_of(&self, irradiance: &[DVec3]) -> Vec<DVec3> {
-        self.points.iter().zip(irradiance).map(|(point, light)| point.reflectance * *light).collect()
-    }
-
-    /// Lets the light of further points, whose direct light is known, tell what these miss. `direct` is that of the vertices, as it
-    /// is interpolated.
-    pub fn set_control(&mut self, further: &Self, mesh: &Mesh, direct: &[DVec3]) {
-        let errors = |of: &Self| -> Vec<DVec3> {
-            of.compare_direct(mesh, direct).into_iter().map(|(_, error)| error).collect()
-        };
-        let radiosity = |of: &Self| of.mean_square(&of.radiosity_of(&of.direct)).value;
-        self.control = Some(Control {
-            own: errors(self),
-            error: further.mean_square(&errors(further)),
-            radiosity: radiosity(further) - radiosity(self),
-        });
-    }
-
-    /// The points for comparisons with the light of other sources.
-    #[must_use]
-    pub fn without_control(self) -> Self {
-        Self { control: None, ..self }
+        let of_radiosity = |(point, error): (&SamplePoint, &DVec3)| point.reflectance * *error;
+        self.mean_square_and_its_error(&self.points.iter().zip(errors).map(of_radiosity).collect::<Vec<_>>())
+            .0
     }
 
     /// Whether light is gathered twice at each position.
@@ -313,27 +263,28 @@ impl SamplePoints {
     /// Root mean square of radiosity errors at the first points, relative to that of the radiosity. Of two draws it is what the noise
     /// could hide at least, where that is more: their mean square may be below 0 by chance.
     pub fn relative(&self, errors: &[DVec3]) -> f64 {
-        self.relative_to_radiosity(self.mean_square(errors))
-    }
-
-    fn relative_to_radiosity(&self, square: Mean) -> f64 {
         let norm = self.mean_square_radiosity();
-        // With a control it may be below 0 by chance, too.
-        let may_be_negative = self.is_drawn_twice() || self.control.is_some();
-        let least = if may_be_negative { square.standard_error } else { 0.0 };
-        if norm > 0.0 { (square.value.max(least) / norm).sqrt() } else { 0.0 }
+        let (mean, standard_error) = self.mean_square_and_its_error(errors);
+        let least = if self.is_drawn_twice() { standard_error } else { 0.0 };
+        if norm > 0.0 { (mean.max(least) / norm).sqrt() } else { 0.0 }
     }
 
     /// What [`Self::relative`] tells, less the standard error of its square: where few points hold most of it, little is certain.
     pub fn relative_at_least(&self, errors: &[DVec3]) -> f64 {
         let norm = self.mean_square_radiosity();
-        let Mean { value, standard_error } = self.mean_square(errors);
-        if norm > 0.0 { ((value - standard_error).max(0.0) / norm).sqrt() } else { 0.0 }
+        let (mean, standard_error) = self.mean_square_and_its_error(errors);
+        if norm > 0.0 { ((mean - standard_error).max(0.0) / norm).sqrt() } else { 0.0 }
     }
 
-    /// Mean over the area of the squares of values at the first points, below 0 where two draws of small ones have much noise.
-    fn mean_square(&self, values: &[DVec3]) -> Mean {
-        Mean::of(&self.squares(values))
+    /// Mean over the area of the squares of values at the first points, below 0 where two draws of small ones have much noise, and its
+    /// standard error.
+    fn mean_square_and_its_error(&self, values: &[DVec3]) -> (f64, f64) {
+        let squares = self.squares(values);
+        let count = squares.len().max(1) as f64;
+        let mean = squares.iter().sum::<f64>() / count;
+        let variance =
+            squares.iter().map(|square| (square - mean).powi(2)).sum::<f64>() / (count - 1.0).max(1.0);
+        (mean, (variance / count).sqrt())
     }
 
     /// Squares of values at the first points, weighted: one of each position.
@@ -369,8 +320,7 @@ impl SamplePoints {
 
     /// Mean square of the gathered radiosity.
     fn mean_square_radiosity(&self) -> f64 {
-        let further = self.control.as_ref().map_or(0.0, |control| control.radiosity);
-        (self.mean_square_error(&self.irradiance) + further).max(0.0)
+        self.mean_square_error(&self.irradiance).max(0.0)
     }
 }
 

@@ -99,7 +99,7 @@ pub fn keep_light(cx: &mut Context, measured: &mut Measured) -> Result<Option<Ke
         divided: divided.into_iter().map(|(_, patch)| patch).collect(),
         vertices: mesh.vertices.len(),
         parts: parts.into_iter().map(|solved| solved.part).collect(),
-        validation: validation.clone().without_control(),
+        validation: validation.clone(),
         reflectance: solved.mean_reflectance(),
         error: *error,
         simplify: settings.simplifies(),

@@ -3,7 +3,6 @@
 use glam::DVec3;
 
 use super::irradiance::{Irradiance, Lights, Place, Received, irradiance_at};
-use super::light;
 use super::refine::Refined;
 use super::solved::Solved;
 use crate::context::Context;
@@ -12,7 +11,7 @@ use crate::error_budget::{
     ErrorBudget, INTERPOLATED_NOISE, RETURNING, rounding_error, without, without_noise,
 };
 use crate::observer::Phase;
-use crate::refinement::{FIRST, Obstacle, SamplePoints, best_fit, best_fit_of_part};
+use crate::refinement::{FIRST, Obstacle, SamplePoints, best_fit};
 
 /// Part of the error of the shooters that is left when the leaves of the refined mesh, with edges half as long where light changes,
 /// become the shares. The error falls with the square of the edge, next to contacts with the edge.
@@ -47,11 +46,8 @@ impl Refined {
         // elsewhere.
         let (round, expected) = (solved.rounds_measured, prediction.leaves());
         let draw = (round, solved.rows.source.measures_twice());
-        let (mut validation, further) =
-            SamplePoints::draw(&solved.mesh.mesh, cx.scene, cx.settings, expected, draw);
-        let interpolated = solved.light_samples(cx, &mut validation)?;
-        solved.control(cx, &mut validation, further)?;
-        let between = interpolated.map_or(0.0, |light| validation.relative(&validation.differences(&light)));
+        let mut validation = SamplePoints::draw(&solved.mesh.mesh, cx.scene, cx.settings, expected, draw);
+        let between = solved.light_samples(cx, &mut validation)?;
         let noise = solved.noise();
         let reflectance = solved.mean_reflectance();
         let receivers = if validation.count() > 0 {
@@ -104,11 +100,11 @@ impl Measured {
 }
 
 impl Solved {
-    /// Gathers the light of all sources and shares at sample points. Returns the light of shares that is interpolated between gather
-    /// points there, if that is how vertices get it.
-    fn light_samples(&mut self, cx: &mut Context, samples: &mut SamplePoints) -> Result<Option<Vec<DVec3>>> {
+    /// Gathers the light of all sources and shares at sample points. Returns the relative error that light interpolated between
+    /// gather points has there.
+    fn light_samples(&mut self, cx: &mut Context, samples: &mut SamplePoints) -> Result<f64> {
         if samples.count() == 0 {
-            return Ok(None);
+            return Ok(0.0);
         }
         let receivers = samples.receivers(samples.count());
         let lights = Lights { sources: &self.sources.all, radiosity: &self.solution.radiosity };
@@ -119,21 +115,8 @@ impl Solved {
             samples.set_direct(direct);
             samples.set_irradiance(all);
         }
-        self.rows.source.interpolated(cx, &receivers, &self.solution.radiosity)
-    }
-
-    /// Computes direct light at further points, for what the samples miss of it.
-    fn control(&self, cx: &mut Context, samples: &mut SamplePoints, mut further: SamplePoints) -> Result<()> {
-        if further.count() == 0 {
-            return Ok(());
-        }
-        let set = cx.client.publish_receivers(&further.receivers(further.count()));
-        further.set_direct(light::irradiance(&self.sources.all, set, cx.client)?);
-        cx.client.release(set);
-        let mesh = &self.mesh.mesh;
-        let direct = best_fit_of_part(mesh, &self.solution.irradiance, &self.direct);
-        samples.set_control(&further, mesh, &direct);
-        Ok(())
+        let between = self.rows.source.interpolated(cx, &receivers, &self.solution.radiosity)?;
+        Ok(between.map_or(0.0, |light| samples.relative(&samples.differences(&light))))
     }
 
     /// Relative error of the light of shares, each of constant radiosity: against that of the leaves of the refined mesh, each with

@@ -55,7 +55,7 @@ impl Setup {
         let table = source.open(cx, &mesh);
         let mut rows = Rows { source, table };
         rows.add_coarse(cx, &mesh.mesh)?;
-        let (samples, _) = SamplePoints::draw(&mesh.mesh, scene, settings, &[], (0, false));
+        let samples = SamplePoints::draw(&mesh.mesh, scene, settings, &[], (0, false));
         let middles = if rows.source.leaves_cost_rows() {
             SamplePoints::default()
         } else {
