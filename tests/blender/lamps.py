@@ -11,6 +11,7 @@ from pathlib import Path
 import bpy
 import flip_evaluator
 import numpy as np
+from addon_room import material
 
 SIZE = (240, 180)
 WORLD = (0.2, 0.25, 0.3)
@@ -28,16 +29,11 @@ def check(condition, message):
         sys.exit(f"failed: {message}")
 
 
-def material(name, colour, glow=0.0):
-    made = bpy.data.materials.new(name)
-    made.use_nodes = True
-    made.use_backface_culling = True
+def glowing(name, strength):
+    made = material(name, (0, 0, 0))
     surface = made.node_tree.nodes["Principled BSDF"].inputs
-    surface["Base Color"].default_value = (*colour, 1)
-    surface["Roughness"].default_value = 1
-    surface["Specular IOR Level"].default_value = 0
     surface["Emission Color"].default_value = (1, 0.9, 0.8, 1)
-    surface["Emission Strength"].default_value = glow
+    surface["Emission Strength"].default_value = strength
     return made
 
 
@@ -74,7 +70,7 @@ def room():
     quad("left", [(-2, -2, 0), (-2, 2, 0), (-2, 2, 3), (-2, -2, 3)], red)
     quad("right", [(2, 2, 0), (2, -2, 0), (2, -2, 3), (2, 2, 3)], blue)
     # Close to the wall: in Cycles a plane glows backwards, too.
-    quad("glow", [(-1.5, 1.998, 1), (-0.5, 1.998, 1), (-0.5, 1.998, 2), (-1.5, 1.998, 2)], material("glow", (0, 0, 0), 3))
+    quad("glow", [(-1.5, 1.998, 1), (-0.5, 1.998, 1), (-0.5, 1.998, 2), (-1.5, 1.998, 2)], glowing("glow", 3))
     bpy.ops.mesh.primitive_cube_add(size=1, location=(0.6, 0.4, 0.5), rotation=(0, 0, 0.4))
     bpy.context.object.data.materials.append(white)
     lamp("bulb", "POINT", 60, (-0.8, -0.5, 2.2))
