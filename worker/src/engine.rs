@@ -10,7 +10,7 @@ use kernel::occluder::Occluder;
 use kernel::replica::{Receiver, Receivers, ScenePolygons};
 use kernel::row::{Hemisphere, Precision, Rounding, Row, Shape, Shooter};
 use kernel::visibility::{
-    MANY_POLYGONS, ManyPolygons, ReceiverGroups, TransparentOccluders, VisibilityKernel, pair_seed,
+    MANY_POLYGONS, ManyPolygons, ReceiverGroups, Stop, TransparentOccluders, VisibilityKernel, pair_seed,
 };
 use protocol::worker::RowStatistics;
 
@@ -116,25 +116,39 @@ pub fn compute_row(
     shooter: &Shooter,
     precision: &Precision,
 ) -> (Vec<f32>, RowStatistics) {
+    compute_row_until(scene, groups, first_key, shooter, precision, &|| false).unwrap_or_default()
+}
+
+/// The same, asking `stop` every few milliseconds; nothing where it says so.
+#[must_use]
+pub fn compute_row_until(
+    scene: &Scene,
+    groups: &ReceiverGroups,
+    first_key: u64,
+    shooter: &Shooter,
+    precision: &Precision,
+    stop: Stop,
+) -> Option<(Vec<f32>, RowStatistics)> {
     let mut statistics = RowStatistics::default();
     let receivers = groups.receivers();
     let rounding = Rounding::new(precision.factor_rounding);
     let seed = |index: usize| pair_seed(precision.seed, shooter.key, first_key + index as u64);
+    let wanted = || receivers.iter().enumerate().take_while(|_| !stop());
     let row: Vec<f64> = match &shooter.shape {
         Shape::Polygons(polygons) if polygons.len() >= MANY_POLYGONS => {
             let parts = polygons.iter().map(|polygon| (PreparedPolygon::new(polygon), 1.0));
             let mut many = ManyPolygons::new(parts, scene.occluder(), scene.transparent(), precision);
             let factor = |(index, receiver)| many.factor(receiver, seed(index), &mut statistics);
-            receivers.iter().enumerate().map(factor).collect()
+            wanted().map(factor).collect()
         }
         Shape::Weighted(polygons) => {
             let parts = polygons.iter().map(|(polygon, weight)| (PreparedPolygon::new(polygon), *weight));
             let mut many = ManyPolygons::new(parts, scene.occluder(), scene.transparent(), precision);
             let factor = |(index, receiver)| many.factor(receiver, seed(index), &mut statistics);
-            receivers.iter().enumerate().map(factor).collect()
+            wanted().map(factor).collect()
         }
         Shape::Polygons(polygons) => {
-            let mut kernel = VisibilityKernel::new(scene.occluder(), precision);
+            let mut kernel = VisibilityKernel::new(scene.occluder(), precision).until(stop);
             let mut factors = vec![0.0; receivers.len()];
             for polygon in polygons.iter().map(PreparedPolygon::new) {
                 match scene.transparent() {
@@ -143,7 +157,7 @@ pub fn compute_row(
                         let mut own = vec![0.0; receivers.len()];
                         kernel.add_form_factors(groups, &polygon, seed, &mut own, &mut statistics);
                         for (index, (factor, own)) in factors.iter_mut().zip(own).enumerate() {
-                            if own > 0.0 {
+                            if own > 0.0 && !stop() {
                                 let receiver = &receivers[index];
                                 let passed =
                                     transparent.before(receiver, &polygon, scene.occluder(), seed(index));
@@ -159,27 +173,30 @@ pub fn compute_row(
         }
         Shape::Point(light) => {
             let weight = |_| 1.0;
-            receivers.iter().map(|r| point_light_factor(scene, r, *light, weight, &mut statistics)).collect()
+            let factor = |(_, r)| point_light_factor(scene, r, *light, weight, &mut statistics);
+            wanted().map(factor).collect()
         }
         Shape::PlanarPoint(light) => {
             let weight = |direction: DVec3| 2.0 * direction.y.abs();
-            receivers.iter().map(|r| point_light_factor(scene, r, *light, weight, &mut statistics)).collect()
+            let factor = |(_, r)| point_light_factor(scene, r, *light, weight, &mut statistics);
+            wanted().map(factor).collect()
         }
         Shape::Spot(spot) => {
             let weight = |direction: DVec3| spot.attenuation(-direction.dot(spot.direction));
-            receivers
-                .iter()
-                .map(|r| point_light_factor(scene, r, spot.position, weight, &mut statistics))
-                .collect()
+            let factor = |(_, r)| point_light_factor(scene, r, spot.position, weight, &mut statistics);
+            wanted().map(factor).collect()
         }
         Shape::Directional(along) => {
-            receivers.iter().map(|r| directional_factor(scene, r, *along, &mut statistics)).collect()
+            wanted().map(|(_, r)| directional_factor(scene, r, *along, &mut statistics)).collect()
         }
         // Its row is over polygons, not over receivers: a job that mixes both is refused.
         Shape::Hemisphere(_) => vec![0.0; receivers.len()],
     };
+    if stop() {
+        return None;
+    }
     let rounded = |(index, factor)| if factor == 0.0 { 0.0 } else { rounding.apply(factor, seed(index)) };
-    (row.into_iter().enumerate().map(rounded).collect(), statistics)
+    Some((row.into_iter().enumerate().map(rounded).collect(), statistics))
 }
 
 /// V w cos / r^2: what a point light of unit intensity, times `weight` of the direction to it, gives a receiver.

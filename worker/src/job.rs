@@ -7,14 +7,14 @@ use kernel::replica::Digest;
 use kernel::row::{
     Hemisphere, RequestError, Row, RowRequest, Shape, Shooter, encode_row, longest_encoded_row,
 };
-use kernel::visibility::ReceiverGroups;
+use kernel::visibility::{ReceiverGroups, Stop};
 use protocol::worker::worker_message::Body;
 use protocol::worker::{
     FailureReason, Finished, JobFailed, MAX_MESSAGE_BYTES, RowJob, RowStatistics, digest_of_rows,
 };
 use tokio::time::Instant;
 
-use crate::engine::{ReceiverSet, Scene, compute_hemisphere, compute_row};
+use crate::engine::{ReceiverSet, Scene, compute_hemisphere, compute_row_until};
 use crate::pool::Panicked;
 use crate::store::{Replica, ReplicaStore};
 
@@ -213,14 +213,21 @@ impl Job {
 
     /// Computes the rows, on the calling thread.
     #[must_use]
+    pub fn compute(&self) -> Finished {
+        // It ends only where it is told to stop.
+        self.compute_until(&|| false).unwrap_or_default()
+    }
+
+    /// The same, asking `stop` every few milliseconds; nothing where it says so.
+    #[must_use]
     #[tracing::instrument(name = "job", skip_all, fields(
         job = self.id,
         rows = self.request.shooters.len(),
         receivers = self.request.receiver_count,
     ))]
-    pub fn compute(&self) -> Finished {
+    pub fn compute_until(&self, stop: Stop) -> Option<Finished> {
         let part;
-        let compute: &dyn Fn(&Shooter) -> (Row, RowStatistics) = match &self.receivers {
+        let compute: &dyn Fn(&Shooter) -> Option<(Row, RowStatistics)> = match &self.receivers {
             Over::Receivers { receivers, first_key } => {
                 let all = receivers.groups.receivers();
                 let first = self.request.first_receiver as usize;
@@ -232,28 +239,32 @@ impl Job {
                     &part
                 };
                 &move |shooter| {
+                    let precision = &self.request.precision;
                     let (row, statistics) =
-                        compute_row(&self.scene, groups, *first_key, shooter, &self.request.precision);
-                    (Row::new(&row), statistics)
+                        compute_row_until(&self.scene, groups, *first_key, shooter, precision, stop)?;
+                    Some((Row::new(&row), statistics))
                 }
             }
             Over::Polygons => &|shooter| match &shooter.shape {
+                // Of some thousand rays.
+                Shape::Hemisphere(_) if stop() => None,
                 Shape::Hemisphere(hemisphere) => {
-                    compute_hemisphere(&self.scene, hemisphere, shooter.key, &self.request.precision)
+                    Some(compute_hemisphere(&self.scene, hemisphere, shooter.key, &self.request.precision))
                 }
                 // Checked when the job was read.
-                _ => (Row::of_some(self.scene.polygons(), &[]), RowStatistics::default()),
+                _ => Some((Row::of_some(self.scene.polygons(), &[]), RowStatistics::default())),
             },
         };
         let row = |shooter| {
             let start = Instant::now();
-            let (row, mut statistics) = compute(shooter);
+            let (row, mut statistics) = compute(shooter)?;
             statistics.busy_nanoseconds = start.elapsed().as_nanos().try_into().unwrap_or(u64::MAX);
-            (encode_row(&row), statistics)
+            Some((encode_row(&row), statistics))
         };
-        let (rows, statistics): (Vec<_>, _) = self.request.shooters.iter().map(row).unzip();
+        let rows: Option<Vec<_>> = self.request.shooters.iter().map(row).collect();
+        let (rows, statistics): (Vec<_>, _) = rows?.into_iter().unzip();
         let digest = digest_of_rows(&rows).to_bytes();
-        Finished { job_id: self.id, rows, statistics, digest }
+        Some(Finished { job_id: self.id, rows, statistics, digest })
     }
 }
 

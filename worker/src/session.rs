@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use kernel::replica::Digest;
 use kernel::row::ROW_VERSION;
+use kernel::visibility::Stop;
 use protocol::telemetry::Held;
 use protocol::worker::coordinator_message::Body as Incoming;
 use protocol::worker::worker_message::Body as Outgoing;
@@ -48,11 +49,12 @@ pub(crate) async fn run(
         outbound,
         // Jobs still queued when the session ends are not worth computing.
         abandoned: worker.shutdown.child_token(),
+        over: CancellationToken::new(),
         jobs: JoinSet::new(),
         unanswered: HashMap::new(),
     };
     let _counted = Held::new(&worker.settings.metrics.sessions);
-    let _guard = session.abandoned.clone().drop_guard();
+    let _guards = [&session.abandoned, &session.over].map(|token| token.clone().drop_guard());
     session.converse(inbound).await
 }
 
@@ -61,6 +63,8 @@ struct Session<'a> {
     outbound: &'a Outbound,
     /// Jobs that see it cancelled before they start are handed back.
     abandoned: CancellationToken,
+    /// Jobs that are being computed when it is cancelled end: nobody is there to be answered.
+    over: CancellationToken,
     /// Each gives the answer to a job, or nothing where it was handed back.
     jobs: JoinSet<(u64, Option<Outgoing>)>,
     /// Cancels each of these jobs, as long as it is not begun.
@@ -122,11 +126,11 @@ impl Session<'_> {
                         Some(Some(Incoming::Job(_) | Incoming::Tile(_))) if leaving.is_some() => {}
                         Some(Some(Incoming::Job(job))) => {
                             let rows = Job::new(&job, &mut self.worker.store());
-                            self.start(job.job_id, rows, |rows| Outgoing::Finished(rows.compute()));
+                            self.start(job.job_id, rows, |rows, stop| rows.compute_until(stop).map(Outgoing::Finished));
                         }
                         Some(Some(Incoming::Tile(job))) => {
                             let tile = Tile::new(&job, &mut self.worker.store());
-                            self.start(job.job_id, tile, |tile| Outgoing::Tile(tile.compute()));
+                            self.start(job.job_id, tile, |tile, _| Some(Outgoing::Tile(tile.compute())));
                         }
                         Some(Some(Incoming::Cancel(CancelJob { job_id }))) => {
                             // Answered already: the answer and the cancel crossed.
@@ -169,7 +173,12 @@ impl Session<'_> {
     }
 
     /// Takes a job in; its answer comes out of [`Self::jobs`].
-    fn start<J: Send + 'static>(&mut self, id: u64, job: Result<J, JobError>, compute: fn(&J) -> Outgoing) {
+    fn start<J: Send + 'static>(
+        &mut self,
+        id: u64,
+        job: Result<J, JobError>,
+        compute: fn(&J, Stop) -> Option<Outgoing>,
+    ) {
         let job = match job {
             Ok(job) => job,
             Err(error) => {
@@ -179,6 +188,7 @@ impl Session<'_> {
         };
         let abandoned = self.abandoned.clone();
         let cancelled = abandoned.child_token();
+        let over = self.over.clone();
         self.unanswered.insert(id, cancelled.clone());
         let pool = self.worker.pool.clone();
         let metrics = self.worker.settings.metrics.clone();
@@ -186,7 +196,7 @@ impl Session<'_> {
         let work = move || {
             drop(queued);
             let _counted = Held::new(&metrics.jobs_computing);
-            (!cancelled.is_cancelled()).then(|| compute(&job))
+            if cancelled.is_cancelled() { None } else { compute(&job, &|| over.is_cancelled()) }
         };
         self.jobs.spawn(async move {
             let computed = pool.run(work).await;

@@ -4,9 +4,10 @@ use std::io;
 use std::net::SocketAddr;
 use std::num::NonZeroUsize;
 use std::sync::Arc;
+use std::time::Duration;
 
 use glam::DVec3;
-use kernel::geometry::PlaneId;
+use kernel::geometry::{ConvexPolygon, PlaneId};
 use kernel::replica::{Digest, EncodedReplica, Receiver, Receivers, encode_receivers, encode_scene};
 use kernel::row::{Precision, ROW_VERSION, RowRequest, Shape, Shooter};
 use protocol::network::Sockets;
@@ -209,6 +210,51 @@ async fn keep_alives_are_answered_while_every_thread_computes() {
     let bytes: usize = replicas.iter().map(|replica| replica.bytes.len()).sum();
     assert!(answer.number == 7 && answer.uploaded >= bytes as u64, "{answer:?} after {bytes} bytes");
     assert!(matches!(session.hear().await.unwrap(), Incoming::Finished(_)));
+}
+
+/// A row that nobody waits for keeps no thread.
+#[tokio::test]
+async fn a_job_ends_when_its_coordinator_is_gone() {
+    let settings = Settings { instance: 1, ..Settings::new("test", NonZeroUsize::MIN) };
+    let computing = settings.metrics.jobs_computing.clone();
+    let Setup { mut client, .. } = setup_with(settings).await.unwrap();
+    // A lamp behind shades: some 10^9 rays.
+    let corner = |x: f64, z: f64| DVec3::new(x, 1.0, z);
+    let shade = |plane: u32, x: f64| {
+        let corners = [(x, 0.0), (x, 0.9), (x + 0.9, 0.9), (x + 0.9, 0.0)].map(|(x, z)| corner(x, z));
+        ConvexPolygon { plane: PlaneId(plane), corners: corners.to_vec() }
+    };
+    let shades: Vec<ConvexPolygon> = (1..500).map(|plane| shade(plane, f64::from(plane))).collect();
+    let lamp =
+        [(-1e3, -1e3), (1e3, -1e3), (1e3, 1e3), (-1e3, 1e3)].map(|(x, z)| DVec3::new(x, 2.0, z)).to_vec();
+    let ([_, receivers], request) = work(1);
+    let scene = encode_scene(&shades);
+    let shape = Shape::Polygons(vec![ConvexPolygon { plane: PlaneId(1000), corners: lamp }]);
+    let request = RowRequest {
+        scene: scene.digest,
+        shooters: vec![Shooter { key: 1, shape }; 16],
+        precision: Precision {
+            rays_per_hemisphere: 1 << 16,
+            minimum_rays: 1 << 16,
+            maximum_rays: 1 << 16,
+            exact_occluders: 0,
+            ..request.precision
+        },
+        ..request
+    };
+    for replica in [&scene, &receivers] {
+        load(&mut client, chunks(replica)).await.unwrap();
+    }
+    let is_computing = async |wanted: i64| {
+        while computing.get() != wanted {
+            tokio::time::sleep(Duration::from_millis(5)).await;
+        }
+    };
+    let session = Session::open(&mut client, PROTOCOL_VERSION).await;
+    session.ask(1, &request);
+    is_computing(1).await;
+    drop(session);
+    tokio::time::timeout(Duration::from_secs(30), is_computing(0)).await.expect("it goes on");
 }
 
 #[tokio::test]

@@ -85,7 +85,7 @@ impl Mesh {
             })
             .collect();
         let pieces = pieces?;
-        let mut welder = Welder::default();
+        let mut welder = Welder::for_points(scene.vertex_count - scene.sealed_vertex_count);
         let facet = |surface: usize, facet: u32| &scene.surfaces[surface].facets[facet as usize];
         let facets = scene.surfaces.iter().flat_map(|surface| &surface.facets);
         facets.filter(lit).for_each(|facet| welder.add_corners(facet));

@@ -51,6 +51,16 @@ pub struct Welded {
 }
 
 impl Welder {
+    /// With room for so many points.
+    pub fn for_points(count: usize) -> Self {
+        Self {
+            points: Vec::with_capacity(count),
+            groups: Vec::with_capacity(count),
+            found: HashMap::with_capacity(count),
+            ..Self::default()
+        }
+    }
+
     /// Makes a facet's own corners points. All of them come first: where a computed point is welded to one, the corner must not
     /// move, or faces that meet there would gape.
     pub fn add_corners(&mut self, facet: &Facet) {
@@ -181,8 +191,8 @@ impl Welder {
             }
         }
         let mut vertex_of: Vec<Option<VertexId>> = vec![None; count];
-        let mut vertices = vec![];
-        let mut polygons = vec![];
+        let mut vertices = Vec::with_capacity(self.points.len());
+        let mut polygons = Vec::with_capacity(self.polygons.len());
         for (polygon, first) in self.polygons.iter().zip(&slot_of) {
             let corners = polygon.iter().enumerate().map(|(i, point)| {
                 *vertex_of[joined.representative(first + i)].get_or_insert_with(|| {

@@ -43,18 +43,16 @@ impl Working {
             let vertices = triangle.corners.map(|corner| number[corner as usize]);
             surfaces[triangle.surface as usize].push(LitTriangle { facet: triangle.facet, vertices });
         }
-        let moved = |values: &[DVec3]| -> Vec<DVec3> {
-            let of_corner = |corner: &Corner| {
-                let ([a, b], weight) = corner.from;
-                values[a as usize].lerp(values[b as usize], weight)
-            };
-            let of_corners: Vec<DVec3> = self.corners.iter().map(of_corner).collect();
-            let of_corners = fit.map_or_else(|| of_corners.clone(), |fit| fit.apply(&of_corners));
+        let left = |of_corners: &[DVec3]| -> Vec<DVec3> {
             sources.iter().map(|corner| of_corners[*corner as usize]).collect()
+        };
+        let moved = |values: &[DVec3]| -> Vec<DVec3> {
+            let of_corners = self.of_corners(values);
+            left(&fit.map_or_else(|| of_corners.clone(), |fit| fit.apply(&of_corners)))
         };
         let irradiance: Vec<DVec3> = lit.vertices.iter().map(|vertex| vertex.irradiance).collect();
         let (irradiance, unshot) = rayon::join(
-            || moved(&irradiance),
+            || fit.map_or_else(|| left(&self.of_corners(&irradiance)), |fit| left(&fit.irradiance)),
             || if lit.unshot.is_empty() { vec![] } else { moved(&lit.unshot) },
         );
         let is_dark: Vec<_> = irradiance.iter().map(|irradiance| irradiance.cmple(DVec3::ZERO)).collect();

@@ -35,6 +35,18 @@ enum Ways {
     Any,
 }
 
+/// What a collapse changes, by corner of its point.
+pub type Moves = SmallVec<[Move; 2]>;
+
+/// What changes where a corner goes.
+pub struct Move {
+    corner: u32,
+    /// Where it goes.
+    target: u32,
+    /// Triangles that change: their corners, none where they are gone, and their samples.
+    triangles: Vec<(u32, [u32; 3], Vec<u32>)>,
+}
+
 /// The triangles of one region around a corner, with the corner moved.
 struct Sector {
     old: SmallVec<[u32; 8]>,
@@ -228,32 +240,49 @@ impl Working {
         Some(worst)
     }
 
-    /// Carries a collapse out.
-    pub fn collapse(&mut self, point: u32, into: u32) {
-        for corner in std::mem::take(&mut self.points[point as usize]) {
-            let (Some(target), Some(sectors)) = (self.partner(corner, into), self.sectors(corner, into))
-            else {
-                continue;
-            };
-            for sector in sectors {
-                let mut samples: Vec<u32> = vec![corner];
-                for index in &sector.old {
-                    samples.append(&mut self.triangles[*index as usize].samples);
-                }
-                for index in &sector.old {
-                    if !sector.new.iter().any(|(new, _)| new == index) {
-                        let gone = std::mem::replace(&mut self.triangles[*index as usize].corners, [NONE; 3]);
-                        for other in gone {
-                            self.corners[other as usize].around.retain(|around| around != index);
-                        }
+    /// What a collapse changes.
+    pub fn moves(&self, point: u32, into: u32) -> Moves {
+        let moves = |corner: &u32| {
+            let (target, sectors) = (self.partner(*corner, into)?, self.sectors(*corner, into)?);
+            let triangles = sectors.into_iter().flat_map(|sector| self.after(*corner, &sector));
+            Some(Move { corner: *corner, target, triangles: triangles.collect() })
+        };
+        self.points[point as usize].iter().filter_map(moves).collect()
+    }
+
+    /// The triangles of a sector after its corner has moved: their corners, none where they are gone, and their samples.
+    fn after(&self, corner: u32, sector: &Sector) -> Vec<(u32, [u32; 3], Vec<u32>)> {
+        let region = self.triangles[sector.old[0] as usize].region;
+        let lights: SmallVec<[LightIn; 8]> =
+            sector.new.iter().map(|(_, corners)| self.light_between(region, *corners)).collect();
+        let mut all: Vec<_> = sector.new.iter().map(|(index, corners)| (*index, *corners, vec![])).collect();
+        let samples = sector.old.iter().flat_map(|index| &self.triangles[*index as usize].samples);
+        for sample in [corner].iter().chain(samples) {
+            let position = self.samples[*sample as usize].position;
+            if let Some((place, ..)) = under(lights.iter().copied(), position) {
+                all[place].2.push(*sample);
+            }
+        }
+        let is_new = |index: &u32| sector.new.iter().any(|(new, _)| new == index);
+        all.extend(sector.old.iter().filter(|index| !is_new(index)).map(|index| (*index, [NONE; 3], vec![])));
+        all
+    }
+
+    /// Carries a collapse out, as long as nothing around it has changed since its moves were found.
+    pub fn collapse(&mut self, point: u32, moves: Moves) {
+        self.points[point as usize].clear();
+        for Move { corner, target, triangles } in moves {
+            for (index, corners, samples) in triangles {
+                let triangle = &mut self.triangles[index as usize];
+                triangle.samples = samples;
+                let before = std::mem::replace(&mut triangle.corners, corners);
+                if corners[0] == NONE {
+                    for other in before {
+                        self.corners[other as usize].around.retain(|around| *around != index);
                     }
+                } else {
+                    self.corners[target as usize].around.push(index);
                 }
-                for (index, corners) in &sector.new {
-                    self.triangles[*index as usize].corners = *corners;
-                    self.corners[target as usize].around.push(*index);
-                }
-                let among: SmallVec<[u32; 8]> = sector.new.iter().map(|(index, _)| *index).collect();
-                self.deal_out(samples, &among);
             }
             self.corners[corner as usize].around.clear();
         }

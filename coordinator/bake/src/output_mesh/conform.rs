@@ -201,6 +201,7 @@ impl Working {
             normal,
             light: one.light.lerp(two.light, part),
             from: ([one.from.0[0], two.from.0[0]], part),
+            surface: one.surface,
             fixed: false,
             point: place,
             around: SmallVec::new(),

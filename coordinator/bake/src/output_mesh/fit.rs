@@ -35,6 +35,8 @@ pub struct Fit {
     own: Vec<f64>,
     /// Part of the way to the fit that each corner goes.
     part: Vec<f64>,
+    /// The fitted irradiance, by corner.
+    pub irradiance: Vec<DVec3>,
 }
 
 #[derive(Default)]
@@ -88,8 +90,8 @@ impl Element {
 }
 
 impl Fit {
-    /// The fit of a mesh, no farther from its values than the limits allow, with the fitted values.
-    pub fn new(working: &Working, limits: &Limits) -> (Self, Vec<DVec3>) {
+    /// The fit of a mesh, no farther from its values than the limits allow, given the irradiance of the lit mesh's vertices.
+    pub fn new(working: &Working, limits: &Limits, irradiance: &[DVec3]) -> Self {
         let triangles: Vec<Element> =
             working.triangles.par_iter().map(|triangle| Element::new(working, triangle)).collect();
         let around = |(index, corner): (u32, &Corner)| {
@@ -110,18 +112,18 @@ impl Fit {
         let diagonal: Vec<f64> = around.par_iter().map(diagonal).collect();
         let own: Vec<f64> = diagonal.iter().map(|diagonal| OWN * diagonal + f64::MIN_POSITIVE).collect();
         let diagonal = diagonal.iter().zip(&own).map(|(diagonal, own)| diagonal + own).collect();
-        let mut fit = Self { triangles, around, diagonal, own, part: vec![] };
-        let light: Vec<DVec3> = working.corners.iter().map(|corner| corner.light).collect();
-        let change = fit.change(&light);
-        let part = |(light, change): (&DVec3, &DVec3)| {
-            let step = light.distance(*light + *change);
+        let mut fit = Self { triangles, around, diagonal, own, part: vec![], irradiance: vec![] };
+        let before = working.of_corners(irradiance);
+        let change = fit.change(&before);
+        let part = |((corner, before), change): ((&Corner, &DVec3), &DVec3)| {
+            let step = working.weighted(corner, *change).length();
             // What no light reaches stays dark: a wall must not leak, not even by rounding.
-            let reached = *light != DVec3::ZERO;
-            if reached && step > 0.0 { (limits.at(*light) / step).min(1.0) } else { 0.0 }
+            let reached = *before != DVec3::ZERO;
+            if reached && step > 0.0 { (limits.at(corner.light) / step).min(1.0) } else { 0.0 }
         };
-        fit.part = light.iter().zip(&change).map(part).collect();
-        let fitted = fit.moved(&light, change);
-        (fit, fitted)
+        fit.part = working.corners.iter().zip(&before).zip(&change).map(part).collect();
+        fit.irradiance = fit.moved(&before, change);
+        fit
     }
 
     /// Fits values, given those that all corners had.

@@ -1,5 +1,6 @@
 //! Diagonals that follow the light.
 
+use foldhash::{HashSet, HashSetExt};
 use rayon::prelude::*;
 
 use super::collapse::under;
@@ -24,14 +25,19 @@ impl Working {
     /// Flips those of these edges where the light fits better, or triangles get a better shape. Returns the points of the triangles that
     /// changed.
     pub fn flip_edges(&mut self, candidates: &[(u32, u32)]) -> Vec<u32> {
-        let is_worth = |(a, b): &&(u32, u32)| self.better_flip(*a, *b).is_some();
-        let worth: Vec<(u32, u32)> =
-            candidates.par_iter().with_min_len(AT_ONCE).filter(is_worth).copied().collect();
+        let better = |(a, b): &(u32, u32)| Some((*a, *b, self.better_flip(*a, *b)?));
+        let flips: Vec<(u32, u32, Flip)> =
+            candidates.par_iter().with_min_len(AT_ONCE).filter_map(better).collect();
         let mut changed = vec![];
-        for (a, b) in worth {
-            // Another one may have changed the triangles.
-            if let Some(flip) = self.better_flip(a, b) {
+        let mut flipped: HashSet<u32> = HashSet::new();
+        for (a, b, flip) in flips {
+            // Another one may have changed the triangles, or joined the same two corners.
+            let is_as_found = flip.triangles.iter().all(|triangle| !flipped.contains(triangle))
+                && !self.are_joined(flip.new[0][0], flip.new[0][2]);
+            let flip = if is_as_found { Some(flip) } else { self.better_flip(a, b) };
+            if let Some(flip) = flip {
                 let corners = flip.new;
+                flipped.extend(flip.triangles);
                 self.flip(flip);
                 changed
                     .extend(corners.as_flattened().iter().map(|corner| self.corners[*corner as usize].point));
@@ -48,7 +54,7 @@ impl Working {
             let [a, b, c] = self.triangles[*triangle as usize].corners;
             edges.extend([(a, b), (b, c), (c, a)].map(|(a, b)| (a.min(b), a.max(b))));
         }
-        edges.sort_unstable();
+        edges.par_sort_unstable();
         edges.dedup();
         edges
     }
@@ -70,9 +76,13 @@ impl Working {
         let new = [[p, from, q], [q, to, p]];
         let old = [one, other].map(|triangle| self.triangles[triangle as usize].corners);
         let limit = GAIN * self.cost_of_pair(region, old, [one, other], f64::INFINITY)?;
-        let is_better = self.cost_of_pair(region, new, [one, other], limit).is_some()
-            && self.along(p, q).next().is_none();
+        let is_better =
+            self.cost_of_pair(region, new, [one, other], limit).is_some() && !self.are_joined(p, q);
         is_better.then_some(Flip { triangles: [one, other], new })
+    }
+
+    fn are_joined(&self, a: u32, b: u32) -> bool {
+        self.along(a, b).next().is_some()
     }
 
     fn flip(&mut self, Flip { triangles, new }: Flip) {

@@ -37,6 +37,7 @@ mod working;
 use crate::error_budget::{ErrorBudget, INTERPOLATED_NOISE, without};
 use crate::lit::LitMesh;
 use fit::Fit;
+use glam::DVec3;
 use limits::Limits;
 use scene::Scene;
 pub use sealed::add_sealed;
@@ -69,13 +70,14 @@ fn of_lit_facets(scene: &Scene, lit: LitMesh, error: Option<&ErrorBudget>) -> (L
         conform::conform(&mut working);
         return (working.into_lit(scene, lit, None), 0.0);
     };
+    let irradiance: Vec<DVec3> = lit.vertices.iter().map(|vertex| vertex.irradiance).collect();
     loop {
         join::join(&mut working, &limits);
         conform::conform(&mut working);
         limits.sample(&mut working);
         simplify::simplify(&mut working);
-        let (fit, fitted) = Fit::new(&working, &limits);
-        working.corners.iter_mut().zip(fitted).for_each(|(corner, fitted)| corner.light = fitted);
+        let fit = Fit::new(&working, &limits, &irradiance);
+        working.take(&fit.irradiance);
         // Noise that is no longer there is no error.
         let difference = without(limits.difference(&working), between);
         if difference <= allowed || !limits.tighten(difference) {

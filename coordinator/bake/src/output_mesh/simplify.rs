@@ -5,7 +5,7 @@
 
 use rayon::prelude::*;
 
-use super::collapse::Collapse;
+use super::collapse::{Collapse, Moves};
 use super::working::Working;
 
 /// Limits of the rounds, relative to the last.
@@ -59,25 +59,28 @@ fn round(working: &mut Working, found: &mut [Option<Collapse>], level: f64) -> (
         .filter(|(cost, _, _)| *cost < level)
         .collect();
     order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    let around = |(_, point, _): &(f64, u32, u32)| working.neighbours(*point);
+    let around: Vec<_> = order.par_iter().with_min_len(AT_ONCE).map(around).collect();
     let mut is_touched = vec![false; found.len()];
-    let mut removed = 0;
+    let mut chosen = vec![];
     let mut dirty = vec![];
-    for (_, point, into) in order {
-        if is_touched[point as usize] {
+    for ((_, point, into), around) in order.into_iter().zip(around) {
+        if is_touched[point as usize] || around.iter().any(|other| is_touched[*other as usize]) {
             continue;
         }
-        let around = working.neighbours(point);
-        if around.iter().any(|other| is_touched[*other as usize]) {
-            continue;
-        }
-        working.collapse(point, into);
         found[point as usize] = None;
-        removed += 1;
+        chosen.push((point, into));
         is_touched[point as usize] = true;
         for other in around {
             is_touched[other as usize] = true;
             dirty.push(other);
         }
+    }
+    let moves = |(point, into): &(u32, u32)| working.moves(*point, *into);
+    let moves: Vec<Moves> = chosen.par_iter().with_min_len(AT_ONCE).map(moves).collect();
+    let removed = chosen.len();
+    for ((point, _), moves) in chosen.into_iter().zip(moves) {
+        working.collapse(point, moves);
     }
     dirty.sort_unstable();
     (removed, dirty)
@@ -87,7 +90,7 @@ fn round(working: &mut Working, found: &mut [Option<Collapse>], level: f64) -> (
 fn flip_around(working: &mut Working, mut points: Vec<u32>) -> Vec<u32> {
     let mut all_changed = vec![];
     for _ in 0..MOST_FLIPS {
-        points.sort_unstable();
+        points.par_sort_unstable();
         points.dedup();
         let changed = working.flip_edges(&working.inner_edges(&points));
         if changed.is_empty() {
@@ -96,7 +99,5 @@ fn flip_around(working: &mut Working, mut points: Vec<u32>) -> Vec<u32> {
         all_changed.extend(&changed);
         points = changed;
     }
-    all_changed.sort_unstable();
-    all_changed.dedup();
     all_changed
 }

@@ -23,6 +23,7 @@ pub struct Corner {
     pub light: DVec3,
     /// Where its values come from: two vertices of the lit mesh, and the weight of the second.
     pub from: ([u32; 2], f64),
+    pub surface: u32,
     /// It is a corner of a facet, which does not move.
     pub fixed: bool,
     /// Its place in `Working::points`.
@@ -49,6 +50,8 @@ pub struct Working {
     pub corners: Vec<Corner>,
     pub triangles: Vec<Triangle>,
     pub regions: Vec<Region>,
+    /// Reflectance by which errors are weighted, by surface.
+    pub weights: Vec<DVec3>,
     /// Corners that are collapsed together.
     pub points: Vec<SmallVec<[u32; 2]>>,
     pub samples: Vec<Sample>,
@@ -76,6 +79,11 @@ impl Working {
             corners: Vec::with_capacity(lit.vertices.len() * 9 / 8),
             triangles: Vec::with_capacity(lit.surfaces.iter().map(Vec::len).sum()),
             regions: vec![],
+            weights: scene
+                .surfaces
+                .iter()
+                .map(|surface| surface.reflectance.max(DVec3::splat(LEAST_WEIGHT)))
+                .collect(),
             points: vec![],
             samples: vec![],
             extent: crate::context::extent(scene),
@@ -83,7 +91,7 @@ impl Working {
         let mut of_vertex = vec![NONE; lit.vertices.len()];
         let mut used: Vec<u32> = vec![];
         for (index, (surface, triangles)) in scene.surfaces.iter().zip(&lit.surfaces).enumerate() {
-            let weight = surface.reflectance.max(DVec3::splat(LEAST_WEIGHT));
+            let weight = working.weights[index];
             let has_attributes = has_attributes(scene, surface);
             let mut regions = HashMap::new();
             used.extend(triangles.iter().flat_map(|triangle| triangle.vertices));
@@ -97,6 +105,7 @@ impl Working {
                     normal,
                     light: weight * irradiance,
                     from: ([*vertex; 2], 0.0),
+                    surface: index as u32,
                     fixed: fixed.contains(&bits(position)),
                     point: NONE,
                     around: SmallVec::new(),
@@ -138,6 +147,27 @@ impl Working {
     /// Triangles that are left.
     pub fn alive(&self) -> impl Iterator<Item = (u32, &Triangle)> {
         (0..).zip(&self.triangles).filter(|(_, triangle)| triangle.corners[0] != NONE)
+    }
+
+    /// Radiosity of a corner with this irradiance, as errors are weighted.
+    pub fn weighted(&self, corner: &Corner, irradiance: DVec3) -> DVec3 {
+        self.weights[corner.surface as usize] * irradiance
+    }
+
+    /// Gives all corners this irradiance.
+    pub fn take(&mut self, irradiance: &[DVec3]) {
+        for (corner, irradiance) in self.corners.iter_mut().zip(irradiance) {
+            corner.light = self.weights[corner.surface as usize] * *irradiance;
+        }
+    }
+
+    /// Values of all corners, given those of the lit mesh's vertices.
+    pub fn of_corners(&self, values: &[DVec3]) -> Vec<DVec3> {
+        let of_corner = |corner: &Corner| {
+            let ([a, b], weight) = corner.from;
+            values[a as usize].lerp(values[b as usize], weight)
+        };
+        self.corners.iter().map(of_corner).collect()
     }
 
     /// Position of a corner.

@@ -63,13 +63,18 @@ pub struct VisibilityKernel<'a> {
     pyramids: Pyramids,
     partial: PartialView,
     found: Vec<u32>,
+    stop: Stop<'a>,
 }
+
+/// Whether the work at hand is not wanted any more: it may end then, and what it has is worth nothing.
+pub type Stop<'a> = &'a dyn Fn() -> bool;
 
 impl<'a> VisibilityKernel<'a> {
     /// A kernel for this scene.
     #[must_use]
     pub fn new(occluder: &'a Occluder, precision: &'a Precision) -> Self {
         Self {
+            stop: &|| false,
             occluder,
             precision,
             candidates: CandidateList::default(),
@@ -84,6 +89,12 @@ impl<'a> VisibilityKernel<'a> {
             partial: PartialView::default(),
             found: vec![],
         }
+    }
+
+    /// The same, asking before each few receivers whether to stop.
+    #[must_use]
+    pub fn until(self, stop: Stop<'a>) -> Self {
+        Self { stop, ..self }
     }
 
     /// Adds the visible form factors from receivers to a polygon to `factors`. `seeds` gives the seed of each receiver's rays.
@@ -125,6 +136,9 @@ impl<'a> VisibilityKernel<'a> {
             if level > 0 {
                 stack.extend(groups.children(level, index).rev().map(|child| (level - 1, child)));
                 continue;
+            }
+            if (self.stop)() {
+                return;
             }
             let first = index * LANES;
             let seed = |lane: usize| seeds(first + lane);

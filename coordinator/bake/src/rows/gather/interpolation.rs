@@ -15,6 +15,14 @@ use rayon::prelude::*;
 /// Points that are looked at for each receiver.
 const NEIGHBOURS: NonZero<usize> = NonZero::new(12).unwrap();
 
+const ONE: NonZero<usize> = NonZero::new(1).unwrap();
+
+/// Receivers that one thread takes at a time.
+const AT_ONCE: usize = 256;
+
+/// More than distances may be wrong by rounding.
+const ROUNDING: f64 = 1.0 + 1e-9;
+
 /// A turn of the normal by one radian counts as this distance, relative to the scene's extent.
 const TURN: f64 = 0.05;
 
@@ -65,6 +73,27 @@ struct Near {
     weight: f64,
     /// How much its surface is like that of the receiver, up to 1.
     alike: f64,
+}
+
+/// A receiver whose nearest points are known.
+struct Last {
+    place: [f64; 6],
+    /// Distance of the farthest of them.
+    reach: f64,
+}
+
+impl Default for Last {
+    fn default() -> Self {
+        Self { place: [0.0; 6], reach: f64::INFINITY }
+    }
+}
+
+impl Last {
+    /// Square of a distance that as many points are no farther from another place than.
+    fn bound(&self, place: &[f64; 6]) -> f64 {
+        let between: f64 = self.place.iter().zip(place).map(|(a, b)| (a - b) * (a - b)).sum();
+        (self.reach + between.sqrt()).powi(2) * ROUNDING
+    }
 }
 
 /// Weights of points for each of some receivers.
@@ -132,26 +161,67 @@ impl<'a> Neighbours<'a> {
         Self { points, tree, occluder, extent }
     }
 
-    /// The nearest point.
-    pub fn nearest(&self, receiver: &Receiver) -> Option<u32> {
-        let tree = self.tree.as_ref()?;
-        let found =
-            tree.query(&place(receiver, self.extent)).nearest_one::<SquaredEuclidean<f64>>().execute();
-        Some(found.item)
+    /// The nearest point to each of some receivers. It is found sooner where each lies by the one before.
+    pub fn nearest(&self, receivers: &[Receiver]) -> Vec<Option<u32>> {
+        let of_some = |some: &[Receiver]| {
+            let mut last = Last::default();
+            let nearest = |receiver| self.nearest_to(receiver, ONE, &mut last).next();
+            some.iter().map(nearest).collect::<Vec<_>>()
+        };
+        receivers.par_chunks(AT_ONCE).flat_map_iter(of_some).collect()
+    }
+
+    /// The nearest points to a receiver, the nearest first, where `last` is the one before.
+    fn nearest_to(
+        &self,
+        receiver: &Receiver,
+        count: NonZero<usize>,
+        last: &mut Last,
+    ) -> impl Iterator<Item = u32> + use<> {
+        let place = place(receiver, self.extent);
+        let query = |tree: &ImmutableKdTree<f64, 6>| {
+            tree.query(&place)
+                .nearest_n::<SquaredEuclidean<f64>>(count)
+                .within::<SquaredEuclidean<f64>>(last.bound(&place))
+                .execute()
+        };
+        let found = self.tree.as_ref().map(query).unwrap_or_default();
+        last.place = place;
+        let is_all = found.len() == count.get();
+        last.reach = found.last().filter(|_| is_all).map_or(f64::INFINITY, |found| found.distance.sqrt());
+        found.into_iter().map(|found| found.item)
+    }
+
+    /// Weights of the points for each of some receivers; none where it sees no point that is at least so much alike. They are found
+    /// sooner where each receiver lies by the one before.
+    pub fn all_weights(&self, receivers: &[Receiver], least_alike: f64) -> Vec<Option<Weights>> {
+        let of_some = |some: &[Receiver]| {
+            let mut last = Last::default();
+            let weights = |receiver| self.weights_by(receiver, least_alike, None, &mut last);
+            some.iter().map(weights).collect::<Vec<_>>()
+        };
+        receivers.par_chunks(AT_ONCE).flat_map_iter(of_some).collect()
     }
 
     /// Weights of the points for a receiver; none where it sees no point that is at least so much alike. `itself` is a point that
     /// does not count.
     pub fn weights(&self, receiver: &Receiver, least_alike: f64, itself: Option<u32>) -> Option<Weights> {
-        let place = place(receiver, self.extent);
-        let found =
-            self.tree.as_ref()?.query(&place).nearest_n::<SquaredEuclidean<f64>>(NEIGHBOURS).execute();
+        self.weights_by(receiver, least_alike, itself, &mut Last::default())
+    }
+
+    fn weights_by(
+        &self,
+        receiver: &Receiver,
+        least_alike: f64,
+        itself: Option<u32>,
+        last: &mut Last,
+    ) -> Option<Weights> {
+        let found = self.nearest_to(receiver, NEIGHBOURS, last);
         let near = |point: u32| {
             let offset = self.points[point as usize].position - receiver.position;
             Near { point, offset, distance: offset.length(), weight: 0.0, alike: 0.0 }
         };
-        let points = found.iter().map(|found| found.item).filter(|point| Some(*point) != itself);
-        let mut all: Vec<Near> = points.map(near).collect();
+        let mut all: Vec<Near> = found.filter(|point| Some(*point) != itself).map(near).collect();
         all.sort_by(|a, b| a.distance.total_cmp(&b.distance).then(a.point.cmp(&b.point)));
         let scale = all.get(all.len() / 2)?.distance.max(f64::MIN_POSITIVE);
         let (off_plane, least) = (OFF_PLANE * scale + LEAST_OFF_PLANE * self.extent, NEAR * scale);

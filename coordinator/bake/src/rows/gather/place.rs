@@ -92,11 +92,8 @@ impl GatherRows {
             }
             let Some(neighbours) = self.neighbours(cx) else { break };
             // Near enough to tell where points are needed.
-            let nearest: Vec<usize> = middles
-                .par_iter()
-                .with_min_len(256)
-                .map(|middle| neighbours.nearest(middle).unwrap_or(0) as usize)
-                .collect();
+            let nearest = neighbours.nearest(&middles).into_iter();
+            let nearest: Vec<usize> = nearest.map(|point| point.unwrap_or(0) as usize).collect();
             for _ in 0..PASSES {
                 let light = self.points.gather(&radiosity);
                 let all = mesh.energies.iter().zip(&direct).zip(&nearest);

@@ -4,7 +4,6 @@ use std::collections::HashSet;
 
 use kernel::replica::{Receiver, Receivers};
 use kernel::row::Shooter;
-use rayon::prelude::*;
 
 use super::GatherRows;
 use super::hemisphere::{View, hemispheres, views};
@@ -83,8 +82,7 @@ impl GatherRows {
         let mut weights = Vec::with_capacity(receivers.len());
         for some in receivers.chunks(AT_ONCE) {
             cx.client.monitor.check()?;
-            let weigh = |receiver: &Receiver| neighbours.weights(receiver, least_alike, None);
-            weights.par_extend(some.par_iter().with_min_len(64).map(weigh));
+            weights.extend(neighbours.all_weights(some, least_alike));
         }
         Ok(weights)
     }
