@@ -6,7 +6,7 @@ use smallvec::SmallVec;
 
 use rayon::prelude::*;
 
-use super::contact::contacts;
+use super::contact::{Line, contacts};
 use super::line::{Contact, distance_to_line};
 use super::order::FacetPlaces;
 use super::pieces::{Lengths, cut_along, cut_long, lengths};
@@ -56,13 +56,16 @@ impl Mesh {
         lines: &[Vec<Vec<Contact>>],
     ) -> Option<Self> {
         let regions = regions(scene);
-        let mut contacts = contacts(scene, &regions, extent, longest_edge, limits.contacts);
-        for (region, own) in regions.iter().zip(&mut contacts) {
+        let contacts = contacts(scene, &regions, extent, longest_edge, limits.contacts);
+        let of_region = |(region, own): (&Region, &Vec<Line>)| -> Vec<Contact> {
             let of_facets = lines.get(region.surface).into_iter();
-            own.extend(
-                of_facets.flat_map(|facets| region.facets.iter().flat_map(|facet| &facets[*facet as usize])),
-            );
-        }
+            let shadows =
+                of_facets.flat_map(|facets| region.facets.iter().flat_map(|facet| &facets[*facet as usize]));
+            // The edge of what hovers has its line already.
+            let is_apart = |line: &&Contact| !own.iter().any(|other| other.is_beside(line));
+            own.iter().map(|line| line.ends).chain(shadows.filter(is_apart).copied()).collect()
+        };
+        let lines_of: Vec<Vec<Contact>> = regions.par_iter().zip(&contacts).map(of_region).collect();
         let lit = |facet: &&Facet| !facet.is_sealed;
         let facets = scene.surfaces.iter().flat_map(|surface| &surface.facets).filter(lit).count();
         // Strips are what is dear there: all lines are triangulated around.
@@ -77,7 +80,7 @@ impl Mesh {
         let made = AtomicUsize::new(0);
         let pieces: Option<Vec<Vec<Piece>>> = regions
             .par_iter()
-            .zip(&contacts)
+            .zip(&lines_of)
             .map(|(region, lines)| {
                 let pieces = pieces_of(scene, region, lines, most_cuts, lengths);
                 let before = made.fetch_add(pieces.len(), Ordering::Relaxed);
@@ -90,12 +93,12 @@ impl Mesh {
         let facets = scene.surfaces.iter().flat_map(|surface| &surface.facets);
         facets.filter(lit).for_each(|facet| welder.add_corners(facet));
         let mut places = vec![];
-        for (region, pieces) in regions.iter().zip(&pieces) {
+        for ((region, pieces), lines) in regions.iter().zip(&pieces).zip(&contacts) {
             for piece in pieces {
                 let own = facet(region.surface, piece.facet);
                 welder.add_ends(&piece.lines, own);
                 welder.add(&piece.corners, own);
-                places.push((region.surface as u32, piece));
+                places.push((region.surface as u32, piece, lines));
             }
         }
         let welded = welder.weld(|polygon| &places[polygon].1.lines);
@@ -107,14 +110,32 @@ impl Mesh {
         };
         mesh.patches.reserve(welded.polygons.len());
         mesh.leaves_at.reserve(welded.polygons.iter().map(Vec::len).sum());
-        for ((surface, piece), corners) in places.into_iter().zip(welded.polygons) {
+        for ((surface, piece, lines), corners) in places.into_iter().zip(welded.polygons) {
             if !corners.is_empty() {
+                mesh.clear_of_hovering(&corners, piece, lines);
                 mesh.add_leaf(surface, piece.facet, corners.into(), None);
             }
         }
         mesh.divide_longer_than(longest_edge, max_level);
         mesh.order_vertices();
         Some(mesh)
+    }
+
+    /// Tells the corners of a piece that lie on the outline of what hovers.
+    fn clear_of_hovering(&mut self, corners: &[VertexId], piece: &Piece, lines: &[Line]) {
+        for ends in &piece.lines {
+            let height = lines.iter().find(|line| line.ends == *ends).map_or(0.0, |line| line.height);
+            if height <= 0.0 {
+                continue;
+            }
+            for corner in corners {
+                let vertex = &mut self.vertices[corner.index()];
+                if distance_to_line(vertex.position, ends) < WELD {
+                    let lower = vertex.hovering.is_none_or(|other| height < other);
+                    vertex.hovering = if lower { Some(height) } else { vertex.hovering };
+                }
+            }
+        }
     }
 
     fn divide_longer_than(&mut self, longest_edge: f64, max_level: u32) {

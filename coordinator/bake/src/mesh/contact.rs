@@ -2,7 +2,7 @@
 //!
 //! Irradiance jumps there: lit floor on one side, floor hidden under the wall on the other. A patch across the line would leak
 //! light under the wall, a share across it from one room to the next. The line therefore becomes an edge of the mesh, with
-//! separate vertices on either side.
+//! separate vertices on either side. So does the outline of what hovers just before a facet, such as a picture on a wall.
 
 use glam::DVec3;
 use kernel::geometry::Bounds;
@@ -12,7 +12,7 @@ use obvhs::aabb::Aabb;
 use obvhs::bvh2::builder::build_bvh2;
 use rayon::prelude::*;
 
-use super::line::{Contact, narrow};
+use super::line::{Contact, distance_to_line, narrow};
 use super::planar::Region;
 use super::{FEW_FACETS, WELD};
 use scene::{Corner, Facet, Scene};
@@ -28,6 +28,9 @@ const SMALLEST_REGION: f64 = 0.25;
 
 /// Height up to which the outline of what hovers is a line, relative to the longest edge of a patch.
 const GAP: f64 = 1.0 / 16.0;
+
+/// A shadow that ends this near to the outline of what hovers, relative to its height, has no line of its own.
+const BESIDE: f64 = 2.0;
 
 /// Most lines of a region: the longest contacts, then the longest outlines of hovering facets.
 const MOST: usize = 1024;
@@ -49,6 +52,14 @@ const LOOKS_OF_SMALL_SCENE: usize = 1 << 22;
 /// Regions that are looked at together.
 const REGIONS_AT_ONCE: usize = 1 << 8;
 
+/// Lines of a region.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Line {
+    pub ends: Contact,
+    /// Height over the facet of what leaves the line; 0 where it stands on it.
+    pub height: f64,
+}
+
 struct FacetBox<'a> {
     facet: &'a Facet,
     aabb: Aabb,
@@ -60,6 +71,17 @@ impl Boundable for FacetBox<'_> {
     }
 }
 
+impl Line {
+    /// Whether another line runs beside the outline of what hovers, where its shadow may end.
+    pub fn is_beside(&self, other: &Contact) -> bool {
+        self.height > 0.0 && other.iter().all(|end| distance_to_line(*end, &self.ends) < self.height * BESIDE)
+    }
+
+    fn length(&self) -> f64 {
+        self.ends[0].distance(self.ends[1])
+    }
+}
+
 /// The contacts of every region, longest first; then the outlines of facets that hover over it. Lengths are in frame units.
 /// There are `limit` at most, the longest of the scene.
 pub fn contacts(
@@ -68,11 +90,11 @@ pub fn contacts(
     extent: f64,
     longest_edge: f64,
     limit: usize,
-) -> Vec<Vec<Contact>> {
+) -> Vec<Vec<Line>> {
     let gap = GAP * longest_edge;
     let shortest = (SHORTEST * extent).max(SHORTEST_OF_EDGE * longest_edge);
     let boxed = |facet| FacetBox { facet, aabb: facet_box(facet) };
-    let is_long = |line: &Contact| line[0].distance(line[1]) >= shortest;
+    let is_long = |line: &Line| line.length() >= shortest;
     // What is smaller than the shortest line leaves none.
     let rises = |facet: &&Facet| Bounds::around(facet.positions()).extent().length() >= shortest;
     let risers: Vec<FacetBox> = scene.front_facets().filter(rises).map(boxed).collect();
@@ -96,9 +118,9 @@ pub fn contacts(
         }
         sort_by_length(&mut found);
         sort_by_length(&mut hovering);
-        // Two facets share each edge of what hovers, and a line may be a contact of both sides of a sheet.
-        found.dedup();
-        hovering.dedup();
+        // Two facets share each edge of what hovers, and a line may be a contact of both sides of a sheet. The lowest comes first.
+        found.dedup_by_key(|line| line.ends);
+        hovering.dedup_by_key(|line| line.ends);
         found.extend(hovering);
         found.truncate(MOST);
         (found, looks)
@@ -136,20 +158,19 @@ pub fn contacts(
 
 /// Keeps the longest lines of all regions where there are more than `most`: those that are long enough beside the first that is too
 /// many. Returns how many there are then.
-fn keep_longest(all: &mut [Vec<Contact>], most: usize, is_long_enough: impl Fn(f64, f64) -> bool) -> usize {
-    let length = |line: &Contact| line[0].distance(line[1]);
-    let mut lengths: Vec<f64> = all.iter().flatten().map(length).collect();
+fn keep_longest(all: &mut [Vec<Line>], most: usize, is_long_enough: impl Fn(f64, f64) -> bool) -> usize {
+    let mut lengths: Vec<f64> = all.iter().flatten().map(Line::length).collect();
     if lengths.len() > most {
         let (_, least, _) = lengths.select_nth_unstable_by(most, |a, b| b.total_cmp(a));
         let least = *least;
-        all.iter_mut().for_each(|lines| lines.retain(|line| is_long_enough(length(line), least)));
+        all.iter_mut().for_each(|lines| lines.retain(|line| is_long_enough(line.length(), least)));
     }
     all.iter().map(Vec::len).sum()
 }
 
 /// Sorts by length, then by place: independent of the order of the BVH.
-fn sort_by_length(lines: &mut [Contact]) {
-    let key = |c: &Contact| (c[1].distance(c[0]), c[0].to_array(), c[1].to_array());
+fn sort_by_length(lines: &mut [Line]) {
+    let key = |line: &Line| (line.length(), line.ends.map(|end| end.to_array()), -line.height);
     lines.sort_by(|a, b| key(b).partial_cmp(&key(a)).unwrap_or(std::cmp::Ordering::Equal));
 }
 
@@ -165,7 +186,7 @@ fn grown(aabb: Aabb, by: f64) -> Aabb {
 }
 
 /// The edges of `riser` that hover over the front of `facet`, no higher than `gap`.
-fn hovering_edges(facet: &Facet, riser: &Facet, gap: f64) -> Vec<Contact> {
+fn hovering_edges(facet: &Facet, riser: &Facet, gap: f64) -> Vec<Line> {
     let origin = facet.corners[0].position;
     let height = |corner: &Corner| facet.normal.dot(corner.position - origin);
     let hovers = |corner: &Corner| (WELD..=gap).contains(&height(corner));
@@ -174,11 +195,15 @@ fn hovering_edges(facet: &Facet, riser: &Facet, gap: f64) -> Vec<Contact> {
     let edges = riser.corners.iter().zip(next).filter(|(a, b)| hovers(a) && hovers(b));
     // The same way round from whichever of its two facets an edge is seen.
     let from_least = |[a, b]: Contact| if a.to_array() <= b.to_array() { [a, b] } else { [b, a] };
-    edges.filter_map(|(a, b)| clip_to_facet(from_least([foot(a), foot(b)]), facet)).collect()
+    let line = |(a, b): (&Corner, &Corner)| {
+        let ends = clip_to_facet(from_least([foot(a), foot(b)]), facet)?;
+        Some(Line { ends, height: height(a).max(height(b)) })
+    };
+    edges.filter_map(line).collect()
 }
 
 /// The line along which `riser` rises from the front of `facet`.
-fn contact(facet: &Facet, riser: &Facet) -> Option<Contact> {
+fn contact(facet: &Facet, riser: &Facet) -> Option<Line> {
     if riser.plane == facet.plane {
         return None;
     }
@@ -201,7 +226,7 @@ fn contact(facet: &Facet, riser: &Facet) -> Option<Contact> {
     let along = facet.normal.cross(riser.normal);
     let by_place = |a: &&DVec3, b: &&DVec3| along.dot(**a).total_cmp(&along.dot(**b));
     let ends = [*points.iter().min_by(by_place)?, *points.iter().max_by(by_place)?];
-    clip_to_facet(ends, facet)
+    Some(Line { ends: clip_to_facet(ends, facet)?, height: 0.0 })
 }
 
 /// The part of a line within a facet, its border included.

@@ -98,6 +98,8 @@ pub struct Vertex {
     pub plane: PlaneId,
     /// True where the normal is a smooth one, which differs from its facets'.
     pub smooth: bool,
+    /// Height over it of an edge that it lies under, if there is one.
+    pub hovering: Option<f64>,
 }
 
 /// A convex polygon of the mesh, whole or divided.

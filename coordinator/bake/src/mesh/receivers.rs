@@ -9,6 +9,13 @@ use super::{Mesh, PatchId, Surroundings, Vertex, VertexId, surroundings};
 /// other wall, and the form factors of a closed room sum to 1.
 pub const INWARD: f64 = 1e-3;
 
+/// A vertex under an edge that hovers is moved by this much of its height to either side: right below it, half of the hemisphere is hidden,
+/// as it is nowhere around.
+const CLEAR: f64 = 2.0;
+
+/// The same relative to the width of the surface around it, at most.
+const MOST_CLEAR: f64 = 0.5;
+
 /// Vertices as receivers.
 pub struct VertexReceivers {
     /// The receivers, by rising index of the first vertex of each.
@@ -77,8 +84,12 @@ fn receiver_at(vertex: &Vertex, around: &Surroundings) -> Receiver {
     let in_plane = around.inward - vertex.normal * vertex.normal.dot(around.inward);
     // Facets around a smooth vertex lie under its horizon or rise over it: start above them all.
     let lift = if vertex.smooth { vertex.normal * around.area.sqrt() } else { DVec3::ZERO };
+    let part = vertex.hovering.map_or(INWARD, |height| {
+        let width = in_plane.length();
+        if width > 0.0 { (CLEAR * height / width).clamp(INWARD, MOST_CLEAR) } else { INWARD }
+    });
     Receiver {
-        position: vertex.position + (in_plane + lift) * INWARD,
+        position: vertex.position + in_plane * part + lift * INWARD,
         normal: vertex.normal,
         plane: vertex.plane,
     }
@@ -129,5 +140,29 @@ mod tests {
             assert!(place.distance(vertex.position) < 0.01, "{place} is not at {}", vertex.position);
         }
         assert_eq!(some.receivers.receivers.len(), 9);
+    }
+
+    /// Right below a picture's edge half of the hemisphere is hidden, which is so nowhere around.
+    #[test]
+    fn vertices_under_a_hovering_edge_are_moved_to_either_side_of_it() {
+        let square = |plane, least: f64, most: f64, height| {
+            let corners = [[least, least], [most, least], [most, most], [least, most]];
+            facet(plane, &corners.map(|[x, y]| [x, y, height]))
+        };
+        let height = 1.0;
+        let scene =
+            scene(vec![vec![square(0, 0.0, EXTENT, 0.0)], vec![square(1, 400.0, 600.0, height)]], vec![]);
+        let mesh = Mesh::new(&scene, EXTENT, 200.0, 0, &[]);
+        // Distance from the outline, negative inside.
+        let outside = |at: DVec3| (at - DVec3::new(500.0, 500.0, at.z)).abs().max_element() - 100.0;
+        let all = receivers(&mesh, VertexId(0)).receivers.receivers;
+        let on_wall = mesh.vertices.iter().zip(&all).filter(|(vertex, _)| vertex.position.z == 0.0);
+        let moved: Vec<f64> = on_wall
+            .filter(|(vertex, _)| outside(vertex.position).abs() < 1e-6)
+            .map(|(_, receiver)| outside(receiver.position))
+            .collect();
+        assert!(moved.iter().any(|outside| *outside > 0.0) && moved.iter().any(|outside| *outside < 0.0));
+        assert!(moved.iter().all(|outside| outside.abs() > height), "{moved:?}");
+        assert!(moved.iter().all(|outside| outside.abs() < 3.0 * height), "{moved:?}");
     }
 }

@@ -92,7 +92,9 @@ impl Mesh {
         } else {
             first.normal
         };
-        self.vertices.push(Vertex { position, normal, plane: first.plane, smooth });
+        // None where any has none.
+        let hovering = sources().map(|source| source.hovering).reduce(|a, b| Some(a?.min(b?))).flatten();
+        self.vertices.push(Vertex { position, normal, plane: first.plane, smooth, hovering });
         id
     }
 }

@@ -103,6 +103,7 @@ impl Welder {
                 normal: corner.normal,
                 plane: facet.plane,
                 smooth,
+                hovering: None,
             });
             self.groups.push(group);
             if !smooth {

@@ -147,6 +147,7 @@ mod tests {
                 normal: DVec3::Z,
                 plane: PlaneId(0),
                 smooth: false,
+                hovering: None,
             }));
             mesh.patches.push(Patch {
                 surface: 0,
