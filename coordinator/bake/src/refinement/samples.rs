@@ -230,13 +230,21 @@ impl SamplePoints {
         self.points.par_iter().zip(gathered).with_min_len(256).map(found).collect()
     }
 
-    /// Relative interpolation error, given the mean reflectance and the relative noise of the light at a vertex.
-    pub fn interpolation_error(&self, mesh: &Mesh, fitted: &[DVec3], reflectance: f64, noise: f64) -> f64 {
+    /// Relative interpolation error, and what it is at least, given the mean reflectance and the relative noise of the light at a
+    /// vertex.
+    pub fn interpolation_error(
+        &self,
+        mesh: &Mesh,
+        fitted: &[DVec3],
+        reflectance: f64,
+        noise: f64,
+    ) -> [f64; 2] {
         let errors: Vec<DVec3> = self.compare(mesh, fitted).into_iter().map(|(_, error)| error).collect();
-        let mixed = self.relative(&self.with_level(&errors, reflectance));
+        let errors = self.with_level(&errors, reflectance);
         // The gathered light is noisy too, unless two draws tell it apart.
         let gathered = if self.is_drawn_twice() { 0.0 } else { 1.0 };
-        without_noise(mixed, noise * (gathered + INTERPOLATED_NOISE).sqrt())
+        let noise = noise * (gathered + INTERPOLATED_NOISE).sqrt();
+        [self.relative(&errors), self.relative_at_least(&errors)].map(|mixed| without_noise(mixed, noise))
     }
 
     /// Mean over the area of the square error of the radiosity, given errors of the irradiance at the points.

@@ -157,7 +157,7 @@ fn error(kept: &KeptLight, factors: &[DVec3], mesh: &crate::mesh::Mesh, fitted: 
     let sum: f64 = kept.parts.iter().zip(factors).map(part_of).sum();
     let noise = if now.level() > 0.0 { sum * before.level() / now.level() } else { 0.0 };
     let receivers = if now.count() > 0 {
-        now.interpolation_error(mesh, fitted, kept.reflectance, noise)
+        now.interpolation_error(mesh, fitted, kept.reflectance, noise)[0]
     } else {
         as_baked.receivers
     };

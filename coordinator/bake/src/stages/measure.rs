@@ -50,14 +50,15 @@ impl Refined {
         let between = solved.light_samples(cx, &mut validation)?;
         let noise = solved.noise();
         let reflectance = solved.mean_reflectance();
-        let receivers = if validation.count() > 0 {
+        let [receivers, receivers_at_least] = if validation.count() > 0 {
             validation.interpolation_error(&solved.mesh.mesh, &fitted, reflectance, noise)
         } else {
-            solved.found_per_predicted * prediction.relative()
+            [solved.found_per_predicted * prediction.relative(); 2]
         };
         let between = without_noise(between, noise);
         if prediction.relative() > 0.0 && validation.count() > 0 {
-            let of_mesh = without(receivers, between);
+            // Where few points hold most of it, chance would decide how far to refine.
+            let of_mesh = without(receivers_at_least, between);
             solved.found_per_predicted = (of_mesh / prediction.relative()).clamp(0.2, 5.0);
         }
         let [shooters, shooters_at_least] = match shooters {
