@@ -223,6 +223,24 @@ fn callers_that_show_nothing_shut_nobody_out() {
     }
 }
 
+/// Who shows no token is sent away, whatever else it says; a bake by one who does goes on meanwhile.
+#[test]
+fn callers_that_show_no_token_are_sent_away() {
+    let bench = Bench::new();
+    let token = bench.file("token", "0123456789abcdef");
+    let process = start(&["--token-file", &token]);
+    let preface = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n".as_slice();
+    let no_settings = [0, 0, 0, 4, 0, 0, 0, 0, 0];
+    for said in [&[], &preface[..10], preface, &[preface, &no_settings].concat()] {
+        let begun = Instant::now();
+        assert!(answer_to(&process.address, said).len() < 1024);
+        // Others may be silent for half a minute.
+        assert!(begun.elapsed() < Duration::from_secs(15), "{} bytes, {:?}", said.len(), begun.elapsed());
+    }
+    let baked = bench.solve(&process.address, &["--token-file", &token]);
+    assert!(baked.success, "{}", baked.said);
+}
+
 #[test]
 fn threads_that_no_system_has_are_refused() {
     let bench = Bench::new();

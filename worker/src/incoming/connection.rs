@@ -17,8 +17,8 @@ use super::places::Place;
 /// Length of the words that every HTTP/2 connection begins with; no request of HTTP/1 is shorter.
 const PREFACE_BYTES: u64 = 24;
 
-/// How long a caller may take to say them.
-const PREFACE: Duration = Duration::from_secs(10);
+/// How long a caller may take to say them, and to say anything more as long as it has not shown who it is.
+const STRANGER: Duration = Duration::from_secs(2);
 
 /// The bytes of a connection.
 pub(super) type Bytes = Either<TcpStream, Box<TlsStream<TcpStream>>>;
@@ -30,6 +30,8 @@ pub struct Connection {
     caller: Caller,
     received: u64,
     patience: Pin<Box<Sleep>>,
+    /// Whether patience is that with a caller which has shown who it is.
+    is_trusting: bool,
     silence: Duration,
     /// Ends when another caller has taken its place.
     lost: Pin<Box<WaitForCancellationFutureOwned>>,
@@ -38,15 +40,16 @@ pub struct Connection {
 
 impl Connection {
     pub(super) fn new(bytes: Bytes, caller: Caller, place: Place, silence: Duration) -> Self {
-        let (patience, lost) = (Box::pin(sleep(PREFACE)), Box::pin(place.lost()));
-        Self { bytes, caller, received: 0, patience, silence, lost, _place: place }
+        let (patience, lost) = (Box::pin(sleep(STRANGER)), Box::pin(place.lost()));
+        Self { bytes, caller, received: 0, patience, is_trusting: false, silence, lost, _place: place }
     }
 
     /// Bytes went in one of the directions.
     fn be_patient(&mut self) {
         // A caller that says its first words letter by letter gains no time with it.
         if self.received >= PREFACE_BYTES {
-            let silence = self.silence;
+            self.is_trusting = self.caller.is_trusted();
+            let silence = if self.is_trusting { self.silence } else { STRANGER };
             self.patience.as_mut().reset(Instant::now() + silence);
         }
     }
@@ -81,6 +84,13 @@ impl AsyncRead for Connection {
             }
             Poll::Pending => {
                 ready!(self.patience.as_mut().poll(context));
+                // The bytes that showed who it is were the last that came: they have been understood since.
+                if !self.is_trusting && self.caller.is_trusted() {
+                    self.be_patient();
+                    if self.is_trusting {
+                        ready!(self.patience.as_mut().poll(context));
+                    }
+                }
                 Poll::Ready(Err(io::Error::new(io::ErrorKind::TimedOut, "nothing came in time")))
             }
         }

@@ -49,7 +49,7 @@ impl ConnectionLimits {
 }
 
 /// How long a caller may take to prove who it is.
-const HANDSHAKE: Duration = Duration::from_secs(10);
+const HANDSHAKE: Duration = Duration::from_secs(2);
 
 /// How long a caller that was refused may take to hear it.
 const FAREWELL: Duration = Duration::from_secs(1);
