@@ -1,6 +1,6 @@
 //! Collapses and flips, in rounds.
 //!
-//! In a round each point that changed has its cheapest collapse found, all at once; then those are carried out whose surroundings no
+//! In a round each point that changed has its cheapest collapse found, all at once; then those are carried out whose triangles no
 //! other one of the round has changed, the cheapest first. The limit rises from part to part, so that what shows least goes first.
 
 use rayon::prelude::*;
@@ -50,7 +50,7 @@ pub fn simplify(working: &mut Working) {
     }
 }
 
-/// Carries out collapses that cost less than this and do not touch each other. Returns their number, and the points whose surroundings
+/// Carries out collapses that cost less than this, of points that are no neighbours. Returns their number, and the points whose surroundings
 /// changed.
 fn round(working: &mut Working, found: &mut [Option<Collapse>], level: f64) -> (usize, Vec<u32>) {
     let mut order: Vec<(f64, u32, u32)> = (0..)
@@ -61,20 +61,18 @@ fn round(working: &mut Working, found: &mut [Option<Collapse>], level: f64) -> (
     order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     let around = |(_, point, _): &(f64, u32, u32)| working.neighbours(*point);
     let around: Vec<_> = order.par_iter().with_min_len(AT_ONCE).map(around).collect();
-    let mut is_touched = vec![false; found.len()];
+    let mut is_gone = vec![false; found.len()];
     let mut chosen = vec![];
     let mut dirty = vec![];
     for ((_, point, into), around) in order.into_iter().zip(around) {
-        if is_touched[point as usize] || around.iter().any(|other| is_touched[*other as usize]) {
+        // Of points that are no neighbours none has a triangle of the other.
+        if around.iter().any(|other| is_gone[*other as usize]) {
             continue;
         }
         found[point as usize] = None;
         chosen.push((point, into));
-        is_touched[point as usize] = true;
-        for other in around {
-            is_touched[other as usize] = true;
-            dirty.push(other);
-        }
+        is_gone[point as usize] = true;
+        dirty.extend(around);
     }
     let moves = |(point, into): &(u32, u32)| working.moves(*point, *into);
     let moves: Vec<Moves> = chosen.par_iter().with_min_len(AT_ONCE).map(moves).collect();
@@ -82,7 +80,8 @@ fn round(working: &mut Working, found: &mut [Option<Collapse>], level: f64) -> (
     for ((point, _), moves) in chosen.into_iter().zip(moves) {
         working.collapse(point, moves);
     }
-    dirty.sort_unstable();
+    dirty.par_sort_unstable();
+    dirty.dedup();
     (removed, dirty)
 }
 

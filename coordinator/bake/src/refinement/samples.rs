@@ -230,8 +230,8 @@ impl SamplePoints {
         self.points.par_iter().zip(gathered).with_min_len(256).map(found).collect()
     }
 
-    /// Relative interpolation error, and what it is at least, given the mean reflectance and the relative noise of the light at a
-    /// vertex.
+    /// Relative interpolation error, given the mean reflectance and the relative noise of the light at a vertex. Where light is
+    /// gathered twice, what it is at least comes second: there few of some thousand points may hold most of it.
     pub fn interpolation_error(
         &self,
         mesh: &Mesh,
@@ -244,7 +244,9 @@ impl SamplePoints {
         // The gathered light is noisy too, unless two draws tell it apart.
         let gathered = if self.is_drawn_twice() { 0.0 } else { 1.0 };
         let noise = noise * (gathered + INTERPOLATED_NOISE).sqrt();
-        [self.relative(&errors), self.relative_at_least(&errors)].map(|mixed| without_noise(mixed, noise))
+        let all = self.relative(&errors);
+        let at_least = if self.is_drawn_twice() { self.relative_at_least(&errors) } else { all };
+        [all, at_least].map(|mixed| without_noise(mixed, noise))
     }
 
     /// Mean over the area of the square error of the radiosity, given errors of the irradiance at the points.
