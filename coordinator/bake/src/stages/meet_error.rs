@@ -21,7 +21,7 @@ const RAYS_PART: f64 = 0.3;
 /// What is left to the interpolation is aimed at with this margin.
 const MARGIN: f64 = 0.9;
 
-/// Part of the asked error of interpolation that refinement aims at first, where rows are exact: vertices cost least there, and pictures
+/// Part of what an asked error leaves to interpolation that refinement aims at first, where rows are exact: vertices cost least there, and pictures
 /// show errors that the sum over all surfaces does not.
 const PART_OF_ASKED: f64 = 0.4;
 
@@ -53,7 +53,8 @@ impl Solved {
     /// new start, too, where those should meet it.
     pub fn meet_error(self, cx: &mut Context) -> Result<(Measured, Option<BakeSettings>)> {
         let mut solved = self;
-        let part = if solved.rows.source.leaves_cost_rows() { PART_OF_ASKED } else { 1.0 };
+        let is_exact = solved.rows.source.leaves_cost_rows();
+        let part = if is_exact && cx.settings.error.is_some() { PART_OF_ASKED } else { 1.0 };
         let mut limit = MARGIN * part * cx.settings.mesh_error;
         let mut round = 1;
         let mut rounds_for_balance = 0;
