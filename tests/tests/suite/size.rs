@@ -48,9 +48,13 @@ fn memory_rows_and_shots_grow_with_the_factors_that_are_not_0() {
     };
     grows("shots", few.shots, many.shots, shares);
     grows("bytes kept", few.row_bytes as u64, many.row_bytes as u64, factors);
-    // Sets of receivers are one for each round of refinement, and rounds may differ by one or two.
-    let rows_per_share = |report: &BakeReport| report.rows as f64 / report.shooting_vertices as f64;
-    assert!(rows_per_share(&many) <= ROOMS_DIFFER * rows_per_share(&few));
+    // A share has a row over each set of receivers: those of the first mesh, those of each round of refinement, and some points.
+    let sets = |report: &BakeReport| f64::from(report.refinement_rounds + 2);
+    let rows_per_share =
+        |report: &BakeReport| report.rows as f64 / report.shooting_vertices as f64 / sets(report);
+    let [of_few, of_many] = [&few, &many].map(rows_per_share);
+    eprintln!("{of_few} and {of_many} rows for each share and set, {} and {} sets", sets(&few), sets(&many));
+    assert!(of_many <= ROOMS_DIFFER * of_few, "{of_many} rows for each share and set, not {of_few}");
     grows("bytes sent", few_sent, many_sent, factors);
     // Three quarters of the pairs of five rooms are in different rooms, and 19 of 20 of those of twenty: they weigh nothing.
     let bytes_per_factor = |report: &BakeReport, sent: u64| sent as f64 / report.factors as f64;
