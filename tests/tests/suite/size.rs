@@ -53,7 +53,6 @@ fn memory_rows_and_shots_grow_with_the_factors_that_are_not_0() {
     let rows_per_share =
         |report: &BakeReport| report.rows as f64 / report.shooting_vertices as f64 / sets(report);
     let [of_few, of_many] = [&few, &many].map(rows_per_share);
-    eprintln!("{of_few} and {of_many} rows for each share and set, {} and {} sets", sets(&few), sets(&many));
     assert!(of_many <= ROOMS_DIFFER * of_few, "{of_many} rows for each share and set, not {of_few}");
     grows("bytes sent", few_sent, many_sent, factors);
     // Three quarters of the pairs of five rooms are in different rooms, and 19 of 20 of those of twenty: they weigh nothing.
