@@ -112,7 +112,7 @@ impl Mesh {
         mesh.leaves_at.reserve(welded.polygons.iter().map(Vec::len).sum());
         for ((surface, piece, lines), corners) in places.into_iter().zip(welded.polygons) {
             if !corners.is_empty() {
-                mesh.clear_of_hovering(&corners, piece, lines);
+                mesh.mark_hovering(&corners, piece, lines);
                 mesh.add_leaf(surface, piece.facet, corners.into(), None);
             }
         }
@@ -121,8 +121,8 @@ impl Mesh {
         Some(mesh)
     }
 
-    /// Tells the corners of a piece that lie on the outline of what hovers.
-    fn clear_of_hovering(&mut self, corners: &[VertexId], piece: &Piece, lines: &[Line]) {
+    /// Marks the corners of a piece that lie on the outline of what hovers, with the least height over them.
+    fn mark_hovering(&mut self, corners: &[VertexId], piece: &Piece, lines: &[Line]) {
         for ends in &piece.lines {
             let height = lines.iter().find(|line| line.ends == *ends).map_or(0.0, |line| line.height);
             if height <= 0.0 {
@@ -131,8 +131,7 @@ impl Mesh {
             for corner in corners {
                 let vertex = &mut self.vertices[corner.index()];
                 if distance_to_line(vertex.position, ends) < WELD {
-                    let lower = vertex.hovering.is_none_or(|other| height < other);
-                    vertex.hovering = if lower { Some(height) } else { vertex.hovering };
+                    vertex.hovering = Some(vertex.hovering.map_or(height, |other| height.min(other)));
                 }
             }
         }

@@ -51,7 +51,7 @@ pub struct Welded {
 }
 
 impl Welder {
-    /// With room for so many points.
+    /// A welder with room for this many points.
     pub fn for_points(count: usize) -> Self {
         Self {
             points: Vec::with_capacity(count),

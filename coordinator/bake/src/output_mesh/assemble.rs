@@ -50,9 +50,12 @@ impl Working {
             let of_corners = self.of_corners(values);
             left(&fit.map_or_else(|| of_corners.clone(), |fit| fit.apply(&of_corners)))
         };
-        let irradiance: Vec<DVec3> = lit.vertices.iter().map(|vertex| vertex.irradiance).collect();
+        let unfitted = || -> Vec<DVec3> {
+            let irradiance: Vec<DVec3> = lit.vertices.iter().map(|vertex| vertex.irradiance).collect();
+            self.of_corners(&irradiance)
+        };
         let (irradiance, unshot) = rayon::join(
-            || fit.map_or_else(|| left(&self.of_corners(&irradiance)), |fit| left(&fit.irradiance)),
+            || fit.map_or_else(|| left(&unfitted()), |fit| left(&fit.irradiance)),
             || if lit.unshot.is_empty() { vec![] } else { moved(&lit.unshot) },
         );
         let is_dark: Vec<_> = irradiance.iter().map(|irradiance| irradiance.cmple(DVec3::ZERO)).collect();
