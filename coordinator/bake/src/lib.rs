@@ -53,4 +53,4 @@ pub use relight::{KeptLight, LightChange, NewLight, RelightError, RelightReport,
 pub use run::{Baked, bake, bake_with_points};
 pub use settings::{BakeSettings, Quality, RowStrategy};
 pub use stages::{AskedPoints, PointLight};
-pub use stages::{BakeReport, Model, check_groups, listed, occluders, shooting_mesh};
+pub use stages::{BakeReport, Model, ShootingMesh, check_groups, listed, occluders};

@@ -8,7 +8,7 @@ use crate::light_parts::{LightGroup, LightPart};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RowStrategy {
-    /// [`Gather`](Self::Gather) for finely tessellated scenes, else [`Exact`](Self::Exact).
+    /// The one that is predicted to cost less: [`Exact`](Self::Exact) for few polygons or small errors.
     #[default]
     Automatic,
     /// Shooter rows: visibility pair by pair, exact where few occluders lie between.

@@ -49,6 +49,7 @@ use order::FacetPlaces;
 pub use order::along_curve;
 
 pub use base::MeshLimits;
+pub use line::Contact;
 pub use locate::{Interpolation, interpolation};
 pub use overlay::overlap;
 pub use receivers::{INWARD, VertexReceivers, receivers, shared_receivers};

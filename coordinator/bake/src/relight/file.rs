@@ -5,7 +5,7 @@ use kernel::replica::Digest;
 use prost::Message;
 
 use super::RelightError;
-use super::kept::{KeptLight, KeptPart, ShootingMesh};
+use super::kept::{KeptLight, KeptPart, MeshSettings};
 use crate::error_budget::ErrorBudget;
 use crate::mesh::PatchId;
 use crate::refinement::SamplePoints;
@@ -106,7 +106,7 @@ impl KeptLight {
 
     pub(super) fn body(&self) -> Body {
         let (patches, points) = self.validation.to_numbers();
-        let ShootingMesh { edge, max_level, max_vertices, line_error, is_gathered } = self.shooting;
+        let MeshSettings { edge, max_level, max_vertices, line_error, is_gathered } = self.shooting;
         let ErrorBudget { unshot, visibility, form_factors, receivers, shooters, .. } = self.error;
         Body {
             scene: self.scene.0.to_vec(),
@@ -141,7 +141,7 @@ impl KeptLight {
         Some(Self {
             scene: Digest::try_from(body.scene.as_slice()).ok()?,
             sky: one(&body.sky)?,
-            shooting: ShootingMesh {
+            shooting: MeshSettings {
                 edge: body.edge,
                 max_level: body.max_level,
                 max_vertices: usize::try_from(body.max_vertices).ok()?,

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use glam::DVec3;
 
 use super::digest_of;
-use super::kept::{KeptLight, KeptPart, ShootingMesh};
+use super::kept::{KeptLight, KeptPart, MeshSettings};
 use crate::channels::Channels;
 use crate::context::Context;
 use crate::error::Result;
@@ -89,7 +89,7 @@ pub fn keep_light(cx: &mut Context, measured: &mut Measured) -> Result<Option<Ke
     Ok(Some(KeptLight {
         scene: digest_of(cx.scene),
         sky: cx.scene.sky,
-        shooting: ShootingMesh {
+        shooting: MeshSettings {
             edge: settings.shooter_edge,
             max_level: settings.max_level,
             max_vertices: settings.vertices_of_file(cx.scene),

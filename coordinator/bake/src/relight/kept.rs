@@ -10,7 +10,7 @@ use crate::error_budget::ErrorBudget;
 use crate::mesh::{Mesh, PatchId};
 use crate::refinement::SamplePoints;
 use crate::settings::{BakeSettings, RowStrategy};
-use crate::stages::shooting_mesh;
+use crate::stages::ShootingMesh;
 use scene::Scene;
 
 /// Kept light: what relighting needs of a finished bake.
@@ -21,7 +21,7 @@ pub struct KeptLight {
     /// Radiance of its sky.
     pub(super) sky: DVec3,
     /// How the mesh of the shares was made.
-    pub(super) shooting: ShootingMesh,
+    pub(super) shooting: MeshSettings,
     /// Patches that were divided since, in order.
     pub(super) divided: Vec<PatchId>,
     /// Vertices of the mesh.
@@ -40,7 +40,7 @@ pub struct KeptLight {
 
 /// What the shooting mesh depends on beside the scene.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct ShootingMesh {
+pub(super) struct MeshSettings {
     /// Longest edge, relative to the scene's extent.
     pub(super) edge: f64,
     /// Patches are divided this often at most.
@@ -91,7 +91,7 @@ impl KeptLight {
 
     /// The mesh of the finished bake.
     pub(super) fn mesh(&self, scene: &Scene) -> Result<Mesh, RelightError> {
-        let ShootingMesh { edge, max_level, max_vertices, line_error, is_gathered } = self.shooting;
+        let MeshSettings { edge, max_level, max_vertices, line_error, is_gathered } = self.shooting;
         let settings = BakeSettings {
             mesh_error: line_error,
             rows: if is_gathered { RowStrategy::Gather } else { RowStrategy::Exact },
@@ -101,7 +101,7 @@ impl KeptLight {
             ..BakeSettings::default()
         };
         let other = || RelightError::Damaged("its mesh is not one of the scene".into());
-        let (mut mesh, _) = shooting_mesh(scene, &settings);
+        let ShootingMesh { mut mesh, .. } = ShootingMesh::new(scene, &settings);
         for id in &self.divided {
             // Neighbours of a divided patch may have been divided with it.
             if mesh.patches.len() <= id.index() || mesh.vertices.len() > self.vertices {

@@ -3,6 +3,7 @@
 //! | file | what it does |
 //! |---|---|
 //! | `source` | the trait of a row strategy |
+//! | `cost` | what the strategies cost |
 //! | `exact` | exact shooter rows, solved for by shooting and sweeps |
 //! | `factors` | exact rows as factors between shares, and the sweeps with them |
 //! | `shoot` | shooting as rows arrive |
@@ -16,6 +17,7 @@
 //!
 //! A new strategy is a new file that implements `RowSource`, and an arm of [`row_source`].
 
+mod cost;
 mod exact;
 mod factors;
 mod gather;
@@ -28,32 +30,23 @@ mod table;
 mod vertices;
 mod weights;
 
-use scene::Scene;
+use crate::settings::RowStrategy;
 
-use crate::settings::{BakeSettings, RowStrategy};
+pub use cost::{exact_rows_cost_less, most_vertices_of_exact_rows};
+pub use exact::ExactRows;
+pub use gather::GatherRows;
 pub use means::ShareValues;
 pub use share_mesh::ShareMesh;
 pub use shoot::FIRST_TOLERANCE;
 pub use solution::Solution;
-pub use source::{Cover, Gathered, Problem, Rows};
+pub use source::{Cover, Gathered, Problem, RowSource, Rows};
 pub use vertices::COARSE;
 
-/// Scenes with at least this many facets get hemisphere rows, unless a strategy was chosen.
-const MANY_FACETS: usize = 5000;
-
-/// The same of facets with smooth normals: they stand for curved surfaces, where many small occluders crowd each shaft.
-const MANY_SMOOTH_FACETS: usize = 1000;
-
-/// The row strategy for a scene.
-pub fn row_source(scene: &Scene, settings: &BakeSettings) -> Box<dyn source::RowSource> {
-    let gathers = match settings.rows {
-        RowStrategy::Exact => false,
-        RowStrategy::Gather => true,
-        RowStrategy::Automatic => {
-            let facets = || scene.front_facets();
-            let smooth = facets().filter(|f| f.corners.iter().any(|corner| corner.normal != f.normal));
-            facets().count() >= MANY_FACETS || smooth.count() >= MANY_SMOOTH_FACETS
-        }
-    };
-    if gathers { Box::new(gather::GatherRows::default()) } else { Box::new(exact::ExactRows) }
+/// The rows of a strategy, where it is not to be chosen.
+pub fn row_source(strategy: RowStrategy) -> Option<Box<dyn RowSource>> {
+    match strategy {
+        RowStrategy::Automatic => None,
+        RowStrategy::Exact => Some(Box::new(exact::ExactRows)),
+        RowStrategy::Gather => Some(Box::new(gather::GatherRows::default())),
+    }
 }

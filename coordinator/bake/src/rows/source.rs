@@ -17,7 +17,7 @@ use crate::solver::cache::{ColumnCache, SetId};
 use crate::solver::slab::Slab;
 
 /// A row strategy: how the rows of shares over receivers are made, and how light is solved for with them.
-pub trait RowSource {
+pub trait RowSource: Send {
     /// The setting that chooses it.
     fn strategy(&self) -> RowStrategy;
 

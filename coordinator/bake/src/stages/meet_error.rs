@@ -1,7 +1,7 @@
 //! Refining and measuring until the error is met.
 
 use super::measure::Measured;
-use super::setup::shooting_mesh;
+use super::shooting_mesh::ShootingMesh;
 use super::solved::Solved;
 use crate::context::Context;
 use crate::error::Result;
@@ -188,7 +188,7 @@ impl Measured {
             // Edges are halved: a factor of more than a half might change nothing.
             let factor = (SHOOTERS_PART * asked / error.shooters).clamp(0.25, 0.5);
             let finer = better.with_shooter_edge(cx.settings.shooter_edge * factor);
-            let vertices = shooting_mesh(cx.scene, &finer).0.vertices.len();
+            let vertices = ShootingMesh::new(cx.scene, &finer).mesh.vertices.len();
             let now = self.solved.rows.table.vertices.coarse_count();
             if vertices <= now || vertices > finer.most_vertices(cx.scene) {
                 return None;

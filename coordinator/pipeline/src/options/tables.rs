@@ -35,7 +35,7 @@ const fn choice(name: &'static str, number: i32, help: &'static str) -> Choice {
 const ROWS: &[Choice] = &[
     Choice {
         aliases: &["suiting"],
-        ..choice("automatic", api::RowsOf::Unspecified as i32, "gather for dense meshes, else exact")
+        ..choice("automatic", api::RowsOf::Unspecified as i32, "what is predicted to cost less")
     },
     Choice {
         aliases: &["shooters"],
@@ -96,7 +96,7 @@ impl Options for BakeOptions {
         knob!("bake." + rows -> rows, "rows", Kind::Choice(ROWS))
             .value_name("STRATEGY")
             .help("How form factors are computed")
-            .details("Automatic takes hemisphere rows (gather) for dense meshes, and exact rows for others."),
+            .details("Automatic predicts which cost less: exact rows for few polygons or small errors, else hemisphere rows (gather)."),
         knob!("bake." + max_vertices -> max_vertices, "max-vertices", ANY_64)
             .help("Most vertices of the mesh")
             .default("200000, or twice those of the scene where that is more")

@@ -64,6 +64,11 @@ const LARGEST_SMALL: f64 = 0.005;
 /// Fewest rays of a gather point: many receivers depend on it.
 const LEAST_RAYS: u32 = 256;
 
+/// Rays of a gather point. A power of two has the most even directions.
+pub fn rays(settings: &BakeSettings) -> u32 {
+    settings.rays_per_hemisphere.max(LEAST_RAYS).next_power_of_two()
+}
+
 /// Rays of each draw at a receiver that the answer is measured at: half of those that the asked error needs. Noise does not matter where
 /// there are two draws, and many positions tell more than many rays.
 fn measured_rays(settings: &BakeSettings) -> u32 {
@@ -132,8 +137,7 @@ impl RowSource for GatherRows {
     }
 
     fn rays(&self, settings: &BakeSettings) -> u32 {
-        // A power of two has the most even directions.
-        settings.rays_per_hemisphere.max(LEAST_RAYS).next_power_of_two()
+        rays(settings)
     }
 
     fn measures_twice(&self) -> bool {

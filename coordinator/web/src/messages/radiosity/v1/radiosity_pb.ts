@@ -1213,7 +1213,7 @@ export const QualitySchema: GenEnum<Quality> = /*@__PURE__*/
  */
 export enum RowsOf {
   /**
-   * Automatic: gather for dense meshes, else exact.
+   * Automatic: what is predicted to cost less.
    *
    * @generated from enum value: ROWS_OF_UNSPECIFIED = 0;
    */
