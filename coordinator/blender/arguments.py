@@ -42,24 +42,13 @@ class Service:
         return host in ("localhost", "::1") or host.startswith("127.")
 
 
-class UnsupportedError(ValueError):
-    """A bake that cannot be asked for in this way."""
-
-
 def solve(program, scene, output, bake):
     """Returns the command that bakes a scene on this machine."""
-    command = [str(program), "solve", str(scene), "-o", str(output), *_options(bake, "exr")]
-    sky = bake.sky
-    if sky.image:
-        command += ["--sky", str(sky.image), f"--sky-rotation={number(sky.rotation)}"]
-        command += ["--sky-intensity", number(sky.intensity)]
-    return command
+    return [str(program), "solve", str(scene), "-o", str(output), *_options(bake, "exr")]
 
 
 def submit(program, scene, output, bake, service):
     """Returns the command that has a service bake a scene, and fetches the lit one. It prints the job's id first."""
-    if bake.sky.image:
-        raise UnsupportedError("a service takes no image of a sky; give the world a colour, or bake with the local program")
     command = [str(program), "submit", str(scene), "-o", str(output), *_options(bake, "rgbm")]
     return command + _connection(service)
 
@@ -75,9 +64,12 @@ def _options(bake, pages):
         options += ["--lightmap", "--lightmap-size", str(bake.lightmap), "--lightmap-format", pages]
     else:
         options += ["--materials", "keep"]
-    colour = bake.sky.colour
-    if colour and any(colour):
-        options += ["--sky", ",".join(map(number, colour))]
+    sky = bake.sky
+    if sky.image:
+        options += ["--sky", str(sky.image), f"--sky-rotation={number(sky.rotation)}"]
+        options += ["--sky-intensity", number(sky.intensity)]
+    elif sky.colour and any(sky.colour):
+        options += ["--sky", ",".join(map(number, sky.colour))]
     return options
 
 

@@ -34,9 +34,6 @@ class SceneBake:
                 command = arguments.solve(program, scene, self._lit, asked)
             self.notes = self.notes + export.export(context, scene)
             self.runner.start(command, service and functools.partial(_cancel, program, service))
-        except arguments.UnsupportedError as problem:
-            self.runner.close()
-            raise BakeError(str(problem)) from problem
         except BaseException:
             self.runner.close()
             raise

@@ -196,8 +196,9 @@ class Arguments(unittest.TestCase):
         for part in ("--sky 0.1,0.2,0.3", "--lightmap-format rgbm", "--server bake:7000 --token-file t"):
             self.assertIn(part, command)
         self.assertEqual(arguments.cancel("c", "job", service)[:3], ["c", "cancel", "job"])
-        with self.assertRaisesRegex(arguments.UnsupportedError, "image of a sky"):
-            arguments.submit("c", "a", "b", arguments.Bake(sky=arguments.Sky(image=Path("x"))), service)
+        sky = arguments.Sky(image=Path("sky.hdr"), rotation=90)
+        command = " ".join(arguments.submit("c", "a", "b", arguments.Bake(sky=sky), service))
+        self.assertIn("--sky sky.hdr --sky-rotation=90 --sky-intensity 1", command)
         local = [arguments.Service(address).is_local for address in ("localhost:1", "127.0.0.1:1", "[::1]:1", "bake:1", "128.0.0.1:1")]
         self.assertEqual(local, [True, True, True, False, False])
 

@@ -9,14 +9,15 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::error::ImportProblem;
-use super::sky::EXT_LIGHTS_IMAGE_BASED;
+use super::sky::{EXT_LIGHTS_IMAGE_BASED, HALFLIGHT_SKY_IMAGE};
 use super::{nesting, prepare, scene_choice};
 
 /// Extensions that are supported, or do not affect the light.
-const UNDERSTOOD: [&str; 9] = [
+const UNDERSTOOD: [&str; 10] = [
     WEBP,
     EXT_LIGHTS_AREA,
     EXT_LIGHTS_IMAGE_BASED,
+    HALFLIGHT_SKY_IMAGE,
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
     "KHR_materials_pbrSpecularGlossiness",

@@ -1,16 +1,35 @@
 //! Skies as images: radiance from every direction.
 //!
-//! Two sorts are read: files beside the scene (OpenEXR or Radiance HDR, equirectangular), and the cube maps of EXT_lights_image_based
-//! within it. Files are not trusted: whatever the bytes, the answer is an image or an error.
+//! Two sorts are read: equirectangular files (OpenEXR or Radiance HDR), beside the scene or within it, and the cube maps of
+//! EXT_lights_image_based. Files are not trusted: whatever the bytes, the answer is an image or an error.
 
 mod cube;
 mod file;
+mod within;
 
 use std::f64::consts::{PI, TAU};
 
 use glam::{DQuat, DVec3};
 
-pub use cube::{EXT_LIGHTS_IMAGE_BASED, sky_of};
+pub use cube::EXT_LIGHTS_IMAGE_BASED;
+pub use within::{HALFLIGHT_SKY_IMAGE, PutSkyError, put_sky_image, take_sky_image};
+
+use crate::PlainDocument;
+use crate::error::ImportProblem;
+
+/// The sky of a document's scene, if it has one, and the factor of its radiance. Images that cannot be decoded are a warning, and no sky.
+///
+/// # Errors
+/// When the scene refers to no sky, or to one that makes no sense.
+pub fn sky_of(
+    file: &PlainDocument,
+    warnings: &mut Vec<String>,
+) -> Result<Option<(SkyImage, f64)>, ImportProblem> {
+    Ok(match within::image_of(file)? {
+        Some(sky) => Some(sky),
+        None => cube::sky_of(file, warnings)?.map(|image| (image, 1.0)),
+    })
+}
 
 /// Why a sky cannot be read.
 #[derive(Debug, thiserror::Error)]

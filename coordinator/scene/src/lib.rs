@@ -23,7 +23,7 @@ mod report;
 mod sky;
 
 pub use appearance::Appearance;
-pub use document::sky::{EXT_LIGHTS_IMAGE_BASED, SkyError, SkyImage};
+pub use document::sky::{EXT_LIGHTS_IMAGE_BASED, PutSkyError, SkyError, SkyImage, put_sky_image};
 pub use document::{ImportError, ImportProblem, LightUnit, ReadOptions};
 pub use facet::{Corner, Facet, SourceTriangle};
 pub use frame::Frame;

@@ -1,5 +1,6 @@
+use std::fs;
 use std::marker::PhantomData;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::Context;
@@ -9,7 +10,7 @@ use glam::DVec3;
 use pipeline::options::schema::{Kind, Options, Value};
 use pipeline::options::{Violations, import_options};
 use protocol::api;
-use scene::{ImportOptions, ReadOptions, SkyImage, SkyPattern};
+use scene::{ImportOptions, PutSkyError, ReadOptions, SkyImage, SkyPattern, put_sky_image};
 
 use super::options::{Given, Unused, positive};
 
@@ -74,6 +75,20 @@ impl<U: Unused> SceneOptions<U> {
         let sky = options.sky * mean;
         anyhow::ensure!(sky.is_finite(), "the sky is too bright: give a smaller --sky-intensity");
         Ok(ImportOptions { sky, sky_pattern: pattern, ..options })
+    }
+
+    /// The scene with the sky image in it, where one was given: for those who take one file.
+    pub fn put_sky(&self, scene: &Path) -> anyhow::Result<Option<Vec<u8>>> {
+        let Some(path) = &self.image.path else { return Ok(None) };
+        // What is wrong with it is said before it is sent.
+        self.with_sky()?;
+        let read = |path: &Path| fs::read(path).with_context(|| format!("{} cannot be read", path.display()));
+        let (bytes, image) = (read(scene)?, read(path)?);
+        match put_sky_image(&bytes, &image, self.image.rotation, self.image.intensity) {
+            Ok(scene) => Ok(Some(scene)),
+            Err(error @ PutSkyError::Sky(_)) => Err(error).with_context(|| path.display().to_string()),
+            Err(error @ PutSkyError::Scene(_)) => Err(error).with_context(|| scene.display().to_string()),
+        }
     }
 
     /// File of the sky image, where one was given.

@@ -40,7 +40,10 @@ fn no_rotation() -> [f64; 4] {
 ///
 /// # Errors
 /// When the scene refers to no light, or to one that makes no sense.
-pub fn sky_of(file: &PlainDocument, warnings: &mut Vec<String>) -> Result<Option<SkyImage>, ImportProblem> {
+pub(super) fn sky_of(
+    file: &PlainDocument,
+    warnings: &mut Vec<String>,
+) -> Result<Option<SkyImage>, ImportProblem> {
     let wrong = |detail: String| ImportProblem::Light {
         place: "the sky of the scene".to_owned(),
         extension: EXT_LIGHTS_IMAGE_BASED,

@@ -42,7 +42,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::Arc;
 
-use document::sky::sky_of;
+use document::sky::{sky_of, take_sky_image};
 use document::{ImportError, ImportProblem, LightUnit, PlainDocument, ReadOptions};
 use glam::{DAffine3, DVec3};
 use kernel::geometry::Bounds;
@@ -127,14 +127,15 @@ fn scene_of(mut file: PlainDocument, options: &ImportOptions) -> Result<Scene, I
     content.sky = options.sky;
     content.sky_pattern = options.sky_pattern.clone();
     if options.sky == DVec3::ZERO
-        && let Some(image) = sky_of(&file, &mut content.warnings)?
+        && let Some((image, factor)) = sky_of(&file, &mut content.warnings)?
     {
         let pattern = SkyPattern::new(&image);
-        content.sky = pattern.mean();
+        content.sky = pattern.mean() * factor;
         content.sky_pattern = Some(Arc::new(pattern));
     }
     let mut root = file.document.into_json();
     document::require_again(&mut root, file.required);
+    take_sky_image(&mut root);
     let source =
         SourceDocument { root, buffers: file.buffers, folder: file.folder, is_meshopt: file.is_meshopt };
     content.into_scene(source, options)

@@ -92,9 +92,9 @@ impl PlainScene {
         // Each is said once, in alphabetical order.
         let mut warnings: BTreeSet<String> = std::mem::take(&mut document.warnings).into_iter().collect();
         if options.sky == DVec3::ZERO
-            && let Some(image) = document.sky.take()
+            && let Some((image, factor)) = document.sky.take()
         {
-            scene.sky = DVec3::ONE;
+            scene.sky = DVec3::splat(factor);
             scene.sky_image = Some(Arc::new(image));
         }
         for (primitive, (node, source)) in document.primitives().into_iter().enumerate() {

@@ -20,8 +20,8 @@ pub(crate) struct PlainDocument {
     pub(super) document: Document,
     buffers: Vec<Vec<u8>>,
     world: Vec<DMat4>,
-    /// The sky of the scene, if it has one.
-    pub(super) sky: Option<SkyImage>,
+    /// The sky of the scene, if it has one, and the factor of its radiance.
+    pub(super) sky: Option<(SkyImage, f64)>,
     /// Warnings on what of it could not be read.
     pub(super) warnings: Vec<String>,
 }

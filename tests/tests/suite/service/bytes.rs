@@ -22,6 +22,15 @@ pub fn ran(room: &Room, name: &str, command: &str, arguments: &[&str]) -> Vec<u8
     fs::read(output).unwrap()
 }
 
+/// A Radiance HDR file of 8 by 4 texels: dark below, brighter to one side above.
+fn sky_image() -> Vec<u8> {
+    let mut bytes = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 4 +X 8\n".to_vec();
+    let texel =
+        |index: u8| if index < 16 { [100, 120 + 8 * (index % 8), 200, 129] } else { [50, 40, 30, 126] };
+    bytes.extend((0..32).flat_map(texel));
+    bytes
+}
+
 #[test]
 fn a_job_gives_the_bytes_of_solve_with_the_same_options() {
     let room = Room::new();
@@ -41,6 +50,16 @@ fn a_job_gives_the_bytes_of_solve_with_the_same_options() {
         assert!(said.success, "{}", said.errors);
         assert!(fs::read(output).unwrap() == expected, "the lit file differs: {options:?}");
     }
+    // A sky image travels within the scene.
+    let image = room.folder.path().join("sky.hdr");
+    fs::write(&image, sky_image()).unwrap();
+    let sky =
+        ["--mesh-error", "0.05", "--sky", text(&image), "--sky-rotation", "30", "--sky-intensity", "0.7"];
+    let expected = solved(&room, "solved.glb", &sky);
+    let output = room.folder.path().join("sky.glb");
+    let said = service.ask(&[&["submit", text(&cornell()), "-o", text(&output)], &sky[..]].concat());
+    assert!(said.success, "{}", said.errors);
+    assert!(fs::read(output).unwrap() == expected, "the lit file differs under a sky image");
     let expected = solved(&room, "solved.ply", &QUICK);
     let output = room.folder.path().join("lit.ply");
     let scene = cornell();

@@ -1,5 +1,5 @@
 use std::fs::File;
-use std::io;
+use std::io::{self, Cursor};
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
@@ -12,7 +12,9 @@ use protocol::api::{
     self, BakeOptions, CHUNK_BYTES, Format, Job, Relight, SceneFile, SubmitSceneHeader, SubmitSceneRequest,
 };
 use sha2::{Digest, Sha256};
+use tokio::io::AsyncRead;
 use tokio_stream::StreamExt;
+use tokio_util::bytes::Bytes;
 use tokio_util::io::ReaderStream;
 use tonic::{Code, Status};
 use tonic_types::StatusExt;
@@ -75,11 +77,20 @@ pub fn run(arguments: &SubmitArguments) -> anyhow::Result<()> {
         check_distinct(&[("scene", arguments.scene.as_deref())], &[("output", Some(output))])?;
         files::check(output)?;
     }
-    arguments.options.sky("put it into the file, as EXT_lights_image_based")?;
-    let header = header(arguments)?;
+    let scene = match &arguments.scene {
+        Some(scene) => Some(match arguments.options.put_sky(scene)? {
+            Some(bytes) => SceneBytes::Made(bytes.into()),
+            None => SceneBytes::Of(scene.clone()),
+        }),
+        None => {
+            arguments.options.sky("give the new radiance")?;
+            None
+        }
+    };
+    let header = header(arguments, scene.as_ref())?;
     wait(async {
         let mut connection = Connection::open(&arguments.server).await?;
-        let job = submit(&mut connection.client, header, arguments.scene.as_deref()).await?;
+        let job = submit(&mut connection.client, header, scene.as_ref()).await?;
         // The job goes on, and so does what was asked for.
         let named = || format!("job {}", job.id);
         let printed = print(&job.id).with_context(named);
@@ -93,9 +104,44 @@ pub fn run(arguments: &SubmitArguments) -> anyhow::Result<()> {
     })
 }
 
-fn header(arguments: &SubmitArguments) -> anyhow::Result<SubmitSceneHeader> {
-    let source = match (&arguments.scene, &arguments.relight) {
-        (Some(scene), _) => Source::File(scene_file(scene)?),
+/// The scene that is sent.
+enum SceneBytes {
+    /// This file.
+    Of(PathBuf),
+    /// What was made of one.
+    Made(Bytes),
+}
+
+impl SceneBytes {
+    async fn read(&self) -> anyhow::Result<Box<dyn AsyncRead + Send + Unpin>> {
+        Ok(match self {
+            Self::Of(path) => Box::new(tokio::fs::File::open(path).await.with_context(|| unreadable(path))?),
+            Self::Made(bytes) => Box::new(Cursor::new(bytes.clone())),
+        })
+    }
+
+    fn name(&self) -> anyhow::Result<SceneFile> {
+        let mut hasher = Sha256::new();
+        let size = match self {
+            Self::Of(path) => File::open(path)
+                .and_then(|mut file| io::copy(&mut file, &mut hasher))
+                .with_context(|| unreadable(path))?,
+            Self::Made(bytes) => {
+                hasher.update(bytes);
+                bytes.len() as u64
+            }
+        };
+        Ok(SceneFile { sha256: hasher.finalize().to_vec().into(), size })
+    }
+}
+
+fn unreadable(path: &Path) -> String {
+    format!("{} cannot be read", path.display())
+}
+
+fn header(arguments: &SubmitArguments, scene: Option<&SceneBytes>) -> anyhow::Result<SubmitSceneHeader> {
+    let source = match (scene, &arguments.relight) {
+        (Some(scene), _) => Source::File(scene.name()?),
         (None, job) => Source::Relight(relight(arguments, job.clone().unwrap_or_default())),
     };
     let stem = || {
@@ -117,15 +163,6 @@ fn header(arguments: &SubmitArguments) -> anyhow::Result<SubmitSceneHeader> {
     })
 }
 
-fn scene_file(path: &Path) -> anyhow::Result<SceneFile> {
-    let digest = || -> io::Result<SceneFile> {
-        let mut hasher = Sha256::new();
-        let size = io::copy(&mut File::open(path)?, &mut hasher)?;
-        Ok(SceneFile { sha256: hasher.finalize().to_vec().into(), size })
-    };
-    digest().with_context(|| format!("{} cannot be read", path.display()))
-}
-
 fn relight(arguments: &SubmitArguments, job_id: String) -> Relight {
     let change = |change: &LightChange| api::LightChange {
         light: change.light.clone(),
@@ -136,17 +173,19 @@ fn relight(arguments: &SubmitArguments, job_id: String) -> Relight {
 }
 
 /// Sends the header alone first: a scene that the service has is not sent again.
-async fn submit(client: &mut Client, header: SubmitSceneHeader, scene: Option<&Path>) -> anyhow::Result<Job> {
+async fn submit(
+    client: &mut Client,
+    header: SubmitSceneHeader,
+    scene: Option<&SceneBytes>,
+) -> anyhow::Result<Job> {
     let first = SubmitSceneRequest { body: Some(Body::Header(header)) };
     let scene = match (client.submit_scene(tokio_stream::once(first.clone())).await, scene) {
         (Ok(job), _) => return Ok(job.into_inner()),
         (Err(status), Some(scene)) if wants_scene(&status) => scene,
         (Err(status), _) => return Err(refused(status)),
     };
-    let file =
-        tokio::fs::File::open(scene).await.with_context(|| format!("{} cannot be read", scene.display()))?;
     // A file that cannot be read to its end is too short, and refused for it.
-    let chunks = ReaderStream::with_capacity(file, CHUNK_BYTES).map_while(Result::ok);
+    let chunks = ReaderStream::with_capacity(scene.read().await?, CHUNK_BYTES).map_while(Result::ok);
     let chunks = chunks.map(|bytes| SubmitSceneRequest { body: Some(Body::Chunk(bytes)) });
     let job = client.submit_scene(tokio_stream::once(first).chain(chunks)).await;
     Ok(job.map_err(refused)?.into_inner())
