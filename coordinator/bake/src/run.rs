@@ -58,14 +58,15 @@ pub fn bake_with_points(
     check_groups(scene, &settings.groups)?;
     let mut clock = Instant::now();
     let began = (clock, service.thread_time());
-    let (blockers, mesh) = rayon::join(|| occluders::occluders(scene), || ShootingMesh::new(scene, settings));
+    let (blockers, mesh) =
+        rayon::join(|| occluders::occluders(scene), || ShootingMesh::new(scene, settings, points.counts()));
     let mut mesh = Some(mesh);
     let replica = encode_translucent_scene(&blockers.polygons, &blockers.opacities);
     let mut client = RowClient::new(service, observer, replica, began);
     let mut settings = settings.clone();
     let mut work = Work::default();
     loop {
-        let mesh = mesh.take().unwrap_or_else(|| ShootingMesh::new(scene, &settings));
+        let mesh = mesh.take().unwrap_or_else(|| ShootingMesh::new(scene, &settings, points.counts()));
         let mut cx = Context::new(scene, &settings, &mut client, work, clock);
         let setup = Setup::new(&mut cx, mesh)?;
         let (measured, better) = setup.light(&mut cx)?.solve(&mut cx)?.meet_error(&mut cx)?;
@@ -88,6 +89,7 @@ fn finish(mut measured: Measured, mut cx: Context, occluders: usize, points: &As
     let layers = layers.into_iter().map(|layer| layer.lit).collect();
     let kept = keep_light(cx, &mut measured)?;
     let solved = &mut measured.solved;
+    solved.rows.end(cx.client);
     let (mesh, irradiance) = (&solved.mesh.mesh, &solved.solution.irradiance);
     cx.client.monitor.enter(Phase::ExportMesh, mesh.vertices.len());
     let (lit, fitted) = lit_mesh(cx.scene, mesh, cx.settings.only, irradiance, &solved.direct);

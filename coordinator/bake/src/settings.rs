@@ -118,6 +118,12 @@ const COARSEST_SHOOTERS: f64 = 0.4;
 /// Finest ones: fifty to the length of a room, some ten thousand shares.
 const FINEST_SHOOTERS: f64 = 0.02;
 
+/// Rays to a hemisphere for a relative L2 error of the radiosity: the noise of n Owen-scrambled rays falls as n^(-3/4).
+#[must_use]
+pub fn rays_for(error: f64) -> f64 {
+    2048.0 * (0.01 / error).powf(4.0 / 3.0)
+}
+
 impl BakeSettings {
     /// Vertices that a bake may have where none are asked for.
     pub const LEAST_MAX_VERTICES: usize = 200_000;
@@ -143,11 +149,9 @@ impl BakeSettings {
     /// Settings to start from for a relative L2 error of the radiosity.
     ///
     /// The error of the mesh is shared out among receivers and shooters. That of the shooters was measured to be 2 to 6 %
-    /// of the radiosity times their relative edge, in rooms; where a scene asks for finer ones, the bake finds out. The noise of n
-    /// Owen-scrambled rays falls as n^(-3/4).
+    /// of the radiosity times their relative edge, in rooms; where a scene asks for finer ones, the bake finds out.
     #[must_use]
     pub fn for_error(error: f64) -> Self {
-        let rays = 2048.0 * (0.01 / error).powf(4.0 / 3.0);
         Self {
             error: Some(error),
             contrast: Some(CONTRAST * error),
@@ -156,7 +160,7 @@ impl BakeSettings {
             threshold: 0.01 * error,
             ..Self::default()
         }
-        .with_rays(rays)
+        .with_rays(rays_for(error))
     }
 
     /// Settings to start from for a picture of this quality.

@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use bake::BakeSettings;
+use bake::{BakeSettings, RowStrategy};
 use glam::DVec3;
 use gltf::Gltf;
 use scene::{ImportOptions, ReadOptions};
@@ -28,6 +28,16 @@ fn assert_score(Measured { score, report }: Measured, relative_l2: f64, p95: f64
 fn a_textured_cornell_box_agrees_with_its_reference() {
     let settings = BakeSettings { mesh_error: 0.02, ..BakeSettings::default() };
     assert_score(measured("cornell-textured", &settings), 0.025, 0.06, 0.005);
+}
+
+/// Lace, and a jar of half-transparent glass, pass on by rays what they do not let through.
+#[test]
+fn a_textured_cornell_box_keeps_its_light_where_it_is_gathered() {
+    let settings = BakeSettings { rows: RowStrategy::Gather, ..BakeSettings::for_error(0.03) };
+    let Measured { score, report } = measured("cornell-textured", &settings);
+    assert!((score.energy_ratio - 1.0).abs() <= 0.005, "{score:?}");
+    let imbalance = report.balance.relative_imbalance();
+    assert!(imbalance.abs() <= 0.003, "{imbalance}");
 }
 
 /// Most of its error lies in the strips along the edges of the sun's shadows: few points of the reference fall on them.

@@ -11,7 +11,7 @@ pub struct Share {
     pub vertex: VertexId,
     /// Surface that the share lies on; a vertex between two surfaces has a share on each.
     pub surface: u32,
-    /// The quadrilaterals, joined where that gives a convex polygon.
+    /// The quadrilaterals, joined where that gives a convex polygon; none where the share is a leaf that needs no row.
     pub polygons: Vec<ConvexPolygon>,
     /// Its leaves, with the vertex's corner in each.
     pub corners: Vec<(PatchId, usize)>,
@@ -34,13 +34,13 @@ impl Share {
 }
 
 impl Mesh {
-    /// Each leaf as a share, in their order.
+    /// Each leaf as a share, in their order, without its polygon.
     #[must_use]
-    pub fn leaf_shares(&self, scene: &Scene) -> Vec<Share> {
+    pub fn leaf_shares(&self) -> Vec<Share> {
         let share = |(id, patch): (PatchId, &Patch)| Share {
             vertex: patch.corners[0],
             surface: patch.surface,
-            polygons: vec![self.polygon(scene, id)],
+            polygons: vec![],
             corners: (0..patch.corners.len()).map(|corner| (id, corner)).collect(),
             overlaps: vec![],
             area: patch.area,

@@ -79,6 +79,8 @@ impl RowSource for ExactRows {
         table.release(client);
     }
 
+    fn end(&mut self, _: &mut RowClient) {}
+
     /// Rows and means are over the vertices themselves.
     fn shared_receiver_size(&self, _: &BakeSettings) -> f64 {
         0.0

@@ -32,7 +32,7 @@ mod weights;
 
 use crate::settings::RowStrategy;
 
-pub use cost::{exact_rows_cost_less, most_vertices_of_exact_rows};
+pub use cost::{PointCounts, exact_rows_cost_less, most_vertices_of_exact_rows};
 pub use exact::ExactRows;
 pub use gather::GatherRows;
 pub use means::ShareValues;

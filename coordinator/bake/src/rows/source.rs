@@ -42,6 +42,9 @@ pub trait RowSource: Send {
     /// Releases what was published.
     fn close(self: Box<Self>, table: RowTable, client: &mut RowClient);
 
+    /// Drops what answers are made from: nothing will be asked any more.
+    fn end(&mut self, client: &mut RowClient);
+
     /// Longest edge of a leaf whose corners share a receiver, relative to the scene's extent. 0 where a solution takes the rows of
     /// the table for those of the vertices.
     fn shared_receiver_size(&self, settings: &BakeSettings) -> f64;
@@ -239,6 +242,12 @@ impl Rows {
         let set = self.source.add_receivers(cx, &mut self.table, &receivers, Some(&around))?;
         self.table.vertices.push(set);
         Ok(set)
+    }
+
+    /// Drops all that answers are made from: nothing will be asked any more, and what follows needs memory.
+    pub fn end(&mut self, client: &mut RowClient) {
+        self.source.end(client);
+        self.table.end(client);
     }
 
     /// Releases all that was published for them.

@@ -95,6 +95,13 @@ impl RowTable {
         self.sets.into_iter().for_each(|set| client.release(set));
     }
 
+    /// Releases all sets and drops all rows.
+    pub fn end(&mut self, client: &mut RowClient) {
+        self.sets.drain(..).for_each(|set| client.release(set));
+        (self.shooters, self.variances) = (vec![], vec![]);
+        self.cache = RowCache::new(0);
+    }
+
     /// The rows of some shares over a set as a job.
     pub fn batch(&self, set: SetId, shares: &[ShareId]) -> RowBatch {
         let of = &self.variances[set.index()];

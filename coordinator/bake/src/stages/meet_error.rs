@@ -7,6 +7,7 @@ use crate::context::Context;
 use crate::error::Result;
 use crate::error_budget::without;
 use crate::refinement::Obstacle;
+use crate::rows::PointCounts;
 use crate::settings::BakeSettings;
 
 /// Part of the asked error that the shooters may take after a new start.
@@ -188,7 +189,9 @@ impl Measured {
             // Edges are halved: a factor of more than a half might change nothing.
             let factor = (SHOOTERS_PART * asked / error.shooters).clamp(0.25, 0.5);
             let finer = better.with_shooter_edge(cx.settings.shooter_edge * factor);
-            let vertices = ShootingMesh::new(cx.scene, &finer).mesh.vertices.len();
+            let same = BakeSettings { rows: self.solved.rows.source.strategy(), ..finer.clone() };
+            let mesh = ShootingMesh::new(cx.scene, &same, PointCounts::default()).mesh;
+            let vertices = mesh.vertices.len();
             let now = self.solved.rows.table.vertices.coarse_count();
             if vertices <= now || vertices > finer.most_vertices(cx.scene) {
                 return None;
@@ -215,8 +218,14 @@ impl Measured {
         }
         let error = &self.error;
         let interpolation = "interpolation between the vertices";
+        let receivers = if self.between > self.of_mesh() {
+            "light between gather points: --rows exact has none, and takes longer".to_owned()
+        } else {
+            self.obstacle
+                .map_or(interpolation.to_owned(), |cause| format!("{interpolation}: {}", cause.describe()))
+        };
         let parts = [
-            (error.receivers, self.obstacle.map_or(interpolation.to_owned(), |cause| format!("{interpolation}: {}", cause.describe()))),
+            (error.receivers, receivers),
             (error.shooters, "the size of the shooting patches: raise --max-vertices, or give a finer --shooter-edge with --mesh-error".to_owned()),
             (error.visibility, "sampled visibility: raise --rays or --exact-occluders".to_owned()),
             (error.form_factors, "the arithmetic of form factors: lower --form-factor-error and --factor-rounding".to_owned()),

@@ -32,7 +32,8 @@ pub struct Seen {
 }
 
 /// Visible form factors from a receiver to all polygons, by rays: multiples of 1 / rays where all polygons are opaque. Rays
-/// that hit the back of a polygon end there and count for none.
+/// that hit the back of an opaque polygon end there and count for none. A factor has in it what stands before a polygon, but not the
+/// polygon's own opacity: that is in its radiosity.
 ///
 /// Directions are Owen-scrambled Sobol' points, spread over the disk below the hemisphere: the error of a factor falls
 /// faster than with the square root of their number.
@@ -50,8 +51,8 @@ pub fn seen_from(polygons: &SeenPolygons, receiver: &Receiver, rays: u32, seed: 
                 break;
             };
             let opacity = polygons.opacity(hit.polygon);
-            if hit.is_front {
-                met.push((number, hit.polygon, left * opacity * part));
+            if hit.is_front && opacity > 0.0 {
+                met.push((number, hit.polygon, left * part));
             }
             left *= 1.0 - opacity;
             from = hit.distance;

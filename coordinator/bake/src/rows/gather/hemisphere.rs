@@ -7,6 +7,7 @@ use kernel::row::{Hemisphere, Shape, Shooter};
 use crate::context::Context;
 use crate::error::Result;
 use crate::jobs::{ReceiverSet, RowClient};
+use crate::materials::AveragedMaterial;
 use crate::mesh::Mesh;
 use scene::Scene;
 
@@ -18,9 +19,9 @@ pub fn gathered(view: &[(u32, f32)], radiosity: &[DVec3]) -> DVec3 {
     view.iter().map(|(share, factor)| radiosity[*share as usize] * f64::from(*factor)).sum()
 }
 
-/// Part of a hemisphere that is covered.
-pub fn covered(view: &[(u32, f32)]) -> f64 {
-    view.iter().map(|(_, factor)| f64::from(*factor)).sum()
+/// Part of a hemisphere that is covered, where shares have these materials.
+pub fn covered(view: &[(u32, f32)], materials: &[AveragedMaterial]) -> f64 {
+    view.iter().map(|(share, factor)| f64::from(*factor) * materials[*share as usize].opacity).sum()
 }
 
 /// Publishes the leaves of a mesh, which rays meet.

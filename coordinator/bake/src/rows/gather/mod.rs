@@ -145,8 +145,8 @@ impl RowSource for GatherRows {
     }
 
     /// Each leaf: what rays meet has the light of its own place, whatever lies hidden beside it, and more leaves cost no rays.
-    fn shares(&self, cx: &Context, mesh: &Mesh, _: f64) -> Vec<Share> {
-        mesh.leaf_shares(cx.scene)
+    fn shares(&self, _: &Context, mesh: &Mesh, _: f64) -> Vec<Share> {
+        mesh.leaf_shares()
     }
 
     fn joins_sources(&self) -> bool {
@@ -164,6 +164,10 @@ impl RowSource for GatherRows {
     fn close(self: Box<Self>, table: RowTable, client: &mut RowClient) {
         table.release(client);
         self.polygons.into_iter().for_each(|set| client.release(set));
+    }
+
+    fn end(&mut self, client: &mut RowClient) {
+        std::mem::take(self).polygons.into_iter().for_each(|set| client.release(set));
     }
 
     fn shared_receiver_size(&self, settings: &BakeSettings) -> f64 {
@@ -191,7 +195,7 @@ impl RowSource for GatherRows {
     fn gather(
         &mut self,
         _: &mut Context,
-        _: &ShareMesh,
+        mesh: &ShareMesh,
         _: &mut RowTable,
         sets: &[SetId],
         radiosities: &[&[DVec3]],
@@ -199,7 +203,7 @@ impl RowSource for GatherRows {
     ) -> Result<Vec<Gathered>> {
         let lights: Vec<Vec<DVec3>> =
             radiosities.iter().map(|radiosity| self.points.gather(radiosity)).collect();
-        let covered = wants_cover.then(|| self.points.covered());
+        let covered = wants_cover.then(|| self.points.covered(&mesh.materials));
         let gathered = |set: &SetId| Gathered {
             light: lights.iter().map(|light| self.at_set(*set, light)).collect(),
             cover: covered.as_ref().map_or_else(Cover::default, |covered| {
@@ -214,7 +218,7 @@ impl RowSource for GatherRows {
     fn gather_once(
         &mut self,
         cx: &mut Context,
-        _: &ShareMesh,
+        mesh: &ShareMesh,
         _: &mut RowTable,
         (_, receivers): (ReceiverSet, &Receivers),
         radiosities: &[&[DVec3]],
@@ -222,7 +226,7 @@ impl RowSource for GatherRows {
         let Some(polygons) = self.polygons else { return Ok(Gathered::default()) };
         let views = views(cx.client, polygons, &hemispheres(receivers, |_| measured_rays(cx.settings)))?;
         let at = |radiosity: &&[DVec3]| views.iter().map(|view| gathered(view, radiosity)).collect();
-        let sums = views.iter().map(|view| covered(view)).collect();
+        let sums = views.iter().map(|view| covered(view, &mesh.materials)).collect();
         Ok(Gathered {
             light: radiosities.iter().map(at).collect(),
             cover: Cover { sums, ..Cover::default() },
@@ -232,7 +236,7 @@ impl RowSource for GatherRows {
     fn gather_many(
         &mut self,
         cx: &mut Context,
-        _: &ShareMesh,
+        mesh: &ShareMesh,
         _: &mut RowTable,
         (_, receivers): (ReceiverSet, &Receivers),
         radiosities: &[&[DVec3]],
@@ -240,7 +244,11 @@ impl RowSource for GatherRows {
         let points = self.points.receivers.len();
         let weights = self.weigh_receivers(cx, receivers)?;
         let light = radiosities.iter().map(|radiosity| weights.of(&self.points.gather(radiosity))).collect();
-        let sums = weights.of(&self.points.covered()).into_iter().map(|sum| sum.x.clamp(0.0, 1.0)).collect();
+        let sums = weights
+            .of(&self.points.covered(&mesh.materials))
+            .into_iter()
+            .map(|sum| sum.x.clamp(0.0, 1.0))
+            .collect();
         // Those that became points themselves are asked about once.
         self.points.truncate(points);
         Ok(Gathered { light, cover: Cover { sums, ..Cover::default() } })
@@ -347,7 +355,7 @@ impl RowSource for GatherRows {
         self.polygons.replace(polygons).into_iter().for_each(|before| cx.client.release(before));
         self.points.look_again(cx.client, polygons)?;
         self.twins.look_again(cx.client, polygons)?;
-        mesh.deal_out(cx.scene, mesh.mesh.leaf_shares(cx.scene));
+        mesh.deal_out(cx.scene, mesh.mesh.leaf_shares());
         Ok(())
     }
 
@@ -365,7 +373,7 @@ impl RowSource for GatherRows {
         let set = publish_leaves(cx, &mesh.mesh);
         let views = views(cx.client, set, &hemispheres(receivers, |_| measured_rays(cx.settings)))?;
         cx.client.release(set);
-        let means = Means::new(&mesh.mesh, &mesh.mesh.leaf_shares(cx.scene), exposed).of(irradiance);
+        let means = Means::new(&mesh.mesh, &mesh.mesh.leaf_shares(), exposed).of(irradiance);
         let reflected = |((id, _), mean): ((PatchId, _), DVec3)| {
             let mean = middles.mean(&mesh.mesh, id, mean);
             mesh.patch_materials.of(cx.scene, &mesh.mesh, id).reflectance * mean

@@ -27,8 +27,15 @@ const FEW_RECEIVERS: usize = 1 << 13;
 /// Points to begin with.
 const FIRST_POINTS: usize = 1024;
 
-/// Most points.
-const MOST_POINTS: usize = 1 << 13;
+/// Points are added up to this number,
+const MANY_POINTS: usize = 1 << 13;
+
+/// and beyond, up to this one, as long as half as many again leave no more than this part of the error: elsewhere the error is that of
+/// few places, hidden in others.
+const MOST_POINTS: usize = 1 << 15;
+
+/// See [`MOST_POINTS`].
+const LEAST_GAIN: f64 = 0.84;
 
 /// Part of the asked error that interpolation between the points may have.
 const PART: f64 = 0.4;
@@ -64,7 +71,7 @@ impl GatherRows {
         let middles: Vec<Receiver> =
             mesh.mesh.leaves().map(|(id, _)| middle(cx.scene, &mesh.mesh, id)).collect();
         let area: f64 = mesh.energies.iter().map(|share| share.area).sum();
-        let mut expected = vec![];
+        let (mut expected, mut errors_so_far) = (vec![], vec![]);
         let mut count = FIRST_POINTS;
         for round in 0.. {
             let seed = (cx.settings.seed, FIRST_ROUND + round);
@@ -111,7 +118,11 @@ impl GatherRows {
             let noise = relative(square_noise * (1.0 + INTERPOLATED_NOISE));
             let error = without_noise(relative(drawn.mean_square_error(errors)), noise);
             tracing::debug!(points = self.points.shared, error, noise, "gather points placed");
-            if error <= PART * asked || self.points.shared >= MOST_POINTS {
+            let helps =
+                errors_so_far.iter().rev().nth(1).is_none_or(|before| error <= LEAST_GAIN.powi(2) * before);
+            errors_so_far.push(error);
+            let most = if helps { MOST_POINTS } else { MANY_POINTS };
+            if error <= PART * asked || self.points.shared >= most {
                 break;
             }
             let square = |(share, point): (&Share, &usize)| {

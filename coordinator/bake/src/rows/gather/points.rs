@@ -10,6 +10,7 @@ use super::hemisphere::{View, covered, gathered, views};
 use super::interpolation::Neighbours;
 use crate::error::Result;
 use crate::jobs::{ReceiverSet, RowClient};
+use crate::materials::AveragedMaterial;
 
 /// Receivers with what they see.
 #[derive(Default)]
@@ -67,7 +68,8 @@ impl GatherPoints {
     }
 
     /// Part of its hemisphere that each point sees covered.
-    pub fn covered(&self) -> Vec<DVec3> {
-        self.views.par_iter().with_min_len(64).map(|view| DVec3::splat(covered(view))).collect()
+    pub fn covered(&self, materials: &[AveragedMaterial]) -> Vec<DVec3> {
+        let covered = |view: &View| DVec3::splat(covered(view, materials));
+        self.views.par_iter().with_min_len(64).map(covered).collect()
     }
 }
