@@ -1,7 +1,7 @@
 //! The shadow of a table top under a point light, in a whole bake: its edge is an edge of the mesh, sharp wherever one looks.
 
-use bake::BakeSettings;
 use bake::lit::LitMesh;
+use bake::{BakeSettings, RowStrategy};
 use glam::DVec3;
 use scene::{ImportOptions, import};
 use tests::baking::{baked, imported};
@@ -77,6 +77,7 @@ fn shooters_do_not_multiply_with_the_lines() {
         .part("room", &shapes::unit_room(), Material::grey(0.6).emitting(0.1))
         .part("slats", &slats, Material::grey(0.4));
     let settings = BakeSettings {
+        rows: RowStrategy::Exact,
         mesh_error: 0.2,
         shooter_edge: 0.3,
         rays_per_hemisphere: 256,

@@ -1,6 +1,6 @@
 //! How a bake grows with its scene, in counts: the same rooms, five and twenty of them.
 
-use bake::{BakeReport, BakeSettings, Unobserved, bake};
+use bake::{BakeReport, BakeSettings, RowStrategy, Unobserved, bake};
 use tests::baking::imported;
 use tests::building::building;
 use tests::rooms_only::RoomsOnly;
@@ -19,6 +19,7 @@ fn baked(rooms: usize, row_cache: usize) -> (BakeReport, u64) {
     let building = building(rooms);
     let scene = imported(&building.scene.glb());
     let settings = BakeSettings {
+        rows: RowStrategy::Exact,
         shooter_edge: EDGE / building.extent,
         mesh_error: ERROR,
         row_cache,

@@ -15,24 +15,38 @@ use crate::mesh::{Mesh, PatchId};
 /// shows h^2/2 u'' at its middle, and the fit asks for h^2/12 u''.
 const FIT: f64 = 1.0 / 6.0;
 
+/// Part of its value that the fit leaves to a vertex: black specks beside spots of sun are seen, the error between is not.
+const LEAST_LEFT: f64 = 0.5;
+
 /// Fits values, given the exact ones (irradiance per vertex).
 #[must_use]
 pub fn best_fit(mesh: &Mesh, exact: &[DVec3]) -> Vec<DVec3> {
     let curvatures = curvatures(mesh, exact);
-    // The fit, and the extrapolated means that shares shoot, can fall a hair below 0 where light jumps.
-    fit(mesh, exact, &curvatures, &curvatures).into_iter().map(|fitted| fitted.max(DVec3::ZERO)).collect()
+    let shifts = shifts(mesh, exact.len(), &curvatures, &curvatures);
+    // Extrapolated means that shares shoot can fall a hair below 0.
+    let fitted = |(exact, shift): (&DVec3, DVec3)| (*exact + shift * allowed(*exact, shift)).max(DVec3::ZERO);
+    exact.iter().zip(shifts).map(fitted).collect()
 }
 
-/// Fits a part of the light with the choices made for the whole: parts that sum to the whole still do.
-///
-/// A part can fall a hair below 0 where light jumps; where the whole would, all parts are 0.
+/// Fits a part of the light with the choices made for the whole: parts that sum to the whole still do. A part can fall a hair below 0
+/// where light jumps.
 #[must_use]
 pub fn best_fit_of_part(mesh: &Mesh, whole: &[DVec3], part: &[DVec3]) -> Vec<DVec3> {
     let of_whole = curvatures(mesh, whole);
-    let whole = fit(mesh, whole, &of_whole, &of_whole);
-    let part = fit(mesh, part, &of_whole, &curvatures(mesh, part));
-    let kept = |(part, whole): (DVec3, DVec3)| DVec3::select(whole.cmple(DVec3::ZERO), DVec3::ZERO, part);
-    part.into_iter().zip(whole).map(kept).collect()
+    let whole_shifts = shifts(mesh, whole.len(), &of_whole, &of_whole);
+    let shifts = shifts(mesh, part.len(), &of_whole, &curvatures(mesh, part));
+    let fitted = |(((whole, whole_shift), part), shift): (((&DVec3, DVec3), &DVec3), DVec3)| {
+        let fitted = *part + shift * allowed(*whole, whole_shift);
+        DVec3::select(whole.cmplt(DVec3::ZERO), DVec3::ZERO, fitted)
+    };
+    whole.iter().zip(whole_shifts).zip(part).zip(shifts).map(fitted).collect()
+}
+
+/// The part of a shift that is made, by channel: in the shade beside a bright light, where light jumps, the fit would fall below 0.
+fn allowed(exact: DVec3, shift: DVec3) -> DVec3 {
+    let deepest = exact.max(DVec3::ZERO) * (1.0 - LEAST_LEFT);
+    let part = |deepest: f64, shift: f64| if shift < -deepest { deepest / -shift } else { 1.0 };
+    DVec3::new(part(deepest.x, shift.x), part(deepest.y, shift.y), part(deepest.z, shift.z))
 }
 
 /// Curvature of each patch that was divided.
@@ -42,9 +56,9 @@ fn curvatures(mesh: &Mesh, exact: &[DVec3]) -> Vec<Option<DVec3>> {
     (0..mesh.patches.len() as u32).into_par_iter().with_min_len(1024).map(PatchId).map(divided).collect()
 }
 
-/// Moves exact values by their curvature on the level where that of the whole light is smaller.
-fn fit(mesh: &Mesh, exact: &[DVec3], whole: &[Option<DVec3>], own: &[Option<DVec3>]) -> Vec<DVec3> {
-    let mut sums = vec![(DVec3::ZERO, 0.0); exact.len()];
+/// By how much the fit differs from exact values: by their curvature on the level where that of the whole light is smaller.
+fn shifts(mesh: &Mesh, count: usize, whole: &[Option<DVec3>], own: &[Option<DVec3>]) -> Vec<DVec3> {
+    let mut sums = vec![(DVec3::ZERO, 0.0); count];
     for (_, patch) in mesh.leaves() {
         let Some(parent) = patch.parent else { continue };
         let at = |of: &[Option<DVec3>], id: PatchId| of[id.index()].unwrap_or_default();
@@ -62,10 +76,8 @@ fn fit(mesh: &Mesh, exact: &[DVec3], whole: &[Option<DVec3>], own: &[Option<DVec
             sums[corner.index()].1 += patch.area;
         }
     }
-    let shifted = |(exact, (shift, area)): (&DVec3, (DVec3, f64))| {
-        if area > 0.0 { *exact + shift * (FIT / area) } else { *exact }
-    };
-    exact.iter().zip(sums).map(shifted).collect()
+    let mean = |(shift, area): (DVec3, f64)| if area > 0.0 { shift * (FIT / area) } else { DVec3::ZERO };
+    sums.into_iter().map(mean).collect()
 }
 
 /// The error at the centre of a patch: mean of the estimates from its edges and its centre.

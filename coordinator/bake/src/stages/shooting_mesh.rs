@@ -38,7 +38,7 @@ impl ShootingMesh {
             extent: extent(scene),
             lines: shadow_lines(scene, extent(scene), settings.asked_error()),
         };
-        let source = row_source(settings.rows).unwrap_or_else(|| cutter.cheapest(asked));
+        let source = row_source(settings.rows, asked).unwrap_or_else(|| cutter.cheapest(asked));
         let (mesh, edge) = cutter.finest(settings.shooter_edge * source.edge_factor());
         Self { mesh, longest_edge: edge * cutter.extent, source }
     }
@@ -65,7 +65,7 @@ impl Cutter<'_> {
             let patches: Vec<_> = mesh.leaves().map(|(id, _)| mesh.polygon(self.scene, id)).collect();
             exact_rows_cost_less(self.settings, asked, mesh.vertices.len(), &occluders, &patches)
         });
-        if is_exact { Box::new(ExactRows) } else { Box::new(GatherRows::default()) }
+        if is_exact { Box::new(ExactRows) } else { Box::new(GatherRows::new(asked.on_surfaces)) }
     }
 
     /// The mesh with edges up to this part of the extent, if it has at most so many vertices.
