@@ -3,11 +3,13 @@ import * as THREE from 'three';
 import { GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
 import { MeshoptDecoder } from 'three/addons/libs/meshopt_decoder.module.js';
 
-globalThis.takePicture = async ({ camera, target, size: [width, height], fov, points, other }) => {
-  const { scene, cameras } = await new GLTFLoader().setMeshoptDecoder(MeshoptDecoder).loadAsync('/scene.glb');
+globalThis.takePicture = async ({ camera, target, size: [width, height], fov, points, other, baked, exposure }) => {
+  const loader = new GLTFLoader().setMeshoptDecoder(MeshoptDecoder);
+  if (baked) loader.register((await import('halflight-three')).halflight());
+  const { scene, cameras, asset } = await loader.loadAsync('/scene.glb');
   const box = new THREE.Box3().setFromObject(scene);
   scene.updateMatrixWorld(true);
-  const isOwn = points || other;
+  const isOwn = points || other || (baked && !camera);
   const eye = isOwn ? cameras[0] : new THREE.PerspectiveCamera(fov, width / height, 1e-3 * diagonal(box), 10 * diagonal(box));
   const from = camera ? vector(camera) : insideEnd(box);
   const to = target ? vector(target) : middle(box);
@@ -22,6 +24,7 @@ globalThis.takePicture = async ({ camera, target, size: [width, height], fov, po
   const renderer = new THREE.WebGLRenderer({ antialias: true, preserveDrawingBuffer: true });
   renderer.outputColorSpace = THREE.SRGBColorSpace;
   renderer.toneMapping = THREE.NoToneMapping;
+  if (baked) showLamps(renderer, scene, exposure ?? asset.extras?.halflight?.exposure ?? 1);
   renderer.setSize(width, height, false);
   renderer.setClearColor(0x202020);
   renderer.render(scene, eye);
@@ -43,6 +46,25 @@ globalThis.takePicture = async ({ camera, target, size: [width, height], fov, po
   }
   return { url, camera: from.toArray(), target: to.toArray(), found, pairs };
 };
+
+// The lamps of the file with their shadows, as bright as baked light is shown.
+function showLamps(renderer, scene, exposure) {
+  renderer.toneMapping = THREE.LinearToneMapping;
+  renderer.toneMappingExposure = Math.PI * exposure;
+  renderer.shadowMap.enabled = true;
+  scene.traverse((object) => {
+    object.castShadow = object.isMesh || object.isLight;
+    object.receiveShadow = object.isMesh;
+    // Sheets cast shadows whichever side a lamp sees.
+    if (object.isMesh) object.material.shadowSide = THREE.DoubleSide;
+    if (!object.isLight) return;
+    object.shadow?.mapSize.set(2048, 2048);
+    if (object.shadow) object.shadow.normalBias = 0.02;
+    if (object.isDirectionalLight) {
+      Object.assign(object.shadow.camera, { left: -6, right: 6, top: 6, bottom: -6, near: -10, far: 20 });
+    }
+  });
+}
 
 // White where only reflected light shows, the light that the file holds. Black where emission does, which this library does not expose;
 // where holes or panes do, which a browser blends in encoded colours; and towards vertices whose COLOR_0 is clipped: the other picture

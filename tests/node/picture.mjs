@@ -4,6 +4,8 @@
 // With --expect POINTS.json, as expected.mjs writes it: from the file's first camera, and every point's colour must be the expected one.
 // With --other OTHER.png, as `coordinator render` makes it of the file's first camera: every pixel must have the other's colour, but for
 // emission, holes, panes, and the borders of surfaces and texels.
+// With --baked: by the plugin of coordinator/three, which must be built, beside the lamps of the file and their shadows, for files with
+// materials kept; from the file's first camera where none is given. --exposure NUMBER takes the place of the file's.
 // Colours are linear inside and sRGB in the picture, without tone mapping. Everything is served from loopback.
 // CHROMIUM names the browser; /usr/bin/chromium where it is not set.
 import { readFile, writeFile } from 'node:fs/promises';
@@ -12,7 +14,7 @@ import { parseArgs } from 'node:util';
 import { onPage } from './served.mjs';
 
 const USAGE =
-  'usage: node picture.mjs FILE.glb OUT.png [--camera x,y,z --target x,y,z --size 900x600 --fov 75 | --expect POINTS.json | --other OTHER.png]';
+  'usage: node picture.mjs FILE.glb OUT.png [--camera x,y,z --target x,y,z --size 900x600 --fov 75 | --expect POINTS.json | --other OTHER.png | --baked --exposure NUMBER]';
 
 // Largest difference of a channel from what is expected, of 255: rounding of the picture, of the texture and in between.
 const TOLERANCE = 2;
@@ -26,6 +28,8 @@ const { values: options, positionals } = parseArgs({
     fov: { type: 'string', default: '75' },
     expect: { type: 'string' },
     other: { type: 'string' },
+    baked: { type: 'boolean', default: false },
+    exposure: { type: 'string' },
   },
 });
 if (positionals.length !== 2) {
@@ -38,6 +42,8 @@ const view = {
   target: numbers(options.target, ',', 3),
   size: numbers(options.size, 'x', 2),
   fov: numbers(options.fov, ',', 1)[0],
+  baked: options.baked,
+  exposure: numbers(options.exposure, ',', 1)?.[0],
 };
 
 const expected = options.expect && JSON.parse(await readFile(options.expect));
@@ -64,10 +70,12 @@ const sources = new Map([
   ['/', { type: 'text/html', read: () => PAGE }],
   ['/page.js', { type: 'text/javascript', read: () => readFile(path.join(import.meta.dirname, 'page.js')) }],
   ['/scene.glb', { type: 'model/gltf-binary', read: () => readFile(scene) }],
+  ['/plugin.js', { type: 'text/javascript', read: () => readFile(path.join(import.meta.dirname, '../../coordinator/three/dist/index.js')) }],
+  ['/probes.js', { type: 'text/javascript', read: () => readFile(path.join(import.meta.dirname, '../../coordinator/three/dist/probes.js')) }],
   ['/other.png', { type: 'image/png', read: () => other }],
 ]);
 const PAGE = `<!doctype html><link rel="icon" href="data:,"><script type="importmap">
-{"imports": {"three": "/three/build/three.module.js", "three/addons/": "/three/examples/jsm/"}}
+{"imports": {"three": "/three/build/three.module.js", "three/addons/": "/three/examples/jsm/", "halflight-three": "/plugin.js"}}
 </script><script type="module" src="/page.js"></script>`;
 
 // As the picture holds it: sRGB of 255.
