@@ -53,7 +53,8 @@ function showLamps(renderer, scene, exposure) {
   renderer.toneMappingExposure = Math.PI * exposure;
   renderer.shadowMap.enabled = true;
   scene.traverse((object) => {
-    object.castShadow = object.isMesh || object.isLight;
+    // A shadow map knows no panes.
+    object.castShadow = object.isMesh ? !object.material.transparent : object.isLight === true;
     object.receiveShadow = object.isMesh;
     // Sheets cast shadows whichever side a lamp sees.
     if (object.isMesh) object.material.shadowSide = THREE.DoubleSide;
