@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use anyhow::Context;
 use bake::BakeSettings;
-use bake::{PointCounts, ShootingMesh};
+use bake::ShootingMesh;
 use scene::{ImportOptions, import};
 
 fn main() -> anyhow::Result<()> {
@@ -22,8 +22,7 @@ fn main() -> anyhow::Result<()> {
         start.elapsed().as_secs_f64()
     );
     let start = Instant::now();
-    let ShootingMesh { mesh, .. } =
-        ShootingMesh::new(&scene, &BakeSettings::for_error(error), PointCounts::default());
+    let ShootingMesh { mesh, .. } = ShootingMesh::new(&scene, &BakeSettings::for_error(error));
     println!(
         "mesh {:.2} s: {} vertices, {} patches, {} leaves",
         start.elapsed().as_secs_f64(),

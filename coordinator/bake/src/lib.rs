@@ -50,7 +50,6 @@ pub use light_parts::{LightGroup, LightPart};
 pub use observer::{Observer, Phase, Progress, TimeParts, Unobserved};
 pub use occlusion::occlusion;
 pub use relight::{KeptLight, LightChange, NewLight, RelightError, RelightReport, Relit, relight};
-pub use rows::PointCounts;
 pub use run::{Baked, bake, bake_with_points};
 pub use settings::{BakeSettings, Quality, RowStrategy};
 pub use stages::{AskedPoints, PointLight};

@@ -58,15 +58,14 @@ pub fn bake_with_points(
     check_groups(scene, &settings.groups)?;
     let mut clock = Instant::now();
     let began = (clock, service.thread_time());
-    let (blockers, mesh) =
-        rayon::join(|| occluders::occluders(scene), || ShootingMesh::new(scene, settings, points.counts()));
+    let (blockers, mesh) = rayon::join(|| occluders::occluders(scene), || ShootingMesh::new(scene, settings));
     let mut mesh = Some(mesh);
     let replica = encode_translucent_scene(&blockers.polygons, &blockers.opacities);
     let mut client = RowClient::new(service, observer, replica, began);
     let mut settings = settings.clone();
     let mut work = Work::default();
     loop {
-        let mesh = mesh.take().unwrap_or_else(|| ShootingMesh::new(scene, &settings, points.counts()));
+        let mesh = mesh.take().unwrap_or_else(|| ShootingMesh::new(scene, &settings));
         let mut cx = Context::new(scene, &settings, &mut client, work, clock);
         let setup = Setup::new(&mut cx, mesh)?;
         let (measured, better) = setup.light(&mut cx)?.solve(&mut cx)?.meet_error(&mut cx)?;

@@ -9,7 +9,6 @@ use super::RelightError;
 use crate::error_budget::ErrorBudget;
 use crate::mesh::{Mesh, PatchId};
 use crate::refinement::SamplePoints;
-use crate::rows::PointCounts;
 use crate::settings::{BakeSettings, RowStrategy};
 use crate::stages::ShootingMesh;
 use scene::Scene;
@@ -102,7 +101,7 @@ impl KeptLight {
             ..BakeSettings::default()
         };
         let other = || RelightError::Damaged("its mesh is not one of the scene".into());
-        let ShootingMesh { mut mesh, .. } = ShootingMesh::new(scene, &settings, PointCounts::default());
+        let ShootingMesh { mut mesh, .. } = ShootingMesh::new(scene, &settings);
         for id in &self.divided {
             // Neighbours of a divided patch may have been divided with it.
             if mesh.patches.len() <= id.index() || mesh.vertices.len() > self.vertices {

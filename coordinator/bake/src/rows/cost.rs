@@ -31,42 +31,30 @@ const SAMPLED_PAIRS: usize = 2048;
 /// Steps of an even sequence of pairs (Roberts, "The Unreasonable Effectiveness of Quasirandom Sequences", 2018).
 const STEPS: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
 
-/// Points that are asked about beside the vertices.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct PointCounts {
-    /// Points of surfaces: hemisphere rows have their light from gather points.
-    pub on_surfaces: usize,
-    /// Points in space, which get rays of their own.
-    pub in_space: usize,
-}
-
 /// The most vertices of a shooting mesh for exact rows with which these cost less than hemisphere rows, if nothing stands between.
-pub fn most_vertices_of_exact_rows(settings: &BakeSettings, asked: PointCounts) -> usize {
-    most_vertices(settings, asked, PAIR.0)
+pub fn most_vertices_of_exact_rows(settings: &BakeSettings) -> usize {
+    most_vertices(settings, PAIR.0)
 }
 
 /// Whether exact rows cost less than hemisphere rows, given the occluders and the patches of the shooting mesh for exact rows.
 pub fn exact_rows_cost_less(
     settings: &BakeSettings,
-    asked: PointCounts,
     vertices: usize,
     occluders: &[ConvexPolygon],
     patches: &[ConvexPolygon],
 ) -> bool {
-    vertices <= most_vertices(settings, asked, time_of_pair(occluders, patches))
+    vertices <= most_vertices(settings, time_of_pair(occluders, patches))
 }
 
 /// The number of vertices at which both strategies cost the same, given the mean time of a pair.
-fn most_vertices(settings: &BakeSettings, asked: PointCounts, pair: f64) -> usize {
+fn most_vertices(settings: &BakeSettings, pair: f64) -> usize {
     // Where rays are given, but too few for the error: the same accuracy is compared.
     let needed = BakeSettings::default().with_rays(rays_for(settings.asked_error()));
     let rays = RAY * f64::from(gather::rays(settings).max(gather::rays(&needed)));
-    let receivers = (asked.on_surfaces + asked.in_space) as f64;
     let (least, each) = POINTS;
-    let points = least + 0.5 * asked.in_space as f64;
-    // pair · v · (RECEIVERS · v + receivers) = rays · (points + each · v)
-    let half = (rays * each / pair - receivers) / (2.0 * RECEIVERS);
-    (half + (half * half + rays * points / (pair * RECEIVERS)).sqrt()) as usize
+    // pair · RECEIVERS · v² = rays · (least + each · v)
+    let half = rays * each / (2.0 * pair * RECEIVERS);
+    (half + (half * half + rays * least / (pair * RECEIVERS)).sqrt()) as usize
 }
 
 /// The mean time of a pair of patches.
@@ -145,22 +133,11 @@ mod tests {
     #[test]
     fn occluders_and_vertices_speak_for_rays_and_small_errors_for_exact_rows() {
         let is_exact = |error: f64, vertices: usize, panels: &[ConvexPolygon]| {
-            let asked = PointCounts::default();
-            exact_rows_cost_less(&BakeSettings::for_error(error), asked, vertices, panels, &walls(8))
+            exact_rows_cost_less(&BakeSettings::for_error(error), vertices, panels, &walls(8))
         };
         assert!(is_exact(0.05, 800, &[]));
         assert!(!is_exact(0.05, 800, &panels(32)));
         assert!(!is_exact(0.05, 8000, &[]));
         assert!(is_exact(0.005, 8000, &[]));
-    }
-
-    #[test]
-    fn texels_speak_for_hemisphere_rows() {
-        let settings = BakeSettings::for_error(0.02);
-        let most = |on_surfaces, in_space| {
-            most_vertices_of_exact_rows(&settings, PointCounts { on_surfaces, in_space })
-        };
-        assert!(most(100_000, 0) < most(10_000, 0) && most(10_000, 0) < most(0, 0));
-        assert!(most(100_000, 0) < most(0, 100_000), "points in space get rays of their own");
     }
 }

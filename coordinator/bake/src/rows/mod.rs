@@ -32,7 +32,7 @@ mod weights;
 
 use crate::settings::RowStrategy;
 
-pub use cost::{PointCounts, exact_rows_cost_less, most_vertices_of_exact_rows};
+pub use cost::{exact_rows_cost_less, most_vertices_of_exact_rows};
 pub use exact::ExactRows;
 pub use gather::GatherRows;
 pub use means::ShareValues;
@@ -42,11 +42,11 @@ pub use solution::Solution;
 pub use source::{Cover, Gathered, Problem, RowSource, Rows};
 pub use vertices::COARSE;
 
-/// The rows of a strategy, where it is not to be chosen, if so many points are asked about.
-pub fn row_source(strategy: RowStrategy, asked: PointCounts) -> Option<Box<dyn RowSource>> {
+/// The rows of a strategy, where it is not to be chosen.
+pub fn row_source(strategy: RowStrategy) -> Option<Box<dyn RowSource>> {
     match strategy {
         RowStrategy::Automatic => None,
         RowStrategy::Exact => Some(Box::new(ExactRows)),
-        RowStrategy::Gather => Some(Box::new(GatherRows::new(asked.on_surfaces))),
+        RowStrategy::Gather => Some(Box::new(GatherRows::default())),
     }
 }

@@ -10,7 +10,6 @@ use crate::context::Context;
 use crate::error::Result;
 use crate::mesh::along_curve;
 use crate::observer::Phase;
-use crate::rows::PointCounts;
 use crate::solver::bounds::Bounds;
 
 /// Points of which rows are under way at a time.
@@ -23,14 +22,6 @@ pub struct AskedPoints<'a> {
     pub on_surfaces: &'a [Receiver],
     /// Points anywhere in its space.
     pub in_space: &'a [Receiver],
-}
-
-impl AskedPoints<'_> {
-    /// How many they are.
-    #[must_use]
-    pub fn counts(&self) -> PointCounts {
-        PointCounts { on_surfaces: self.on_surfaces.len(), in_space: self.in_space.len() }
-    }
 }
 
 /// Irradiance at the points that were asked about: the part that the settings want, then each group's.

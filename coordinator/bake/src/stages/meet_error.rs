@@ -7,7 +7,6 @@ use crate::context::Context;
 use crate::error::Result;
 use crate::error_budget::without;
 use crate::refinement::Obstacle;
-use crate::rows::PointCounts;
 use crate::settings::BakeSettings;
 
 /// Part of the asked error that the shooters may take after a new start.
@@ -190,7 +189,7 @@ impl Measured {
             let factor = (SHOOTERS_PART * asked / error.shooters).clamp(0.25, 0.5);
             let finer = better.with_shooter_edge(cx.settings.shooter_edge * factor);
             let same = BakeSettings { rows: self.solved.rows.source.strategy(), ..finer.clone() };
-            let mesh = ShootingMesh::new(cx.scene, &same, PointCounts::default()).mesh;
+            let mesh = ShootingMesh::new(cx.scene, &same).mesh;
             let vertices = mesh.vertices.len();
             let now = self.solved.rows.table.vertices.coarse_count();
             if vertices <= now || vertices > finer.most_vertices(cx.scene) {

@@ -4,8 +4,7 @@ use super::occluders::occluders;
 use crate::context::extent;
 use crate::mesh::{Contact, Mesh, MeshLimits, shadow_lines};
 use crate::rows::{
-    ExactRows, GatherRows, PointCounts, RowSource, exact_rows_cost_less, most_vertices_of_exact_rows,
-    row_source,
+    ExactRows, GatherRows, RowSource, exact_rows_cost_less, most_vertices_of_exact_rows, row_source,
 };
 use crate::settings::BakeSettings;
 use scene::Scene;
@@ -30,15 +29,15 @@ pub struct ShootingMesh {
 }
 
 impl ShootingMesh {
-    /// The mesh for the strategy of the settings, or for the one that costs less where so many points are asked about.
-    pub fn new(scene: &Scene, settings: &BakeSettings, asked: PointCounts) -> Self {
+    /// The mesh for the strategy of the settings, or for the one that costs less.
+    pub fn new(scene: &Scene, settings: &BakeSettings) -> Self {
         let cutter = Cutter {
             scene,
             settings,
             extent: extent(scene),
             lines: shadow_lines(scene, extent(scene), settings.asked_error()),
         };
-        let source = row_source(settings.rows, asked).unwrap_or_else(|| cutter.cheapest(asked));
+        let source = row_source(settings.rows).unwrap_or_else(|| cutter.cheapest());
         let (mesh, edge) = cutter.finest(settings.shooter_edge * source.edge_factor());
         Self { mesh, longest_edge: edge * cutter.extent, source }
     }
@@ -55,17 +54,17 @@ struct Cutter<'a> {
 
 impl Cutter<'_> {
     /// The rows that cost less on their mesh.
-    fn cheapest(&self, asked: PointCounts) -> Box<dyn RowSource> {
-        let most = most_vertices_of_exact_rows(self.settings, asked);
+    fn cheapest(&self) -> Box<dyn RowSource> {
+        let most = most_vertices_of_exact_rows(self.settings);
         // A closed mesh of triangles has half as many vertices.
         let is_small = self.scene.front_facets().nth(2 * most).is_none();
         let mesh = is_small.then(|| self.within(self.settings.shooter_edge * ExactRows.edge_factor(), most));
         let is_exact = mesh.flatten().is_some_and(|mesh| {
             let occluders = occluders(self.scene).polygons;
             let patches: Vec<_> = mesh.leaves().map(|(id, _)| mesh.polygon(self.scene, id)).collect();
-            exact_rows_cost_less(self.settings, asked, mesh.vertices.len(), &occluders, &patches)
+            exact_rows_cost_less(self.settings, mesh.vertices.len(), &occluders, &patches)
         });
-        if is_exact { Box::new(ExactRows) } else { Box::new(GatherRows::new(asked.on_surfaces)) }
+        if is_exact { Box::new(ExactRows) } else { Box::new(GatherRows::default()) }
     }
 
     /// The mesh with edges up to this part of the extent, if it has at most so many vertices.
@@ -123,8 +122,7 @@ mod tests {
             (0..triangles).map(|index| facet(index as u32, &[0, 1, 2].map(|at| corner(3 * index + at))));
         let scene = scene(vec![facets.collect()], vec![]);
         let settings = BakeSettings { max_vertices: Some(6000), ..BakeSettings::default() };
-        let ShootingMesh { mesh, longest_edge, .. } =
-            ShootingMesh::new(&scene, &settings, PointCounts::default());
+        let ShootingMesh { mesh, longest_edge, .. } = ShootingMesh::new(&scene, &settings);
         assert!(mesh.vertices.len() <= 6000, "{} vertices", mesh.vertices.len());
         let limits = MeshLimits { contacts: 0, ..MeshLimits::NONE };
         let without =

@@ -78,8 +78,6 @@ fn measured_rays(settings: &BakeSettings) -> u32 {
 /// The gathering strategy.
 #[derive(Default)]
 pub struct GatherRows {
-    /// Points of surfaces that will be asked about beside the vertices.
-    asked: usize,
     /// The polygons of the shares, once they are published.
     polygons: Option<ReceiverSet>,
     /// Rays of a gather point.
@@ -93,11 +91,6 @@ pub struct GatherRows {
 }
 
 impl GatherRows {
-    /// The strategy where so many points of surfaces are asked about beside the vertices.
-    pub fn new(asked: usize) -> Self {
-        Self { asked, ..Self::default() }
-    }
-
     /// The points that others interpolate between, sorted.
     fn neighbours<'a>(&'a self, cx: &Context) -> Option<Neighbours<'a>> {
         self.occluder.as_ref().map(|occluder| self.points.neighbours(occluder, cx.extent()))

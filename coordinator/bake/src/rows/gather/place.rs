@@ -21,7 +21,7 @@ use crate::rows::means::ShareValues;
 use crate::rows::share_mesh::ShareMesh;
 use scene::{Facet, Scene};
 
-/// Of no more receivers, each casts rays of its own.
+/// Meshes of no more receivers cast rays from each.
 const FEW_RECEIVERS: usize = 1 << 13;
 
 /// Points to begin with.
@@ -64,7 +64,7 @@ impl GatherRows {
         let mut radiosity: Vec<DVec3> =
             mesh.energies.iter().zip(&direct).map(|(share, light)| share.reflectance * *light).collect();
         let Some(polygons) = self.polygons else { return Ok(radiosity) };
-        if self.sets[COARSE.index()].receivers.len() + self.asked <= FEW_RECEIVERS {
+        if self.sets[COARSE.index()].receivers.len() <= FEW_RECEIVERS {
             self.place_twins(cx, mesh, polygons)?;
             return Ok(radiosity);
         }
