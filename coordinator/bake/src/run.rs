@@ -68,12 +68,12 @@ pub fn bake_with_points(
         let mesh = mesh.take().unwrap_or_else(|| ShootingMesh::new(scene, &settings));
         let mut cx = Context::new(scene, &settings, &mut client, work, clock);
         let setup = Setup::new(&mut cx, mesh)?;
-        let (measured, better) = setup.light(&mut cx)?.solve(&mut cx)?.meet_error(&mut cx)?;
+        let (mut measured, better) = setup.light(&mut cx)?.solve(&mut cx)?.meet_error(&mut cx)?;
         let Some(better) = better else {
             return finish(measured, cx, blockers.polygons.len(), points);
         };
         work = Work { restarts: cx.work.restarts + 1, ..cx.work };
-        measured.solved.rows.release(&mut client);
+        measured.solved.rows.end(&mut client);
         settings = better;
         clock = Instant::now();
     }
@@ -88,6 +88,7 @@ fn finish(mut measured: Measured, mut cx: Context, occluders: usize, points: &As
     let layers = layers.into_iter().map(|layer| layer.lit).collect();
     let kept = keep_light(cx, &mut measured)?;
     let solved = &mut measured.solved;
+    // What follows needs memory.
     solved.rows.end(cx.client);
     let (mesh, irradiance) = (&solved.mesh.mesh, &solved.solution.irradiance);
     cx.client.monitor.enter(Phase::ExportMesh, mesh.vertices.len());

@@ -1,8 +1,8 @@
 //! What the strategies cost on a scene, and so which one it gets.
 //!
 //! Exact rows look at every pair of a share and a receiver; both follow the number of vertices of the shooting mesh. A pair costs little
-//! where its ends look away, and more the more occluders may stand between. Hemisphere rows take so many rays for each gather point, of
-//! which there are some thousand in any scene.
+//! where its ends look away, and more the more occluders may stand between. Hemisphere rows take rays for each gather point, as many as
+//! the error asks for; of those points there are some thousand in any scene.
 //!
 //! Times are those of one thread in microseconds, measured on rooms, boxes and buildings; a choice needs no more than their ratios, and
 //! must be the same on every machine.

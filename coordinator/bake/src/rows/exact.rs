@@ -75,10 +75,6 @@ impl RowSource for ExactRows {
         RowTable::new(shooters, cx.settings.row_cache.saturating_mul(1 << 20))
     }
 
-    fn close(self: Box<Self>, table: RowTable, client: &mut RowClient) {
-        table.release(client);
-    }
-
     fn end(&mut self, _: &mut RowClient) {}
 
     /// Rows and means are over the vertices themselves.

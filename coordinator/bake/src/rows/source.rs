@@ -39,10 +39,7 @@ pub trait RowSource: Send {
     /// Publishes what rows are made from, and makes a table for them. The key of a share as a shooter is its index.
     fn open(&mut self, cx: &mut Context, mesh: &ShareMesh) -> RowTable;
 
-    /// Releases what was published.
-    fn close(self: Box<Self>, table: RowTable, client: &mut RowClient);
-
-    /// Drops what answers are made from: nothing will be asked any more.
+    /// Releases what was published, and drops what answers are made from: nothing will be asked any more.
     fn end(&mut self, client: &mut RowClient);
 
     /// Longest edge of a leaf whose corners share a receiver, relative to the scene's extent. 0 where a solution takes the rows of
@@ -244,14 +241,9 @@ impl Rows {
         Ok(set)
     }
 
-    /// Drops all that answers are made from: nothing will be asked any more, and what follows needs memory.
+    /// Releases all that was published for them, and drops what answers are made from: nothing will be asked any more.
     pub fn end(&mut self, client: &mut RowClient) {
         self.source.end(client);
         self.table.end(client);
-    }
-
-    /// Releases all that was published for them.
-    pub fn release(self, client: &mut RowClient) {
-        self.source.close(self.table, client);
     }
 }

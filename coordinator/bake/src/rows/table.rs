@@ -90,11 +90,6 @@ impl RowTable {
         self.variances[set.index()].iter().map(|variance| variance.unwrap_or(0.0))
     }
 
-    /// Releases all sets.
-    pub fn release(self, client: &mut RowClient) {
-        self.sets.into_iter().for_each(|set| client.release(set));
-    }
-
     /// Releases all sets and drops all rows.
     pub fn end(&mut self, client: &mut RowClient) {
         self.sets.drain(..).for_each(|set| client.release(set));

@@ -67,7 +67,7 @@ impl Cutter<'_> {
         if is_exact { Box::new(ExactRows) } else { Box::new(GatherRows::default()) }
     }
 
-    /// The mesh with edges up to this part of the extent, if it has at most so many vertices.
+    /// The mesh with edges up to this part of the extent, if it has at most this number of vertices.
     fn within(&self, edge: f64, most: usize) -> Option<Mesh> {
         let limits = MeshLimits { pieces: PIECES_PER_VERTEX.saturating_mul(most), ..MeshLimits::NONE };
         self.cut(edge, limits).filter(|mesh| mesh.vertices.len() <= most)

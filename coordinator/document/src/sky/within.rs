@@ -1,4 +1,4 @@
-//! Sky images within a scene: what a file beside it holds, for whoever can hand over one file only.
+//! Sky images within a scene, for clients that can send one file only: the bytes of the image's own file.
 
 use std::borrow::Cow;
 

@@ -161,11 +161,6 @@ impl RowSource for GatherRows {
         RowTable::new(vec![], 0)
     }
 
-    fn close(self: Box<Self>, table: RowTable, client: &mut RowClient) {
-        table.release(client);
-        self.polygons.into_iter().for_each(|set| client.release(set));
-    }
-
     fn end(&mut self, client: &mut RowClient) {
         std::mem::take(self).polygons.into_iter().for_each(|set| client.release(set));
     }
