@@ -219,6 +219,25 @@ fn a_file_keeps_its_meshes_and_materials_and_names_its_lightmap() {
 }
 
 #[test]
+fn pages_for_graphics_hardware_are_written_beside_the_file() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("scene.glb"), room()).unwrap();
+    let arguments = ["-o", "lit.glb", "--lightmap", "--lightmap-size", "128", "--lightmap-format", "ktx2"];
+    let answer = solve(folder.path(), &arguments);
+    assert!(answer.status.success(), "{}", String::from_utf8_lossy(&answer.stderr));
+    let page = std::fs::read(folder.path().join("lit-lightmap-0.ktx2")).unwrap();
+    let number = |at: usize| u32::from_le_bytes(page[at..at + 4].try_into().unwrap());
+    let bc6h = 143;
+    assert_eq!((&page[1..7], number(12)), (&b"KTX 20"[..], bc6h));
+    let [width, height] = [number(20), number(24)];
+    let blocks = 16 * width.div_ceil(4) * height.div_ceil(4);
+    assert!(
+        width <= 128 && page.len() as u32 >= blocks && page.len() as u32 <= blocks + 512,
+        "{width} x {height}"
+    );
+}
+
+#[test]
 fn a_mesh_of_many_nodes_is_stored_once() {
     let folder = tempfile::tempdir().unwrap();
     // The number of accessors, and the rectangles of the boxes on the page.

@@ -1,6 +1,7 @@
 //! Refining and measuring until the error is met.
 
 use super::measure::Measured;
+use super::refine::Refined;
 use super::shooting_mesh::ShootingMesh;
 use super::solved::Solved;
 use crate::context::Context;
@@ -28,8 +29,11 @@ const PART_OF_ASKED: f64 = 0.4;
 /// The interpolation must be left this part of the asked error at least: else it would have to pay for others.
 const LEAST_REST: f64 = 0.4;
 
-/// Factor of the limit of refinement where the error was found too large and no patch was divided.
+/// Factor of the limit of refinement where the error was found too large and no patch was divided,
 const UNSEEN_STEP: f64 = 0.7;
+
+/// as often as this.
+const MOST_UNSEEN_STEPS: u32 = 12;
 
 /// Part of the interpolation error that is aimed at, at least, before it is measured again: the finer mesh tells better what the
 /// others leave to it, and vertices too many cannot be taken back.
@@ -60,8 +64,9 @@ impl Solved {
         let mut rounds_for_balance = 0;
         let mut shooters = None;
         loop {
-            let vertices = solved.mesh.mesh.vertices.len();
-            let mut measured = solved.refine(cx, limit)?.measure(cx, shooters)?;
+            let refined =
+                if round == 1 { solved.refine(cx, limit)? } else { solved.refine_on(cx, &mut limit)? };
+            let mut measured = refined.measure(cx, shooters)?;
             if measured.shooters_take_much(cx.settings) && measured.solved.can_follow_mesh() {
                 if shooters.is_some() {
                     measured = measured.measure_shooters(cx)?;
@@ -87,13 +92,9 @@ impl Solved {
             if is_end(&measured, &better, cx) {
                 return Ok((measured, better));
             }
-            // Where the prediction did not see what was found, only a lower limit goes on.
-            let is_unchanged = measured.solved.mesh.mesh.vertices.len() == vertices;
             limit = if measured.is_enough(cx.settings) {
                 rounds_for_balance += 1;
                 UNSEEN_STEP * limit.min(measured.of_mesh())
-            } else if is_unchanged {
-                limit * UNSEEN_STEP
             } else {
                 (MARGIN * measured.aim_for_mesh(cx.settings)).max(LONGEST_STEP * measured.of_mesh())
             };
@@ -101,6 +102,21 @@ impl Solved {
             solved = measured.solved;
             round += 1;
         }
+    }
+
+    /// Refines until a patch is divided or something is in the way: where the prediction does not see what was found, only a lower limit
+    /// goes on, and measuring the same mesh again would but try another chance.
+    fn refine_on(self, cx: &mut Context, limit: &mut f64) -> Result<Refined> {
+        let vertices = self.mesh.mesh.vertices.len();
+        let mut refined = self.refine(cx, *limit)?;
+        for _ in 0..MOST_UNSEEN_STEPS {
+            if refined.obstacle.is_some() || refined.solved.mesh.mesh.vertices.len() > vertices {
+                break;
+            }
+            *limit *= UNSEEN_STEP;
+            refined = refined.solved.refine(cx, *limit)?;
+        }
+        Ok(refined)
     }
 }
 

@@ -14,6 +14,7 @@ use serde_json::{Value, json};
 use super::ExportError;
 use super::attributes::components;
 use super::draft::{Assembled, Draft, posed, source_primitive};
+use super::ktx2::ktx2;
 use super::pages::{PageFormat, exr, largest, png};
 use lightmap::{Lightmap, SharedLayout, SideLayout};
 use scene::{Scene, Side};
@@ -39,11 +40,9 @@ pub struct LightmapPages<'a> {
 
 /// Files beside the output: of each page, where the format has any.
 pub(super) fn files(path: &Path, pages: u32, format: PageFormat) -> Vec<PathBuf> {
-    if format != PageFormat::Exr {
-        return vec![];
-    }
+    let Some(ending) = format.beside() else { return vec![] };
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-    (0..pages).map(|page| path.with_file_name(format!("{stem}-lightmap-{page}.exr"))).collect()
+    (0..pages).map(|page| path.with_file_name(format!("{stem}-lightmap-{page}.{ending}"))).collect()
 }
 
 /// The files beside the output with their contents.
@@ -55,7 +54,8 @@ pub(super) fn contents(pages: &LightmapPages, path: &Path) -> Result<Vec<(PathBu
     let file = |(page, path): (usize, PathBuf)| {
         let layers: Vec<(Option<&str>, &[[f32; 3]])> =
             names().zip(&map.images).map(|(name, layer)| (name, layer[page].as_slice())).collect();
-        Ok((path, exr(&layers, map.size)?))
+        let encode = if pages.format == PageFormat::Ktx2 { ktx2 } else { exr };
+        Ok((path, encode(&layers, map.size)?))
     };
     files(path, map.report.pages, pages.format).into_iter().enumerate().map(file).collect()
 }

@@ -29,6 +29,7 @@
 //! | `lightmap` | instead of these: the input's own meshes and materials, with a lightmap |
 //! | `draft` | what both have in common: the input with other meshes |
 //! | `pages` | the pages of a lightmap as images |
+//! | `ktx2` | the same for graphics hardware |
 //! | `ply` | the lit mesh as PLY |
 //! | `compress` | the output made small |
 //! | `buffer` | the output's buffer: new accessors in, unused old ones out |
@@ -42,6 +43,7 @@ mod draft;
 mod exposure;
 mod extensions;
 mod images;
+mod ktx2;
 mod layers;
 mod lightmap;
 mod materials;

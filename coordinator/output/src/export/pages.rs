@@ -22,13 +22,25 @@ pub enum PageFormat {
     Rgbm,
     /// As [`Png`](Self::Png), and OpenEXR of half floats beside the output.
     Exr,
+    /// As [`Png`](Self::Png), and KTX2 of BC6H beside the output.
+    Ktx2,
 }
 
 impl PageFormat {
+    /// How the names of the files end that are written beside the output, one of each page; `None` where there are none.
+    #[must_use]
+    pub fn beside(self) -> Option<&'static str> {
+        match self {
+            Self::Png | Self::Rgbm => None,
+            Self::Exr => Some("exr"),
+            Self::Ktx2 => Some("ktx2"),
+        }
+    }
+
     /// The name of the encoding of its PNGs, as the output's extras have it.
     pub(super) fn encoding(self) -> &'static str {
         match self {
-            Self::Png | Self::Exr => "srgb",
+            Self::Png | Self::Exr | Self::Ktx2 => "srgb",
             Self::Rgbm => "rgbm",
         }
     }
@@ -48,7 +60,7 @@ pub(super) fn png(
     scale: f32,
 ) -> Result<Vec<u8>, ExportError> {
     let (bytes, colour): (Vec<u8>, _) = match format {
-        PageFormat::Png | PageFormat::Exr => {
+        PageFormat::Png | PageFormat::Exr | PageFormat::Ktx2 => {
             let byte = |value: &f32| srgb_byte((f64::from(*value) / f64::from(scale)).clamp(0.0, 1.0));
             (page.iter().flatten().map(byte).collect(), png::ColorType::Rgb)
         }
@@ -85,9 +97,9 @@ pub(super) fn exr(layers: &[(Option<&str>, &[[f32; 3]])], size: [u32; 2]) -> Res
     let layer = |(name, page): &(Option<&str>, &[[f32; 3]])| {
         let page = page.to_vec();
         let channels = SpecificChannels::rgb(move |place: exr::math::Vec2<usize>| {
-            // Half floats end at 65504.
-            let [red, green, blue] =
-                page[place.y() * width + place.x()].map(|value| f16::from_f32(value.min(f16::MAX.to_f32())));
+            // Half floats end at 65504, and rounding may leave less than no light.
+            let [red, green, blue] = page[place.y() * width + place.x()]
+                .map(|value| f16::from_f32(value.clamp(0.0, f16::MAX.to_f32())));
             (red, green, blue)
         });
         let attributes = LayerAttributes {

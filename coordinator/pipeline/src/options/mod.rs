@@ -21,7 +21,7 @@ use protocol::api;
 
 use bake::{BakeSettings, LightChange, LightGroup, LightPart, NewLight};
 use lightmap::Resolution;
-use output::export::{ExportSettings, Materials, PageFormat, check_group_names};
+use output::export::{ExportSettings, Materials, check_group_names};
 use probes::{MOST_PROBES, Places};
 use scene::ImportOptions;
 
@@ -242,7 +242,7 @@ pub fn wanted(header: &api::SubmitSceneHeader, wrong: &mut Violations) -> Wanted
     let bake = bake_settings(&header.bake.unwrap_or_default(), wrong);
     schema::settings(header, wrong);
     let lightmap = lightmap_settings(&output, wrong);
-    let has_files = lightmap.is_some_and(|lightmap| lightmap.format == PageFormat::Exr);
+    let has_files = lightmap.is_some_and(|lightmap| lightmap.format.beside().is_some());
     wrong.demand(!has_files, "output.lightmap_format", "must be png or rgbm: a job has one file");
     let is_mesh = output.format() == api::Format::Ply;
     wrong.demand(lightmap.is_none() || !is_mesh, "output.lightmap", "needs the format GLB");

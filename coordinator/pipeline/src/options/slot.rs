@@ -129,5 +129,5 @@ choices! {
     Domain, api::Domain: Vertex = Vertex, Corner = Corner;
     Materials, api::Materials: Unlit = Unlit, Keep = Keep;
     Compression, api::Compression: AsInput = Unspecified, None = None, Meshopt = Meshopt;
-    PageFormat, api::LightmapFormat: Png = Png, Rgbm = Rgbm, Exr = Exr;
+    PageFormat, api::LightmapFormat: Png = Png, Rgbm = Rgbm, Exr = Exr, Ktx2 = Ktx2;
 }

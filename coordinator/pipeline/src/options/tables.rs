@@ -238,6 +238,7 @@ const PAGE_FORMATS: &[Choice] = &[
     choice("png", api::LightmapFormat::Png as i32, "PNG of eight bits with the curve of sRGB"),
     choice("rgbm", api::LightmapFormat::Rgbm as i32, "PNG of eight bits, linear, with a multiplier in alpha"),
     choice("exr", api::LightmapFormat::Exr as i32, "PNG, and OpenEXR of half floats beside the output"),
+    choice("ktx2", api::LightmapFormat::Ktx2 as i32, "PNG, and KTX2 of BC6H blocks beside the output"),
 ];
 
 /// The settings of the output that have an option of their own.
