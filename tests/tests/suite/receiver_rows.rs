@@ -60,6 +60,46 @@ fn both_kinds_of_rows_light_a_room_alike() {
     assert!(report.error.total > 0.0 && report.error.total < 0.05, "{:?}", report.error);
 }
 
+/// A hall with boxes on its floor and lamps a hand's breadth below its ceiling.
+fn hall() -> SceneBuilder {
+    let side = 15.0;
+    let lamp = |index: usize| {
+        let (x, z) = (2.0 + 4.0 * (index % 4) as f64, 2.0 + 4.0 * (index / 4) as f64);
+        shapes::box_facing_out(DVec3::new(x - 0.5, 2.9, z - 0.15), DVec3::new(x + 0.5, 2.95, z + 0.15))
+    };
+    let chair = |index: usize| {
+        let (x, z) = (1.2 + 1.4 * (index % 10) as f64, 1.2 + 1.4 * (index / 10) as f64);
+        let boxes = [
+            ([-0.2, 0.43, -0.2], [0.2, 0.46, 0.2]),
+            ([-0.2, 0.46, 0.17], [0.2, 0.9, 0.2]),
+            ([-0.2, 0.0, -0.2], [-0.16, 0.43, -0.16]),
+            ([0.16, 0.0, -0.2], [0.2, 0.43, -0.16]),
+            ([-0.2, 0.0, 0.16], [-0.16, 0.43, 0.2]),
+            ([0.16, 0.0, 0.16], [0.2, 0.43, 0.2]),
+        ];
+        let at = DVec3::new(x, 0.0, z);
+        boxes.into_iter().flat_map(move |(low, high)| {
+            shapes::box_facing_out(at + DVec3::from_array(low), at + DVec3::from_array(high))
+        })
+    };
+    let lamps: Vec<Polygon> = (0..16).flat_map(lamp).collect();
+    let chairs: Vec<Polygon> = (0..100).flat_map(chair).collect();
+    SceneBuilder::new()
+        .part("walls", &shapes::box_facing_in(DVec3::ZERO, DVec3::new(side, 3.0, side)), Material::grey(0.7))
+        .part("lamps", &lamps, Material::grey(0.5).emitting(20.0))
+        .part("chairs", &chairs, Material::grey(0.3))
+}
+
+/// Above each lamp it is twenty times as bright as elsewhere, in a place that few points fall on and that is seen from nowhere else.
+#[test]
+fn light_in_many_small_places_gets_points_until_it_is_known() {
+    let settings = BakeSettings { rows: RowStrategy::Gather, ..BakeSettings::for_error(0.1) };
+    let report = baked(&imported(&hall().glb()), &settings).report;
+    assert!(report.error.total <= 0.1, "{:?}", report.error);
+    let limits = report.warnings.iter().filter(|warning| warning.contains("gather points"));
+    assert_eq!(limits.count(), 0, "{:?}", report.warnings);
+}
+
 /// By the three quarters' power of the number of rays, or half at least.
 #[test]
 fn more_rays_make_less_noise() {

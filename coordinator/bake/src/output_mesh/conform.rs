@@ -12,10 +12,13 @@ use smallvec::SmallVec;
 use super::working::{Corner, NONE, Triangle, Working};
 
 /// Vertices closer than this, relative to the extent, are at one position: two roundings of f32 coordinates.
-const ONE_POINT: f64 = 2.5e-7;
+pub const ONE_POINT: f64 = 2.5e-7;
 
 /// A vertex this close to an edge, relative to the extent, lies on it.
-const ON_EDGE: f64 = 2.2e-6;
+pub const ON_EDGE: f64 = 2.2e-6;
+
+/// Height of a triangle that is a line, relative to its longest edge.
+const FLAT: f64 = 1e-3;
 
 /// Makes the triangles conforming, and finds which corners are collapsed together.
 pub fn conform(working: &mut Working) {
@@ -31,7 +34,7 @@ pub fn conform(working: &mut Working) {
     let mut inside: HashMap<(u32, u32), Vec<(u32, f64)>> = HashMap::new();
     let margin = 2.0 * ONE_POINT * working.extent;
     let find = |(a, b, _): &(u32, u32, u32)| {
-        let ends = [*a, *b].map(|corner| places.of_corner[corner as usize]);
+        let ends = [*a, *b].map(|corner| places.position[places.of_corner[corner as usize] as usize]);
         ((*a, *b), grid.inside(&places.position, ends, margin))
     };
     let found: Vec<_> =
@@ -136,13 +139,22 @@ fn split(working: &mut Working, places: &Places, inside: &HashMap<(u32, u32), Ve
     let mut added: HashMap<(u32, u32, u32), u32> = HashMap::new();
     for index in 0..working.triangles.len() {
         let Triangle { corners, surface, facet, region, .. } = working.triangles[index].clone();
-        let mut outline: SmallVec<[SmallVec<[u32; 4]>; 3]> = SmallVec::new();
-        for (a, b) in [(0, 1), (1, 2), (2, 0)].map(|(a, b)| (corners[a], corners[b])) {
+        let edges = [(0, 1), (1, 2), (2, 0)].map(|(a, b)| (corners[a], corners[b]));
+        let own = corners.map(|corner| places.of_corner[corner as usize]);
+        let on = |(a, b): (u32, u32)| inside.get(&(a.min(b), a.max(b))).into_iter().flatten();
+        let has_own = edges.into_iter().flat_map(on).any(|(place, _)| own.contains(place));
+        if has_own && is_line(own.map(|place| places.position[place as usize])) {
+            for corner in corners {
+                working.corners[corner as usize].around.retain(|around| *around != index as u32);
+            }
+            working.triangles[index].corners = [NONE; 3];
+            continue;
+        }
+        let outline = edges.map(|(a, b)| {
             let edge = (a.min(b), a.max(b));
             let mut line: SmallVec<[u32; 4]> = SmallVec::from_slice(&[a]);
             let found = inside.get(&edge).map_or(&[][..], Vec::as_slice);
-            let is_third = |place: u32| corners.iter().any(|c| places.of_corner[*c as usize] == place);
-            let between = found.iter().filter(|(place, _)| !is_third(*place)).map(|(place, part)| {
+            let between = found.iter().filter(|(place, _)| !own.contains(place)).map(|(place, part)| {
                 *added.entry((edge.0, edge.1, *place)).or_insert_with(|| {
                     working.add_between(edge, *place, places.position[*place as usize], *part)
                 })
@@ -152,29 +164,15 @@ fn split(working: &mut Working, places: &Places, inside: &HashMap<(u32, u32), Ve
                 line[1..].reverse();
             }
             line.push(b);
-            outline.push(line);
-        }
+            line
+        });
         if outline.iter().all(|line| line.len() == 2) {
             continue;
         }
         for corner in corners {
             working.corners[corner as usize].around.retain(|around| *around != index as u32);
         }
-        // A fan to the corner opposite of each edge; the next edge belongs to its last triangle.
-        let [ab, bc, ca] = [&outline[0], &outline[1], &outline[2]];
-        let mut parts: Vec<[u32; 3]> = vec![];
-        let c = corners[2];
-        let (first, last) = (ab[1], ab[ab.len() - 2]);
-        parts
-            .extend(ab.windows(2).skip(1).take(ab.len().saturating_sub(3)).map(|pair| [pair[0], pair[1], c]));
-        if ab.len() == 2 {
-            let (first, a) = (bc[bc.len() - 2], corners[0]);
-            parts.extend(bc.windows(2).take(bc.len() - 2).map(|pair| [pair[0], pair[1], a]));
-            parts.extend(ca.windows(2).map(|pair| [pair[0], pair[1], first]));
-        } else {
-            parts.extend(bc.windows(2).map(|pair| [pair[0], pair[1], last]));
-            parts.extend(ca.windows(2).map(|pair| [pair[0], pair[1], first]));
-        }
+        let parts = fan(outline.each_ref().map(SmallVec::as_slice));
         let mut parts =
             parts.into_iter().map(|corners| Triangle { corners, surface, facet, region, samples: vec![] });
         if let Some(own) = parts.next() {
@@ -185,6 +183,31 @@ fn split(working: &mut Working, places: &Places, inside: &HashMap<(u32, u32), Ve
         }
         parts.for_each(|part| working.add(part));
     }
+}
+
+/// Whether a triangle with a corner on its opposite edge is no more than that edge. Without it nothing is missing: what lies beyond the
+/// edge is split at the corner. Small triangles have corners near their edges, too.
+pub fn is_line([a, b, c]: [DVec3; 3]) -> bool {
+    let longest = [a - b, b - c, c - a].map(DVec3::length_squared).into_iter().fold(0.0, f64::max);
+    (b - a).cross(c - a).length() <= FLAT * longest
+}
+
+/// The triangles of one whose three edges have more corners inside; each edge is given with its ends. A fan to the corner opposite of the
+/// first edge that is divided; the next edge belongs to its last triangle.
+pub fn fan([ab, bc, ca]: [&[u32]; 3]) -> Vec<[u32; 3]> {
+    let [a, _, c] = [ab[0], bc[0], ca[0]];
+    let mut parts: Vec<[u32; 3]> = vec![];
+    let (first, last) = (ab[1], ab[ab.len() - 2]);
+    parts.extend(ab.windows(2).skip(1).take(ab.len().saturating_sub(3)).map(|pair| [pair[0], pair[1], c]));
+    if ab.len() == 2 {
+        let first = bc[bc.len() - 2];
+        parts.extend(bc.windows(2).take(bc.len() - 2).map(|pair| [pair[0], pair[1], a]));
+        parts.extend(ca.windows(2).map(|pair| [pair[0], pair[1], first]));
+    } else {
+        parts.extend(bc.windows(2).map(|pair| [pair[0], pair[1], last]));
+        parts.extend(ca.windows(2).map(|pair| [pair[0], pair[1], first]));
+    }
+    parts
 }
 
 impl Working {
@@ -212,7 +235,7 @@ impl Working {
 }
 
 /// Places by the cell that they lie in.
-struct Grid {
+pub struct Grid {
     low: DVec3,
     cell: f64,
     /// Cells along each axis.
@@ -222,7 +245,8 @@ struct Grid {
 }
 
 impl Grid {
-    fn new(positions: &[DVec3], tolerance: f64) -> Self {
+    /// A grid for edges that a place is on within this distance.
+    pub fn new(positions: &[DVec3], tolerance: f64) -> Self {
         let bounds = Bounds::around(positions.iter().copied());
         let extent = bounds.extent().max_element().max(tolerance);
         // Places lie on surfaces, and crowd on small things: most cells hold none, and those there hold few.
@@ -244,8 +268,7 @@ impl Grid {
     }
 
     /// Places inside an edge, with the part of the way from its first end, in order; `margin` from the ends at least.
-    fn inside(&self, positions: &[DVec3], ends: [u32; 2], margin: f64) -> Vec<(u32, f64)> {
-        let [from, to] = ends.map(|place| positions[place as usize]);
+    pub fn inside(&self, positions: &[DVec3], [from, to]: [DVec3; 2], margin: f64) -> Vec<(u32, f64)> {
         let span = to - from;
         let length = span.length();
         let mut found: Vec<(u32, f64)> = vec![];

@@ -95,6 +95,9 @@ impl Limits {
         let mut samples = Vec::with_capacity(working.corners.len() + working.triangles.len() * 3);
         samples.extend((0..).zip(&working.corners).map(of_corner));
         let in_middles = |(index, triangle): (usize, &Triangle)| -> SmallVec<[Sample; 3]> {
+            if triangle.corners[0] == NONE {
+                return SmallVec::new();
+            }
             let weight = working.area(triangle) / 3.0;
             let [a, b, c] = triangle.corners;
             let in_middle = |between: [u32; 2]| {

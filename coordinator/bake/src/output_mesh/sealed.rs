@@ -1,29 +1,52 @@
 //! The dark insides of closed bodies, which the bake leaves out, as the input has them.
 
-use foldhash::{HashMap, HashMapExt};
+use foldhash::{HashMap, HashMapExt, HashSet};
 use glam::DVec3;
+use rayon::prelude::*;
+use smallvec::SmallVec;
 
+use super::conform::{Grid, ON_EDGE, ONE_POINT, fan, is_line};
+use crate::context::extent;
 use crate::lit::{LitMesh, LitTriangle, LitVertex};
-use scene::Scene;
+use scene::{Facet, Scene};
 
-/// Adds the triangles of sealed facets, without light.
+/// A triangle of a sealed facet.
+struct SealedTriangle<'a> {
+    surface: usize,
+    /// Number of the facet within the surface.
+    facet: u32,
+    of: &'a Facet,
+    positions: [DVec3; 3],
+}
+
+/// Adds the triangles of sealed facets, without light. They are split where vertices lie on their edges, which their lit sides share.
 pub fn add_sealed(scene: &Scene, mut lit: LitMesh) -> LitMesh {
-    let bits = |vector: DVec3| vector.to_array().map(f64::to_bits);
-    for (surface, triangles) in scene.surfaces.iter().zip(&mut lit.surfaces) {
-        let mut known = HashMap::new();
-        for (facet, own) in (0..).zip(&surface.facets).filter(|(_, own)| own.is_sealed) {
-            for positions in own.positions_of_triangles() {
-                let vertices = positions.map(|position| {
-                    let corner = own.corners.iter().find(|corner| corner.position == position);
-                    let normal = corner.map_or(own.normal, |corner| corner.normal);
-                    *known.entry((bits(position), bits(normal))).or_insert_with(|| {
-                        lit.vertices.push(LitVertex { position, normal, irradiance: DVec3::ZERO });
-                        lit.vertices.len() as u32 - 1
-                    })
-                });
-                triangles.push(LitTriangle { facet, vertices });
-            }
-        }
+    let sealed = sealed_triangles(scene);
+    if sealed.is_empty() {
+        return lit;
+    }
+    let on_edges = on_edges(&sealed, &lit, extent(scene));
+    let mut known: HashMap<(usize, [u64; 3], [u64; 3]), u32> = HashMap::new();
+    for (triangle, on_edges) in sealed.iter().zip(on_edges) {
+        let Some(on_edges) = on_edges else { continue };
+        let mut vertex = |(position, normal)| {
+            *known.entry((triangle.surface, bits(position), bits(normal))).or_insert_with(|| {
+                lit.vertices.push(LitVertex { position, normal, irradiance: DVec3::ZERO });
+                lit.vertices.len() as u32 - 1
+            })
+        };
+        let corners = triangle.positions.map(|position| (position, triangle.normal_at(position)));
+        let lines: [SmallVec<[u32; 4]>; 3] = [0, 1, 2].map(|edge| {
+            let ends @ [from, to] = [corners[edge], corners[(edge + 1) % 3]];
+            let between = on_edges[edge].iter().map(|(position, part)| {
+                (*position, ends[0].1.lerp(ends[1].1, *part).normalize_or(ends[0].1))
+            });
+            [from].into_iter().chain(between).chain([to]).map(&mut vertex).collect()
+        });
+        let facet = triangle.facet;
+        let parts = fan(lines.each_ref().map(SmallVec::as_slice));
+        lit.surfaces[triangle.surface]
+            .extend(parts.into_iter().map(|vertices| LitTriangle { facet, vertices }));
     }
     let count = lit.vertices.len();
     lit.layers.iter_mut().for_each(|layer| layer.irradiance.resize(count, DVec3::ZERO));
@@ -31,4 +54,61 @@ pub fn add_sealed(scene: &Scene, mut lit: LitMesh) -> LitMesh {
         lit.unshot.resize(count, DVec3::ZERO);
     }
     lit
+}
+
+impl SealedTriangle<'_> {
+    fn normal_at(&self, position: DVec3) -> DVec3 {
+        let corner = self.of.corners.iter().find(|corner| corner.position == position);
+        corner.map_or(self.of.normal, |corner| corner.normal)
+    }
+}
+
+fn sealed_triangles(scene: &Scene) -> Vec<SealedTriangle<'_>> {
+    let facets = scene.surfaces.iter().enumerate().flat_map(|(surface, own)| {
+        (0..).zip(&own.facets).filter(|(_, of)| of.is_sealed).map(move |(facet, of)| (surface, facet, of))
+    });
+    facets
+        .flat_map(|(surface, facet, of)| {
+            let triangle = move |positions| SealedTriangle { surface, facet, of, positions };
+            of.positions_of_triangles().into_iter().map(triangle)
+        })
+        .collect()
+}
+
+/// By edge of a triangle: positions of vertices inside the edge, with the part of the way.
+type OnEdges = [Vec<(DVec3, f64)>; 3];
+
+/// What lies on the edges of each triangle; `None` where it is no more than a line.
+fn on_edges(sealed: &[SealedTriangle], lit: &LitMesh, extent: f64) -> Vec<Option<OnEdges>> {
+    let mut seen = HashSet::default();
+    let positions = lit.vertices.iter().map(|vertex| vertex.position);
+    let positions = positions.chain(sealed.iter().flat_map(|triangle| triangle.positions));
+    let places: Vec<DVec3> = positions.filter(|position| seen.insert(bits(*position))).collect();
+    let grid = Grid::new(&places, ON_EDGE * extent);
+    let margin = 2.0 * ONE_POINT * extent;
+    let of_triangle = |triangle: &SealedTriangle| {
+        let [a, b, c] = triangle.positions;
+        let mut has_own = false;
+        let on_edges = [[a, b, c], [b, c, a], [c, a, b]].map(|[from, to, third]| {
+            let mut last = 0.0;
+            let mut line = vec![];
+            for (place, part) in grid.inside(&places, [from, to], margin) {
+                let position = places[place as usize];
+                let is_own = position.distance(third) <= margin;
+                has_own |= is_own;
+                // Vertices of several facets may lie at one place but for a rounding.
+                if !is_own && (part - last) * from.distance(to) > margin {
+                    line.push((position, part));
+                    last = part;
+                }
+            }
+            line
+        });
+        (!has_own || !is_line(triangle.positions)).then_some(on_edges)
+    };
+    sealed.par_iter().with_min_len(256).map(of_triangle).collect()
+}
+
+fn bits(vector: DVec3) -> [u64; 3] {
+    vector.to_array().map(f64::to_bits)
 }

@@ -136,6 +136,10 @@ impl RowSource for ExactRows {
         Ok(Gathered { light, cover: Cover { sums, ..Cover::default() } })
     }
 
+    fn add_points(&mut self, _: &mut Context, _: &Mesh, _: &[f64]) -> Result<bool> {
+        Ok(false)
+    }
+
     fn interpolated(&mut self, _: &mut Context, _: &Receivers, _: &[DVec3]) -> Result<Option<Vec<DVec3>>> {
         Ok(None)
     }

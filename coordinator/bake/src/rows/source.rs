@@ -97,6 +97,10 @@ pub trait RowSource: Send {
         radiosity: &[DVec3],
     ) -> Result<Option<Vec<DVec3>>>;
 
+    /// Adds gather points by the square error that is expected of light between them in each leaf of the refined mesh; all receivers then
+    /// take their light from these, too. False where the strategy has none, or as many as it may have.
+    fn add_points(&mut self, cx: &mut Context, mesh: &Mesh, expected: &[f64]) -> Result<bool>;
+
     /// How much of its hemisphere each share sees covered, from the same of the vertices of the shooting mesh.
     fn row_sums(&self, mesh: &ShareMesh, at_vertices: &[f64]) -> Vec<f64>;
 

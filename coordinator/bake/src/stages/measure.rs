@@ -10,6 +10,7 @@ use crate::error::Result;
 use crate::error_budget::{
     ErrorBudget, INTERPOLATED_NOISE, RETURNING, rounding_error, without, without_noise,
 };
+use crate::mesh::PatchId;
 use crate::observer::Phase;
 use crate::refinement::{FIRST, Obstacle, SamplePoints, best_fit};
 
@@ -25,8 +26,10 @@ pub struct Measured {
     pub error: ErrorBudget,
     /// What the error of the shooters is at least, by its own standard error.
     pub shooters_at_least: f64,
-    /// The part of the receivers' error that is due to light between gather points, not to the mesh.
+    /// The part of the receivers' error that is due to light between gather points, not to the mesh,
     pub between: f64,
+    /// and the leaves in which it was found, with errors of the radiosity.
+    pub found_between: Vec<(PatchId, DVec3)>,
     /// Where it was measured, with the light there.
     pub validation: SamplePoints,
 }
@@ -47,7 +50,7 @@ impl Refined {
         let (round, expected) = (solved.rounds_measured, prediction.leaves());
         let draw = (round, solved.rows.source.measures_twice());
         let mut validation = SamplePoints::draw(&solved.mesh.mesh, cx.scene, cx.settings, expected, draw);
-        let between = solved.light_samples(cx, &mut validation)?;
+        let found_between = solved.light_samples(cx, &mut validation)?;
         let noise = solved.noise();
         let reflectance = solved.mean_reflectance();
         let [receivers, receivers_at_least] = if validation.count() > 0 {
@@ -55,7 +58,8 @@ impl Refined {
         } else {
             [solved.found_per_predicted * prediction.relative(); 2]
         };
-        let between = without_noise(between, noise);
+        let errors: Vec<DVec3> = found_between.iter().map(|(_, error)| *error).collect();
+        let between = without_noise(validation.relative(&errors), noise);
         if prediction.relative() > 0.0 && validation.count() > 0 {
             // Where few points hold most of it, chance would decide how far to refine.
             let of_mesh = without(receivers_at_least, between);
@@ -73,7 +77,7 @@ impl Refined {
         tracing::debug!(?error, between, "measured");
         cx.client.monitor.set_error(Some(error.total));
         cx.end_step("measure");
-        Ok(Measured { solved, obstacle, error, shooters_at_least, between, validation })
+        Ok(Measured { solved, obstacle, error, shooters_at_least, between, found_between, validation })
     }
 }
 
@@ -101,11 +105,15 @@ impl Measured {
 }
 
 impl Solved {
-    /// Gathers the light of all sources and shares at sample points. Returns the relative error that light interpolated between
-    /// gather points has there.
-    fn light_samples(&mut self, cx: &mut Context, samples: &mut SamplePoints) -> Result<f64> {
+    /// Gathers the light of all sources and shares at sample points. Returns the errors that the radiosity has where light is
+    /// interpolated between gather points, each with its leaf.
+    fn light_samples(
+        &mut self,
+        cx: &mut Context,
+        samples: &mut SamplePoints,
+    ) -> Result<Vec<(PatchId, DVec3)>> {
         if samples.count() == 0 {
-            return Ok(0.0);
+            return Ok(vec![]);
         }
         let receivers = samples.receivers(samples.count());
         let lights = Lights { sources: &self.sources.all, radiosity: &self.solution.radiosity };
@@ -117,7 +125,7 @@ impl Solved {
             samples.set_irradiance(all);
         }
         let between = self.rows.source.interpolated(cx, &receivers, &self.solution.radiosity)?;
-        Ok(between.map_or(0.0, |light| samples.relative(&samples.differences(&light))))
+        Ok(between.map_or(vec![], |light| samples.on_leaves(&self.mesh.mesh, samples.differences(&light))))
     }
 
     /// Relative error of the light of shares, each of constant radiosity: against that of the leaves of the refined mesh, each with

@@ -49,6 +49,12 @@ const IMBALANCE: f64 = 0.02;
 /// Most rounds for the sake of the balance alone: not every imbalance is one of interpolation.
 const ROUNDS_FOR_BALANCE: u32 = 4;
 
+/// Part of the asked error from which on light between gather points gets more of them where the error is not met,
+const MUCH_BETWEEN: f64 = 0.6;
+
+/// this often at most.
+const MOST_ADDITIONS: u32 = 3;
+
 /// Most new starts.
 const MAX_RESTARTS: u32 = 3;
 
@@ -63,9 +69,11 @@ impl Solved {
         let mut round = 1;
         let mut rounds_for_balance = 0;
         let mut shooters = None;
+        let mut additions = 0;
+        let mut has_new_light = true;
         loop {
             let refined =
-                if round == 1 { solved.refine(cx, limit)? } else { solved.refine_on(cx, &mut limit)? };
+                if has_new_light { solved.refine(cx, limit)? } else { solved.refine_on(cx, &mut limit)? };
             let mut measured = refined.measure(cx, shooters)?;
             if measured.shooters_take_much(cx.settings) && measured.solved.can_follow_mesh() {
                 if shooters.is_some() {
@@ -73,6 +81,14 @@ impl Solved {
                 }
                 measured = measured.follow_mesh(cx)?;
                 shooters = None;
+            }
+            let wants_points = additions < MOST_ADDITIONS && measured.is_limited_between(cx.settings);
+            has_new_light = wants_points && measured.solved.add_gather_points(cx, &measured.found_between)?;
+            if has_new_light {
+                additions += 1;
+                shooters = Some([measured.error.shooters, measured.shooters_at_least]);
+                solved = measured.solved;
+                continue;
             }
             let mut better = measured.better_settings(cx);
             // Noise of rays is no reason for more vertices.
@@ -127,6 +143,11 @@ impl Measured {
         let limited_by_others =
             self.others_take_all(settings) && self.of_mesh() <= self.aim_for_mesh(settings);
         is_met || limited_by_others || self.obstacle.is_some()
+    }
+
+    /// Whether light between gather points is a large part of an error that is not met.
+    fn is_limited_between(&self, settings: &BakeSettings) -> bool {
+        settings.error.is_some_and(|asked| self.error.total > asked && self.between > MUCH_BETWEEN * asked)
     }
 
     /// Whether emitted light is accounted for, where an error is asked for. What comes from outside is known from the first mesh alone,

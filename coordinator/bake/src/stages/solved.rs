@@ -7,7 +7,7 @@ use super::irradiance::{Irradiance, Lights, Place, Received, irradiance_at};
 use super::light::{self, LightSource};
 use crate::context::Context;
 use crate::error::Result;
-use crate::mesh::VertexId;
+use crate::mesh::{PatchId, VertexId};
 use crate::observer::Phase;
 use crate::refinement::{MeshError, best_fit};
 use crate::rows::{COARSE, FIRST_TOLERANCE, Problem, Rows, ShareMesh, ShareValues, Solution};
@@ -128,6 +128,21 @@ impl Solved {
         let incident = self.means().of(&self.mesh.energies, &self.solution.irradiance);
         self.solution.radiosity = self.mesh.reflected(&incident);
         self.final_solve(cx)
+    }
+
+    /// Adds gather points where light between them was found wrong, or changes, and solves again. False where there may be no more.
+    pub fn add_gather_points(&mut self, cx: &mut Context, found: &[(PatchId, DVec3)]) -> Result<bool> {
+        let mesh = &self.mesh.mesh;
+        let reflected: Vec<DVec3> =
+            self.solution.irradiance.iter().zip(&self.direct).map(|(all, direct)| *all - *direct).collect();
+        let reflectance: Vec<DVec3> = cx.scene.surfaces.iter().map(|surface| surface.reflectance).collect();
+        let expected = MeshError::predict(mesh, &reflected, &reflectance, found);
+        let expected: Vec<f64> = expected.leaves().iter().map(|(_, square)| *square).collect();
+        let is_added = self.rows.source.add_points(cx, mesh, &expected)?;
+        if is_added {
+            self.final_solve(cx)?;
+        }
+        Ok(is_added)
     }
 
     /// Hands a preview to the observer, if it wants one.

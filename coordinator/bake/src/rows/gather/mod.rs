@@ -39,13 +39,14 @@ use crate::context::Context;
 use crate::error::Result;
 use crate::jobs::{ReceiverSet, RowClient};
 use crate::mesh::{Mesh, PatchId, Share, Surroundings};
-use crate::refinement::SamplePoints;
+use crate::refinement::{MOST_DRAWN, SamplePoints};
 use crate::settings::{BakeSettings, RowStrategy};
 use crate::solver::acceleration::Acceleration;
 use crate::solver::cache::{ColumnCache, SetId};
 use hemisphere::{covered, gathered, hemispheres, publish_leaves, views};
 use interpolation::{Interpolation, Neighbours};
 use noise::Twins;
+use place::{FIRST_POINTS, MOST_POINTS};
 use points::GatherPoints;
 use set::Set;
 
@@ -84,6 +85,8 @@ pub struct GatherRows {
     rays: u32,
     /// Empty until they are placed.
     points: GatherPoints,
+    /// Times that points were placed, each with seeds of its own.
+    rounds: u32,
     /// What stands between receivers and gather points; none where no receiver takes its light from others' points.
     occluder: Option<Occluder>,
     twins: Twins,
@@ -257,6 +260,18 @@ impl RowSource for GatherRows {
     ) -> Result<Option<Vec<DVec3>>> {
         let weights = self.weigh_receivers(cx, receivers)?;
         Ok(Some(weights.of(&self.points.gather(radiosity))))
+    }
+
+    fn add_points(&mut self, cx: &mut Context, mesh: &Mesh, expected: &[f64]) -> Result<bool> {
+        let may_add = self.occluder.is_some() && self.points.placed < MOST_POINTS;
+        if may_add {
+            self.points.truncate(self.points.shared);
+            let count = (self.points.placed / 2).clamp(FIRST_POINTS, MOST_DRAWN);
+            let (_, looking, seen) = self.look_around(cx, mesh, expected, count)?;
+            self.points.add_placed(looking, seen);
+            self.weigh_all(cx)?;
+        }
+        Ok(may_add)
     }
 
     fn row_sums(&self, mesh: &ShareMesh, at_vertices: &[f64]) -> Vec<f64> {

@@ -4,6 +4,7 @@ use glam::DVec3;
 use kernel::geometry::ConvexPolygon;
 use kernel::occluder::Occluder;
 use kernel::replica::Receiver;
+use kernel::row::Shooter;
 use rayon::prelude::*;
 
 use super::GatherRows;
@@ -25,14 +26,14 @@ use scene::{Facet, Scene};
 const FEW_RECEIVERS: usize = 1 << 13;
 
 /// Points to begin with.
-const FIRST_POINTS: usize = 1024;
+pub(super) const FIRST_POINTS: usize = 1024;
 
 /// Points are added up to this number,
 const MANY_POINTS: usize = 1 << 13;
 
 /// and beyond, up to this one, as long as half as many again leave no more than this part of the error: elsewhere the error is that of
 /// few places, hidden in others.
-const MOST_POINTS: usize = 1 << 15;
+pub(super) const MOST_POINTS: usize = 1 << 15;
 
 /// See [`MOST_POINTS`].
 const LEAST_GAIN: f64 = 0.84;
@@ -74,26 +75,11 @@ impl GatherRows {
         let (mut expected, mut errors_so_far) = (vec![], vec![]);
         let mut count = FIRST_POINTS;
         for round in 0.. {
-            let seed = (cx.settings.seed, FIRST_ROUND + round);
-            let first_key = FIRST_KEY + u64::from(round) * MOST_DRAWN as u64;
-            let drawn =
-                SamplePoints::draw_everywhere(&mesh.mesh, cx.scene, seed, first_key, &expected, count);
+            let (drawn, looking, seen) = self.look_around(cx, &mesh.mesh, &expected, count)?;
             let fresh = drawn.receivers(count);
-            let looking = hemispheres(&fresh, |_| self.rays);
-            let mut look = || views(cx.client, polygons, &looking);
-            let seen = if self.occluder.is_some() {
-                look()?
-            } else {
-                let facets = || cx.scene.front_facets().map(Facet::polygon).collect::<Vec<ConvexPolygon>>();
-                // While a worker sorts the polygons of its first job.
-                rayon::in_place_scope(|scope| {
-                    scope.spawn(|_| self.occluder = Some(Occluder::new(&facets())));
-                    look()
-                })?
-            };
             let known = if round > 0 { self.neighbours(cx) } else { None };
             let at_fresh = known.map(|known| self.errors_at(&fresh.receivers, &seen, &radiosity, &known));
-            self.points.add_shared(looking, seen);
+            self.points.add_placed(looking, seen);
             if round == 0 {
                 self.twins = Twins::look(cx.client, polygons, drawn.clone(), self.rays)?;
             }
@@ -117,12 +103,12 @@ impl GatherRows {
             let square_noise = self.twins.square_noise(&self.points, &radiosity);
             let noise = relative(square_noise * (1.0 + INTERPOLATED_NOISE));
             let error = without_noise(relative(drawn.mean_square_error(errors)), noise);
-            tracing::debug!(points = self.points.shared, error, noise, "gather points placed");
+            tracing::debug!(points = self.points.placed, error, noise, "gather points placed");
             let helps =
                 errors_so_far.iter().rev().nth(1).is_none_or(|before| error <= LEAST_GAIN.powi(2) * before);
             errors_so_far.push(error);
             let most = if helps { MOST_POINTS } else { MANY_POINTS };
-            if error <= PART * asked || self.points.shared >= most {
+            if round > 0 && error <= PART * asked || self.points.placed >= most {
                 break;
             }
             let square = |(share, point): (&Share, &usize)| {
@@ -130,9 +116,37 @@ impl GatherRows {
                 share.area * left_out[*point].length_squared() * reflectance.length_squared()
             };
             expected = mesh.shares.iter().zip(&nearest).map(square).collect();
-            count = (self.points.shared / 2).clamp(FIRST_POINTS, MOST_DRAWN);
+            count = (self.points.placed / 2).clamp(FIRST_POINTS, MOST_DRAWN);
         }
         Ok(radiosity)
+    }
+
+    /// Draws points by the square error that is expected in each leaf, and looks at the shares from them.
+    pub(super) fn look_around(
+        &mut self,
+        cx: &mut Context,
+        mesh: &Mesh,
+        expected: &[f64],
+        count: usize,
+    ) -> Result<(SamplePoints, Vec<Shooter>, Vec<View>)> {
+        let Some(polygons) = self.polygons else { return Ok(Default::default()) };
+        let seed = (cx.settings.seed, FIRST_ROUND + self.rounds);
+        let first_key = FIRST_KEY + u64::from(self.rounds) * MOST_DRAWN as u64;
+        self.rounds += 1;
+        let drawn = SamplePoints::draw_everywhere(mesh, cx.scene, seed, first_key, expected, count);
+        let looking = hemispheres(&drawn.receivers(count), |_| self.rays);
+        let mut look = || views(cx.client, polygons, &looking);
+        let seen = if self.occluder.is_some() {
+            look()?
+        } else {
+            let facets = || cx.scene.front_facets().map(Facet::polygon).collect::<Vec<ConvexPolygon>>();
+            // While a worker sorts the polygons of its first job.
+            rayon::in_place_scope(|scope| {
+                scope.spawn(|_| self.occluder = Some(Occluder::new(&facets())));
+                look()
+            })?
+        };
+        Ok((drawn, looking, seen))
     }
 
     /// Places points only to measure the noise, where each receiver casts rays of its own.
@@ -146,7 +160,8 @@ impl GatherRows {
         Ok(())
     }
 
-    /// Errors of interpolation at receivers with these views. Receivers that are alone get rays of their own.
+    /// Errors of interpolation at receivers with these views. Where one sees no point all of its light is missing: vertices there will get
+    /// rays of their own, but what lies between these is not known.
     fn errors_at(
         &self,
         receivers: &[Receiver],
@@ -157,7 +172,7 @@ impl GatherRows {
         let known = self.points.gather(radiosity);
         let error = |(receiver, view): (&Receiver, &View)| {
             let weights = neighbours.weights(receiver, 0.0, None);
-            weights.map_or(DVec3::ZERO, |weights| interpolated(&weights, &known) - gathered(view, radiosity))
+            weights.map_or(DVec3::ZERO, |weights| interpolated(&weights, &known)) - gathered(view, radiosity)
         };
         receivers.par_iter().zip(views).with_min_len(64).map(error).collect()
     }
@@ -168,7 +183,7 @@ impl GatherRows {
         let points = self.points.receivers[..self.points.shared].par_iter().zip(&light).enumerate();
         let error = |(point, (receiver, own)): (usize, (&Receiver, &DVec3))| {
             let weights = neighbours.weights(receiver, 0.0, Some(point as u32));
-            weights.map_or(DVec3::ZERO, |weights| interpolated(&weights, &light) - *own)
+            weights.map_or(DVec3::ZERO, |weights| interpolated(&weights, &light)) - *own
         };
         points.with_min_len(64).map(error).collect()
     }

@@ -23,9 +23,17 @@ pub struct GatherPoints {
     pub views: Vec<View>,
     /// How many others interpolate between.
     pub shared: usize,
+    /// How many of these were placed, and not added for receivers that see none.
+    pub placed: usize,
 }
 
 impl GatherPoints {
+    /// Adds points that were placed. None may stand for one receiver yet.
+    pub fn add_placed(&mut self, hemispheres: Vec<Shooter>, views: Vec<View>) {
+        self.placed += hemispheres.len();
+        self.add_shared(hemispheres, views);
+    }
+
     /// Adds points that others interpolate between. None may stand for one receiver yet.
     pub fn add_shared(&mut self, hemispheres: Vec<Shooter>, views: Vec<View>) {
         debug_assert_eq!(self.shared, self.receivers.len(), "points for all come first");
