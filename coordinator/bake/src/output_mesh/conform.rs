@@ -5,20 +5,12 @@
 
 use foldhash::{HashMap, HashMapExt};
 use glam::{DVec3, I64Vec3};
-use kernel::geometry::Bounds;
 use rayon::prelude::*;
 use smallvec::SmallVec;
 
+use super::grid::{Grid, ON_EDGE, ONE_POINT};
+use super::split::{fan, is_line, normal_between};
 use super::working::{Corner, NONE, Triangle, Working};
-
-/// Vertices closer than this, relative to the extent, are at one position: two roundings of f32 coordinates.
-pub const ONE_POINT: f64 = 2.5e-7;
-
-/// A vertex this close to an edge, relative to the extent, lies on it.
-pub const ON_EDGE: f64 = 2.2e-6;
-
-/// Height of a triangle that is a line, relative to its longest edge.
-const FLAT: f64 = 1e-3;
 
 /// Makes the triangles conforming, and finds which corners are collapsed together.
 pub fn conform(working: &mut Working) {
@@ -142,8 +134,10 @@ fn split(working: &mut Working, places: &Places, inside: &HashMap<(u32, u32), Ve
         let edges = [(0, 1), (1, 2), (2, 0)].map(|(a, b)| (corners[a], corners[b]));
         let own = corners.map(|corner| places.of_corner[corner as usize]);
         let on = |(a, b): (u32, u32)| inside.get(&(a.min(b), a.max(b))).into_iter().flatten();
-        let has_own = edges.into_iter().flat_map(on).any(|(place, _)| own.contains(place));
-        if has_own && is_line(own.map(|place| places.position[place as usize])) {
+        let mut on_edges = edges.into_iter().flat_map(on).map(|(place, _)| own.contains(place)).peekable();
+        // What lies beyond that edge is split at the corner, and at nothing else.
+        let is_its_edge = on_edges.peek().is_some() && on_edges.all(|is_own| is_own);
+        if is_its_edge && is_line(own.map(|place| places.position[place as usize])) {
             for corner in corners {
                 working.corners[corner as usize].around.retain(|around| *around != index as u32);
             }
@@ -185,40 +179,11 @@ fn split(working: &mut Working, places: &Places, inside: &HashMap<(u32, u32), Ve
     }
 }
 
-/// Whether a triangle with a corner on its opposite edge is no more than that edge. Without it nothing is missing: what lies beyond the
-/// edge is split at the corner. Small triangles have corners near their edges, too.
-pub fn is_line([a, b, c]: [DVec3; 3]) -> bool {
-    let longest = [a - b, b - c, c - a].map(DVec3::length_squared).into_iter().fold(0.0, f64::max);
-    (b - a).cross(c - a).length() <= FLAT * longest
-}
-
-/// The triangles of one whose three edges have more corners inside; each edge is given with its ends. A fan to the corner opposite of the
-/// first edge that is divided; the next edge belongs to its last triangle.
-pub fn fan([ab, bc, ca]: [&[u32]; 3]) -> Vec<[u32; 3]> {
-    let [a, _, c] = [ab[0], bc[0], ca[0]];
-    let mut parts: Vec<[u32; 3]> = vec![];
-    let (first, last) = (ab[1], ab[ab.len() - 2]);
-    parts.extend(ab.windows(2).skip(1).take(ab.len().saturating_sub(3)).map(|pair| [pair[0], pair[1], c]));
-    if ab.len() == 2 {
-        let first = bc[bc.len() - 2];
-        parts.extend(bc.windows(2).take(bc.len() - 2).map(|pair| [pair[0], pair[1], a]));
-        parts.extend(ca.windows(2).map(|pair| [pair[0], pair[1], first]));
-    } else {
-        parts.extend(bc.windows(2).map(|pair| [pair[0], pair[1], last]));
-        parts.extend(ca.windows(2).map(|pair| [pair[0], pair[1], first]));
-    }
-    parts
-}
-
 impl Working {
     /// A corner at a place inside an edge.
     fn add_between(&mut self, (a, b): (u32, u32), place: u32, position: DVec3, part: f64) -> u32 {
         let [one, two] = [a, b].map(|corner| &self.corners[corner as usize]);
-        let normal = if one.normal == two.normal {
-            one.normal
-        } else {
-            one.normal.lerp(two.normal, part).normalize_or(one.normal)
-        };
+        let normal = normal_between([one.normal, two.normal], part);
         let corner = Corner {
             position,
             normal,
@@ -231,84 +196,5 @@ impl Working {
         };
         self.corners.push(corner);
         self.corners.len() as u32 - 1
-    }
-}
-
-/// Places by the cell that they lie in.
-pub struct Grid {
-    low: DVec3,
-    cell: f64,
-    /// Cells along each axis.
-    count: I64Vec3,
-    sorted: Vec<(u64, u32)>,
-    tolerance: f64,
-}
-
-impl Grid {
-    /// A grid for edges that a place is on within this distance.
-    pub fn new(positions: &[DVec3], tolerance: f64) -> Self {
-        let bounds = Bounds::around(positions.iter().copied());
-        let extent = bounds.extent().max_element().max(tolerance);
-        // Places lie on surfaces, and crowd on small things: most cells hold none, and those there hold few.
-        let cell = extent / (4.0 * positions.len() as f64).sqrt().clamp(1.0, 8192.0);
-        let low = positions.iter().copied().fold(DVec3::MAX, DVec3::min);
-        let count = (bounds.extent() / cell).floor().as_i64vec3() + I64Vec3::ONE;
-        let mut grid = Self { low, cell, count, sorted: vec![], tolerance };
-        grid.sorted = (0..)
-            .zip(positions)
-            .map(|(index, position)| (grid.key(((*position - low) / cell).floor().as_i64vec3()), index))
-            .collect();
-        grid.sorted.sort_unstable();
-        grid
-    }
-
-    fn key(&self, cell: I64Vec3) -> u64 {
-        let cell = cell.clamp(I64Vec3::ZERO, self.count - I64Vec3::ONE);
-        ((cell.z * self.count.y + cell.y) * self.count.x + cell.x) as u64
-    }
-
-    /// Places inside an edge, with the part of the way from its first end, in order; `margin` from the ends at least.
-    pub fn inside(&self, positions: &[DVec3], [from, to]: [DVec3; 2], margin: f64) -> Vec<(u32, f64)> {
-        let span = to - from;
-        let length = span.length();
-        let mut found: Vec<(u32, f64)> = vec![];
-        if length <= 2.0 * margin {
-            return found;
-        }
-        let axis = span.abs().max_position();
-        let scaled = |value: f64, axis: usize| ((value - self.low[axis]) / self.cell).floor() as i64;
-        let (least, most) = (from[axis].min(to[axis]), from[axis].max(to[axis]));
-        let (other, third) = ((axis + 1) % 3, (axis + 2) % 3);
-        let first = scaled(least - self.tolerance, axis).max(0);
-        let last = scaled(most + self.tolerance, axis).min(self.count[axis] - 1);
-        for slab in first..=last {
-            let border = |slab: i64| self.low[axis] + slab as f64 * self.cell;
-            let part = |value: f64| ((value - from[axis]) / span[axis]).clamp(0.0, 1.0);
-            let borders = [border(slab) - self.tolerance, border(slab + 1) + self.tolerance];
-            let [one, two] = borders.map(|value| from + span * part(value));
-            let range = |axis: usize| {
-                let low = scaled(one[axis].min(two[axis]) - self.tolerance, axis).max(0);
-                let high = scaled(one[axis].max(two[axis]) + self.tolerance, axis).min(self.count[axis] - 1);
-                low..=high
-            };
-            for second in range(other) {
-                for last in range(third) {
-                    let mut cell = I64Vec3::ZERO;
-                    (cell[axis], cell[other], cell[third]) = (slab, second, last);
-                    let key = self.key(cell);
-                    let start = self.sorted.partition_point(|(own, _)| *own < key);
-                    let here = self.sorted[start..].iter().take_while(|(own, _)| *own == key);
-                    found.extend(here.filter_map(|(_, place)| {
-                        let offset = positions[*place as usize] - from;
-                        let along = offset.dot(span) / length;
-                        let beside = (offset - span * (along / length)).length();
-                        let is_inside = beside <= self.tolerance && along > margin && along < length - margin;
-                        is_inside.then_some((*place, along / length))
-                    }));
-                }
-            }
-        }
-        found.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
-        found
     }
 }

@@ -11,6 +11,7 @@
 //! | `working` | the triangles with what lies around them |
 //! | `join` | joins both sides of contact lines with the same light |
 //! | `conform` | vertices at one position; splits at T-junctions |
+//! | `grid`, `split` | what lies on an edge; triangles split there |
 //! | `linear` | light that is linear over a triangle, and samples of it |
 //! | `limits` | how far light may deviate |
 //! | `collapse` | which vertices can go |
@@ -26,12 +27,14 @@ mod collapse;
 mod conform;
 mod fit;
 mod flip;
+mod grid;
 mod join;
 mod limits;
 mod linear;
 mod own_triangles;
 mod sealed;
 mod simplify;
+mod split;
 mod working;
 
 use crate::error_budget::{ErrorBudget, INTERPOLATED_NOISE, without};
@@ -56,7 +59,7 @@ const PART_OF_ERROR: f64 = 0.25;
 #[must_use]
 pub fn output_mesh(scene: &Scene, lit: LitMesh, error: Option<&ErrorBudget>) -> (LitMesh, f64) {
     let (lit, difference) = of_lit_facets(scene, lit, error);
-    (add_sealed(scene, lit), difference)
+    (sealed::add_conforming(scene, lit), difference)
 }
 
 /// The output of what the bake has light of.

@@ -5,7 +5,8 @@ use glam::DVec3;
 use rayon::prelude::*;
 use smallvec::SmallVec;
 
-use super::conform::{Grid, ON_EDGE, ONE_POINT, fan, is_line};
+use super::grid::{Grid, ON_EDGE, ONE_POINT};
+use super::split::{fan, is_line, normal_between};
 use crate::context::extent;
 use crate::lit::{LitMesh, LitTriangle, LitVertex};
 use scene::{Facet, Scene};
@@ -19,13 +20,24 @@ struct SealedTriangle<'a> {
     positions: [DVec3; 3],
 }
 
-/// Adds the triangles of sealed facets, without light. They are split where vertices lie on their edges, which their lit sides share.
-pub fn add_sealed(scene: &Scene, mut lit: LitMesh) -> LitMesh {
+/// Adds the triangles of sealed facets, without light.
+pub fn add_sealed(scene: &Scene, lit: LitMesh) -> LitMesh {
+    let sealed = sealed_triangles(scene);
+    let on_edges = vec![Some(OnEdges::default()); sealed.len()];
+    with_triangles(lit, &sealed, on_edges)
+}
+
+/// The same, split where vertices lie on their edges, which their lit sides share.
+pub fn add_conforming(scene: &Scene, lit: LitMesh) -> LitMesh {
     let sealed = sealed_triangles(scene);
     if sealed.is_empty() {
         return lit;
     }
     let on_edges = on_edges(&sealed, &lit, extent(scene));
+    with_triangles(lit, &sealed, on_edges)
+}
+
+fn with_triangles(mut lit: LitMesh, sealed: &[SealedTriangle], on_edges: Vec<Option<OnEdges>>) -> LitMesh {
     let mut known: HashMap<(usize, [u64; 3], [u64; 3]), u32> = HashMap::new();
     for (triangle, on_edges) in sealed.iter().zip(on_edges) {
         let Some(on_edges) = on_edges else { continue };
@@ -37,10 +49,14 @@ pub fn add_sealed(scene: &Scene, mut lit: LitMesh) -> LitMesh {
         };
         let corners = triangle.positions.map(|position| (position, triangle.normal_at(position)));
         let lines: [SmallVec<[u32; 4]>; 3] = [0, 1, 2].map(|edge| {
-            let ends @ [from, to] = [corners[edge], corners[(edge + 1) % 3]];
-            let between = on_edges[edge].iter().map(|(position, part)| {
-                (*position, ends[0].1.lerp(ends[1].1, *part).normalize_or(ends[0].1))
-            });
+            let (from, to) = (corners[edge], corners[(edge + 1) % 3]);
+            let is_turned = is_turned([from.0, to.0]);
+            let normals = if is_turned { [to.1, from.1] } else { [from.1, to.1] };
+            let between = |(position, part): &(DVec3, f64)| (*position, normal_between(normals, *part));
+            let mut between: SmallVec<[_; 4]> = on_edges[edge].iter().map(between).collect();
+            if is_turned {
+                between.reverse();
+            }
             [from].into_iter().chain(between).chain([to]).map(&mut vertex).collect()
         });
         let facet = triangle.facet;
@@ -54,6 +70,11 @@ pub fn add_sealed(scene: &Scene, mut lit: LitMesh) -> LitMesh {
         lit.unshot.resize(count, DVec3::ZERO);
     }
     lit
+}
+
+/// Whether an edge is looked at from its other end: it is the same for both triangles that share it.
+fn is_turned([from, to]: [DVec3; 2]) -> bool {
+    to.to_array() < from.to_array()
 }
 
 impl SealedTriangle<'_> {
@@ -75,7 +96,7 @@ fn sealed_triangles(scene: &Scene) -> Vec<SealedTriangle<'_>> {
         .collect()
 }
 
-/// By edge of a triangle: positions of vertices inside the edge, with the part of the way.
+/// By edge of a triangle: positions of vertices inside the edge, with the part of the way from the end that it is looked at from.
 type OnEdges = [Vec<(DVec3, f64)>; 3];
 
 /// What lies on the edges of each triangle; `None` where it is no more than a line.
@@ -90,9 +111,10 @@ fn on_edges(sealed: &[SealedTriangle], lit: &LitMesh, extent: f64) -> Vec<Option
         let [a, b, c] = triangle.positions;
         let mut has_own = false;
         let on_edges = [[a, b, c], [b, c, a], [c, a, b]].map(|[from, to, third]| {
+            let ends = if is_turned([from, to]) { [to, from] } else { [from, to] };
             let mut last = 0.0;
             let mut line = vec![];
-            for (place, part) in grid.inside(&places, [from, to], margin) {
+            for (place, part) in grid.inside(&places, ends, margin) {
                 let position = places[place as usize];
                 let is_own = position.distance(third) <= margin;
                 has_own |= is_own;
@@ -111,4 +133,35 @@ fn on_edges(sealed: &[SealedTriangle], lit: &LitMesh, extent: f64) -> Vec<Option
 
 fn bits(vector: DVec3) -> [u64; 3] {
     vector.to_array().map(f64::to_bits)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_scenes::{facet, scene};
+
+    /// Two triangles of a square whose diagonal and one edge have vertices of others in their middles, and one that is a line.
+    #[test]
+    fn sealed_triangles_are_split_where_vertices_lie_on_their_edges() {
+        let triangles = [
+            [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0]],
+            [[0.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]],
+            [[1.0, 0.0, 0.0], [1.0 + 1e-7, 0.5, 0.0], [1.0, 1.0, 0.0]],
+        ];
+        let facets = triangles.iter().map(|corners| scene::Facet { is_sealed: true, ..facet(0, corners) });
+        let scene = scene(vec![facets.collect()], vec![]);
+        let vertex =
+            |x, y| LitVertex { position: DVec3::new(x, y, 0.0), normal: DVec3::Z, irradiance: DVec3::ONE };
+        let lit = || LitMesh {
+            vertices: vec![vertex(0.5, 0.5), vertex(1.0, 0.5)],
+            surfaces: vec![vec![]],
+            ..LitMesh::default()
+        };
+        assert_eq!(add_sealed(&scene, lit()).surfaces[0].len(), 3);
+        let split = add_conforming(&scene, lit());
+        assert_eq!(split.surfaces[0].len(), 3 + 2, "{:?}", split.surfaces);
+        // The square's corners, the middles of the diagonal and of the edge, and what was there before.
+        assert_eq!(split.vertices.len(), 4 + 2 + 2);
+        assert!(split.vertices[2..].iter().all(|vertex| vertex.irradiance == DVec3::ZERO));
+    }
 }

@@ -1,7 +1,7 @@
 //! Refining and measuring until the error is met.
 
 use super::measure::Measured;
-use super::refine::Refined;
+use super::refine::UNSEEN_STEP;
 use super::shooting_mesh::ShootingMesh;
 use super::solved::Solved;
 use crate::context::Context;
@@ -28,12 +28,6 @@ const PART_OF_ASKED: f64 = 0.4;
 
 /// The interpolation must be left this part of the asked error at least: else it would have to pay for others.
 const LEAST_REST: f64 = 0.4;
-
-/// Factor of the limit of refinement where the error was found too large and no patch was divided,
-const UNSEEN_STEP: f64 = 0.7;
-
-/// as often as this.
-const MOST_UNSEEN_STEPS: u32 = 12;
 
 /// Part of the interpolation error that is aimed at, at least, before it is measured again: the finer mesh tells better what the
 /// others leave to it, and vertices too many cannot be taken back.
@@ -70,11 +64,9 @@ impl Solved {
         let mut rounds_for_balance = 0;
         let mut shooters = None;
         let mut additions = 0;
-        let mut has_new_light = true;
+        let mut must_divide = false;
         loop {
-            let refined =
-                if has_new_light { solved.refine(cx, limit)? } else { solved.refine_on(cx, &mut limit)? };
-            let mut measured = refined.measure(cx, shooters)?;
+            let mut measured = solved.refine(cx, &mut limit, must_divide)?.measure(cx, shooters)?;
             if measured.shooters_take_much(cx.settings) && measured.solved.can_follow_mesh() {
                 if shooters.is_some() {
                     measured = measured.measure_shooters(cx)?;
@@ -83,8 +75,10 @@ impl Solved {
                 shooters = None;
             }
             let wants_points = additions < MOST_ADDITIONS && measured.is_limited_between(cx.settings);
-            has_new_light = wants_points && measured.solved.add_gather_points(cx, &measured.found_between)?;
-            if has_new_light {
+            // The light is new, and the mesh may be fine enough for it.
+            must_divide =
+                !(wants_points && measured.solved.add_gather_points(cx, &measured.found_between)?);
+            if !must_divide {
                 additions += 1;
                 shooters = Some([measured.error.shooters, measured.shooters_at_least]);
                 solved = measured.solved;
@@ -119,21 +113,6 @@ impl Solved {
             round += 1;
         }
     }
-
-    /// Refines until a patch is divided or something is in the way: where the prediction does not see what was found, only a lower limit
-    /// goes on, and measuring the same mesh again would but try another chance.
-    fn refine_on(self, cx: &mut Context, limit: &mut f64) -> Result<Refined> {
-        let vertices = self.mesh.mesh.vertices.len();
-        let mut refined = self.refine(cx, *limit)?;
-        for _ in 0..MOST_UNSEEN_STEPS {
-            if refined.obstacle.is_some() || refined.solved.mesh.mesh.vertices.len() > vertices {
-                break;
-            }
-            *limit *= UNSEEN_STEP;
-            refined = refined.solved.refine(cx, *limit)?;
-        }
-        Ok(refined)
-    }
 }
 
 impl Measured {
@@ -145,9 +124,10 @@ impl Measured {
         is_met || limited_by_others || self.obstacle.is_some()
     }
 
-    /// Whether light between gather points is a large part of an error that is not met.
+    /// Whether light between gather points is a large part of an error that is not met, and others leave something to it.
     fn is_limited_between(&self, settings: &BakeSettings) -> bool {
         settings.error.is_some_and(|asked| self.error.total > asked && self.between > MUCH_BETWEEN * asked)
+            && self.rest_for_receivers(settings) > 0.0
     }
 
     /// Whether emitted light is accounted for, where an error is asked for. What comes from outside is known from the first mesh alone,

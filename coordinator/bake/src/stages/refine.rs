@@ -8,6 +8,12 @@ use crate::error::Result;
 use crate::mesh::{PatchId, VertexId};
 use crate::refinement::{Obstacle, Plan, Step, long_patches};
 
+/// Factor of the limit of refinement where the error was found too large and no patch was divided,
+pub const UNSEEN_STEP: f64 = 0.7;
+
+/// as often as this.
+const MOST_UNSEEN_STEPS: u32 = 12;
+
 /// A bake on a refined mesh, solved for with the means over it.
 pub struct Refined {
     pub solved: Solved,
@@ -18,16 +24,21 @@ pub struct Refined {
 impl Solved {
     /// Divides patches where interpolation is wrong, round by round, until its error is expected to be under `limit`, and
     /// its contrast under that of the settings. Then solves again.
+    ///
+    /// Where it `must_divide`, the limit is lowered until a patch is divided or something is in the way: the prediction did not see what
+    /// was found, and measuring the same mesh again would but try another chance.
     #[tracing::instrument(skip_all)]
-    pub fn refine(mut self, cx: &mut Context, limit: f64) -> Result<Refined> {
-        let plan = Plan {
-            limit,
+    pub fn refine(mut self, cx: &mut Context, limit: &mut f64, must_divide: bool) -> Result<Refined> {
+        let mut plan = Plan {
+            limit: *limit,
             contrast: cx.settings.contrast.unwrap_or(f64::INFINITY),
             found_per_predicted: self.found_per_predicted,
             shortest_edge: cx.extent() * 2.0_f64.powi(-(cx.settings.max_level as i32)),
             max_vertices: cx.settings.most_vertices(cx.scene),
         };
         self.divide_long(cx)?;
+        let before = self.mesh.mesh.vertices.len();
+        let mut steps_left = if must_divide { MOST_UNSEEN_STEPS } else { 0 };
         let obstacle = loop {
             // The corners of others would keep the light of the middle.
             let has_own_receivers = |id: PatchId| {
@@ -35,6 +46,10 @@ impl Solved {
                 !self.rows.table.vertices.is_one(corners)
             };
             match plan.next(&self.mesh.mesh, &self.predict(cx), self.noise(), has_own_receivers) {
+                Step::Done if steps_left > 0 && self.mesh.mesh.vertices.len() == before => {
+                    steps_left -= 1;
+                    plan.limit *= UNSEEN_STEP;
+                }
                 Step::Done => break None,
                 Step::Stop(obstacle) => break Some(obstacle),
                 Step::Divide(patches) => {
@@ -45,6 +60,7 @@ impl Solved {
                 }
             }
         };
+        *limit = plan.limit;
         cx.end_step("refine");
         self.final_solve(cx)?;
         Ok(Refined { solved: self, obstacle })

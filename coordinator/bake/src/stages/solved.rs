@@ -119,15 +119,21 @@ impl Solved {
     /// Makes the leaves of the refined mesh the shares, and solves again.
     #[tracing::instrument(skip_all)]
     pub fn follow_mesh(&mut self, cx: &mut Context) -> Result<()> {
+        self.rows.source.follow_mesh(cx, &mut self.mesh)?;
+        self.look_at_cover(cx)?;
+        let incident = self.means().of(&self.mesh.energies, &self.solution.irradiance);
+        self.solution.radiosity = self.mesh.reflected(&incident);
+        self.final_solve(cx)
+    }
+
+    /// Finds anew how much of its hemisphere each share sees covered.
+    fn look_at_cover(&mut self, cx: &mut Context) -> Result<()> {
         let Self { mesh, rows: Rows { source, table }, .. } = self;
-        source.follow_mesh(cx, mesh)?;
         let sets: Vec<SetId> = table.vertices.sets().collect();
         let seen = source.gather(cx, mesh, table, &sets, &[], true)?;
         let sums = table.vertices.join(seen.into_iter().map(|gathered| gathered.cover.sums));
         self.row_sums = source.row_sums(mesh, &sums);
-        let incident = self.means().of(&self.mesh.energies, &self.solution.irradiance);
-        self.solution.radiosity = self.mesh.reflected(&incident);
-        self.final_solve(cx)
+        Ok(())
     }
 
     /// Adds gather points where light between them was found wrong, or changes, and solves again. False where there may be no more.
@@ -140,6 +146,7 @@ impl Solved {
         let expected: Vec<f64> = expected.leaves().iter().map(|(_, square)| *square).collect();
         let is_added = self.rows.source.add_points(cx, mesh, &expected)?;
         if is_added {
+            self.look_at_cover(cx)?;
             self.final_solve(cx)?;
         }
         Ok(is_added)

@@ -89,7 +89,7 @@ impl Kind {
             (Self::Choice(choices), Value::Whole(value)) => {
                 choices.iter().any(|choice| i128::from(choice.number) == *value)
             }
-            (Self::Text, Value::Text(text)) => super::is_short(text),
+            (Self::Text, Value::Text(text)) => super::violations::is_short(text),
             (Self::Colour, Value::Colour(colour)) => colour.is_finite() && colour.min_element() >= 0.0,
             (Self::Flag, Value::Flag(_)) => true,
             _ => false,

@@ -8,6 +8,7 @@
 //! | [`schema`] | what an option is; `kind`: the values that it may have |
 //! | [`slot`] | the places where values are kept |
 //! | [`tables`] | all options |
+//! | `violations` | what is wrong with options |
 //! | [`form`](form()) | the form of the page |
 
 mod form;
@@ -15,6 +16,7 @@ mod kind;
 pub mod schema;
 pub mod slot;
 pub mod tables;
+mod violations;
 
 use glam::DVec3;
 use protocol::api;
@@ -27,83 +29,14 @@ use scene::ImportOptions;
 
 use crate::lightmap_run::LightmapSettings;
 pub use form::form;
-use schema::{Kind, Value};
 use tables::OutputSettings;
-
-/// Longest text of a client: names, units, keys.
-pub const LONGEST_TEXT: usize = 200;
+pub use violations::{InvalidOptions, LONGEST_TEXT, Violation, Violations};
 
 /// Most groups of lights, and most names in all of them.
 pub const MOST_NAMES: usize = 1000;
 
 /// Width of a lightmap's page, in pixels, where nothing else is said.
 const DEFAULT_PAGE: u32 = 1024;
-
-/// Most violations that are told: an error must fit into the head of an answer.
-const MOST_VIOLATIONS: usize = 20;
-
-/// A field of a request that is wrong.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Violation {
-    /// The field, as `bake.error`.
-    pub field: String,
-    /// What it should be.
-    pub should: String,
-}
-
-impl Violation {
-    /// A field that is wrong.
-    pub fn new(field: impl Into<String>, should: impl Into<String>) -> Self {
-        Self { field: field.into(), should: should.into() }
-    }
-}
-
-/// Options that are wrong, each with what it should be.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{}", sentences(.0))]
-pub struct InvalidOptions(pub Vec<Violation>);
-
-fn sentences(violations: &[Violation]) -> String {
-    let sentence = |violation: &Violation| format!("{} {}", violation.field, violation.should);
-    violations.iter().map(sentence).collect::<Vec<_>>().join("; ")
-}
-
-/// Fields that are wrong, as they are found.
-#[derive(Debug, Default)]
-pub struct Violations(Vec<Violation>);
-
-impl Violations {
-    /// Nothing, or all that is wrong.
-    ///
-    /// # Errors
-    /// When something is wrong.
-    pub fn check(self) -> Result<(), InvalidOptions> {
-        if self.0.is_empty() { Ok(()) } else { Err(InvalidOptions(self.0)) }
-    }
-
-    /// Notes that a field is not as it should be.
-    pub fn demand(&mut self, holds: bool, field: &str, should: impl Into<String>) {
-        let violation = (!holds).then(|| Violation::new(field, should));
-        self.0.extend(violation.filter(|new| self.0.len() < MOST_VIOLATIONS && !self.0.contains(new)));
-    }
-
-    /// Notes that a text is too long.
-    pub fn short(&mut self, text: &str, field: &str) {
-        self.demand(is_short(text), field, Kind::Text.should());
-    }
-
-    fn colour(&mut self, colour: Option<api::Colour>, field: &str) -> Option<DVec3> {
-        let colour = colour.map(|colour| DVec3::new(colour.r, colour.g, colour.b));
-        let holds = colour.is_none_or(|colour| Kind::Colour.allows(&Value::Colour(colour)));
-        self.demand(holds, field, Kind::Colour.should());
-        colour
-    }
-}
-
-/// Whether a text of a client is short enough, and printable.
-fn is_short(text: &str) -> bool {
-    text.chars().count() <= LONGEST_TEXT && !text.contains(char::is_control)
-}
 
 /// How a scene's file is read.
 pub fn import_options(options: &api::SceneOptions, wrong: &mut Violations) -> ImportOptions {
@@ -320,7 +253,7 @@ mod tests {
             wrong.demand(false, &format!("field{index}"), "must be so");
         }
         let Err(InvalidOptions(told)) = wrong.check() else { panic!("nothing is wrong") };
-        assert_eq!(told.len(), MOST_VIOLATIONS);
+        assert_eq!(told.len(), violations::MOST_VIOLATIONS);
         assert_eq!(told.iter().filter(|violation| violation.field == "same").count(), 1);
     }
 

@@ -6,6 +6,7 @@
 //! | `materials`, `lights` | reflectance, exitance, intensity |
 //! | `weld` | merges nearby vertices, on request |
 //! | `extremes` | parts too small and lights too bright for the scene |
+//! | `placed` | primitives in the frame |
 //! | `frame`, `triangles` | triangles in the frame, without duplicates |
 //! | `facets` | flat convex pieces |
 //! | `blender` | units of lamps in files of Blender |
@@ -26,6 +27,7 @@ mod layers;
 mod lights;
 mod lit;
 mod materials;
+mod placed;
 mod planes;
 mod primitives;
 mod sealed;
@@ -44,7 +46,7 @@ use std::sync::Arc;
 
 use document::sky::{sky_of, take_sky_image};
 use document::{ImportError, ImportProblem, LightUnit, PlainDocument, ReadOptions};
-use glam::{DAffine3, DVec3};
+use glam::DVec3;
 use kernel::geometry::Bounds;
 use rayon::prelude::*;
 
@@ -54,14 +56,12 @@ pub use self::primitives::triangles as triangle_list;
 use self::extremes::Extents;
 use self::lights::WorldLight;
 use self::materials::Materials;
+use self::placed::{FlatPrimitive, PlacedPrimitive};
 use self::primitives::Geometry;
 use self::tally::Tally;
-use self::triangles::TriangleMesh;
 use crate::appearance::Pattern;
-use crate::facet::Facet;
-use crate::frame::Frame;
 use crate::light::Light;
-use crate::model::{Scene, Side, SourceDocument, Surface};
+use crate::model::{Scene, SourceDocument, Surface};
 use crate::report::ImportReport;
 use crate::sky::SkyPattern;
 use document::accessors::Context;
@@ -139,19 +139,6 @@ fn scene_of(mut file: PlainDocument, options: &ImportOptions) -> Result<Scene, I
     let source =
         SourceDocument { root, buffers: file.buffers, folder: file.folder, is_meshopt: file.is_meshopt };
     content.into_scene(source, options)
-}
-
-/// A primitive of a node, before the frame is known.
-struct PlacedPrimitive {
-    node: usize,
-    primitive: usize,
-    name: String,
-    world: DAffine3,
-    geometry: Geometry,
-    /// World positions of the vertices, if they were welded.
-    welded: Option<Vec<DVec3>>,
-    pattern: Arc<Pattern>,
-    double_sided: bool,
 }
 
 /// Primitives and lights of the scene's nodes.
@@ -308,61 +295,6 @@ impl Content {
         scene.import_report = tally.report(&scene);
         scene.warnings.extend(blender::check_units(&scene, options.light_unit));
         Ok(scene)
-    }
-}
-
-/// A primitive as facets in the frame.
-struct FlatPrimitive {
-    name: String,
-    /// The front, and the back if it is lit; empty if no triangle has an area.
-    surfaces: Vec<Surface>,
-    /// Whether its node has a scale of zero.
-    is_squeezed: bool,
-    /// How far the rounding of the file's coordinates may have moved a point, frame units.
-    rounding: f64,
-    degenerate: usize,
-    duplicates: usize,
-}
-
-impl FlatPrimitive {
-    fn new(placed: PlacedPrimitive, frame: &Frame, weld: Option<f64>) -> Self {
-        let welded = placed.welded.as_deref().zip(weld);
-        let mesh = TriangleMesh::new(&placed.geometry, &placed.world, frame, welded);
-        let facets = facets::build(&mesh, &placed.geometry.attributes);
-        let TriangleMesh { rounding, degenerate, duplicates, .. } = mesh;
-        let surfaces = if facets.is_empty() { Vec::new() } else { placed.surfaces(facets) };
-        let is_squeezed = placed.world.matrix3.determinant() == 0.0;
-        Self { name: placed.name, surfaces, is_squeezed, rounding, degenerate, duplicates }
-    }
-}
-
-impl PlacedPrimitive {
-    /// World positions of all triangles' corners.
-    fn corners(&self) -> impl Iterator<Item = DVec3> {
-        let corners = self.geometry.triangles.iter().flatten();
-        corners.map(|&vertex| match &self.welded {
-            Some(positions) => positions[vertex as usize],
-            None => triangles::to_world(&self.world, self.geometry.positions[vertex as usize]),
-        })
-    }
-
-    /// The surface of these front facets, and that of their backs if the material is double sided.
-    fn surfaces(&self, front: Vec<Facet>) -> Vec<Surface> {
-        let material = averaged::averaged(&self.pattern, &self.geometry, &front);
-        let surface = |side, facets| Surface {
-            node: self.node,
-            primitive: self.primitive,
-            side,
-            name: self.name.clone(),
-            reflectance: material.reflectance,
-            exitance: material.exitance,
-            opacity: material.opacity,
-            appearance: material.appearance.clone(),
-            facets,
-        };
-        let back = self.double_sided.then(|| front.iter().map(facets::turn).collect());
-        let front = surface(Side::Front, front);
-        [Some(front), back.map(|facets| surface(Side::Back, facets))].into_iter().flatten().collect()
     }
 }
 

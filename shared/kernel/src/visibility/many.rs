@@ -17,8 +17,8 @@ use crate::row::Precision;
 /// A shooter of this many polygons or more is treated as a whole.
 pub const MANY_POLYGONS: usize = 32;
 
-/// Part of the rays per hemisphere that goes to a shooter that covers all of it. With half as many, the noise of a sky hides what a
-/// small error wants to be refined.
+/// Part of the rays per hemisphere that goes to a shooter that covers all of it. With half as many, the noise of a
+/// sky is more than a small error allows.
 const PART: f64 = 0.5;
 
 /// Rays of a receiver to such a shooter, at least and at most; powers of two.

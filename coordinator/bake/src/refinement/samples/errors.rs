@@ -155,6 +155,7 @@ mod tests {
         assert!((twice.relative(&errors) - ERROR).abs() < 0.02, "{}", twice.relative(&errors));
         assert!(twice.relative_at_least(&errors) < twice.relative(&errors));
     }
+
     #[test]
     fn few_draws_do_not_claim_that_there_is_no_error() {
         let (points, errors) = noisy(2);

@@ -258,8 +258,11 @@ impl RowSource for GatherRows {
         receivers: &Receivers,
         radiosity: &[DVec3],
     ) -> Result<Option<Vec<DVec3>>> {
+        let points = self.points.receivers.len();
         let weights = self.weigh_receivers(cx, receivers)?;
-        Ok(Some(weights.of(&self.points.gather(radiosity))))
+        let light = weights.of(&self.points.gather(radiosity));
+        self.points.truncate(points);
+        Ok(Some(light))
     }
 
     fn add_points(&mut self, cx: &mut Context, mesh: &Mesh, expected: &[f64]) -> Result<bool> {

@@ -108,7 +108,8 @@ impl GatherRows {
                 errors_so_far.iter().rev().nth(1).is_none_or(|before| error <= LEAST_GAIN.powi(2) * before);
             errors_so_far.push(error);
             let most = if helps { MOST_POINTS } else { MANY_POINTS };
-            if round > 0 && error <= PART * asked || self.points.placed >= most {
+            // Fresh points alone tell of places where no others lie.
+            if at_fresh.is_some() && error <= PART * asked || self.points.placed >= most {
                 break;
             }
             let square = |(share, point): (&Share, &usize)| {
