@@ -7,6 +7,9 @@ use glam::DVec3;
 /// All positive numbers.
 pub(super) const POSITIVE: RangeInclusive<f64> = 5e-324..=f64::MAX;
 
+/// Longest text of a client: names, units, keys.
+const LONGEST_TEXT: usize = 200;
+
 /// The value of an option.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Value {
@@ -20,6 +23,12 @@ pub enum Value {
     Text(String),
     /// Linear RGB.
     Colour(DVec3),
+}
+
+/// Whether a text of a client is short enough, and printable.
+#[must_use]
+pub fn is_short(text: &str) -> bool {
+    text.chars().count() <= LONGEST_TEXT && !text.contains(char::is_control)
 }
 
 /// One of several values with names.
@@ -74,7 +83,7 @@ impl Kind {
             }
             Self::Flag => "must be true or false".into(),
             Self::Text => {
-                format!("must have at most {} characters, all of them printable", super::LONGEST_TEXT)
+                format!("must have at most {} characters, all of them printable", LONGEST_TEXT)
             }
             Self::Colour => "must be three numbers that are not negative, such as 0.8,0.9,1.2".into(),
         }
@@ -89,7 +98,7 @@ impl Kind {
             (Self::Choice(choices), Value::Whole(value)) => {
                 choices.iter().any(|choice| i128::from(choice.number) == *value)
             }
-            (Self::Text, Value::Text(text)) => super::violations::is_short(text),
+            (Self::Text, Value::Text(text)) => is_short(text),
             (Self::Colour, Value::Colour(colour)) => colour.is_finite() && colour.min_element() >= 0.0,
             (Self::Flag, Value::Flag(_)) => true,
             _ => false,

@@ -29,8 +29,9 @@ use scene::ImportOptions;
 
 use crate::lightmap_run::LightmapSettings;
 pub use form::form;
+pub use kind::is_short;
 use tables::OutputSettings;
-pub use violations::{InvalidOptions, LONGEST_TEXT, Violation, Violations};
+pub use violations::{InvalidOptions, Violation, Violations};
 
 /// Most groups of lights, and most names in all of them.
 pub const MOST_NAMES: usize = 1000;

@@ -3,10 +3,7 @@
 use glam::DVec3;
 use protocol::api;
 
-use super::schema::{Kind, Value};
-
-/// Longest text of a client: names, units, keys.
-pub const LONGEST_TEXT: usize = 200;
+use super::kind::{Kind, Value, is_short};
 
 /// Most violations that are told: an error must fit into the head of an answer.
 pub(super) const MOST_VIOLATIONS: usize = 20;
@@ -68,9 +65,4 @@ impl Violations {
         self.demand(holds, field, Kind::Colour.should());
         colour
     }
-}
-
-/// Whether a text of a client is short enough, and printable.
-pub(super) fn is_short(text: &str) -> bool {
-    text.chars().count() <= LONGEST_TEXT && !text.contains(char::is_control)
 }

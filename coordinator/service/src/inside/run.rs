@@ -12,7 +12,7 @@ use cluster::checkpoint::CheckpointError;
 use output::export::{Compression, ExportError, ExportSettings};
 use output::files::FileError;
 use pipeline::options::{
-    LONGEST_TEXT, MOST_NAMES, Violations, export_settings, import_options, irradiance_unit, new_light, wanted,
+    MOST_NAMES, Violations, export_settings, import_options, irradiance_unit, is_short, new_light, wanted,
 };
 use pipeline::prediction::least_memory_bytes;
 use pipeline::probes_run::ProbeSettings;
@@ -161,15 +161,11 @@ fn attempt<W: Write>(
         warnings: mem::take(&mut reporter.warnings),
         took: clock.elapsed().try_into().ok(),
         can_be_relit: lights.is_some(),
-        lights: lights.into_iter().flatten().filter(|name| can_be_named(name)).take(MOST_NAMES).collect(),
+        // Others no client could name in a request.
+        lights: lights.into_iter().flatten().filter(|name| is_short(name)).take(MOST_NAMES).collect(),
         size,
         sha256: sha256.to_vec().into(),
     })
-}
-
-/// Whether a client can name a light in a request.
-fn can_be_named(name: &str) -> bool {
-    name.chars().count() <= LONGEST_TEXT && !name.contains(char::is_control)
 }
 
 fn failed(error: impl ToString) -> Ending {
