@@ -133,21 +133,21 @@ fn split(working: &mut Working, places: &Places, inside: &HashMap<(u32, u32), Ve
         let Triangle { corners, surface, facet, region, .. } = working.triangles[index].clone();
         let edges = [(0, 1), (1, 2), (2, 0)].map(|(a, b)| (corners[a], corners[b]));
         let own = corners.map(|corner| places.of_corner[corner as usize]);
-        let on = |(a, b): (u32, u32)| inside.get(&(a.min(b), a.max(b))).into_iter().flatten();
-        let mut on_edges = edges.into_iter().flat_map(on).map(|(place, _)| own.contains(place)).peekable();
+        let found = edges.map(|(a, b)| inside.get(&(a.min(b), a.max(b))).map_or(&[][..], Vec::as_slice));
+        if found.iter().all(|found| found.is_empty()) {
+            continue;
+        }
         // What lies beyond that edge is split at the corner, and at nothing else.
-        let is_its_edge = on_edges.peek().is_some() && on_edges.all(|is_own| is_own);
+        let is_its_edge = found.into_iter().flatten().all(|(place, _)| own.contains(place));
         if is_its_edge && is_line(own.map(|place| places.position[place as usize])) {
-            for corner in corners {
-                working.corners[corner as usize].around.retain(|around| *around != index as u32);
-            }
+            working.detach(index, corners);
             working.triangles[index].corners = [NONE; 3];
             continue;
         }
-        let outline = edges.map(|(a, b)| {
+        let outline = [0, 1, 2].map(|side| {
+            let ((a, b), found) = (edges[side], found[side]);
             let edge = (a.min(b), a.max(b));
             let mut line: SmallVec<[u32; 4]> = SmallVec::from_slice(&[a]);
-            let found = inside.get(&edge).map_or(&[][..], Vec::as_slice);
             let between = found.iter().filter(|(place, _)| !own.contains(place)).map(|(place, part)| {
                 *added.entry((edge.0, edge.1, *place)).or_insert_with(|| {
                     working.add_between(edge, *place, places.position[*place as usize], *part)
@@ -163,9 +163,7 @@ fn split(working: &mut Working, places: &Places, inside: &HashMap<(u32, u32), Ve
         if outline.iter().all(|line| line.len() == 2) {
             continue;
         }
-        for corner in corners {
-            working.corners[corner as usize].around.retain(|around| *around != index as u32);
-        }
+        working.detach(index, corners);
         let parts = fan(outline.each_ref().map(SmallVec::as_slice));
         let mut parts =
             parts.into_iter().map(|corners| Triangle { corners, surface, facet, region, samples: vec![] });
@@ -180,6 +178,13 @@ fn split(working: &mut Working, places: &Places, inside: &HashMap<(u32, u32), Ve
 }
 
 impl Working {
+    /// Takes a triangle from its corners.
+    fn detach(&mut self, index: usize, corners: [u32; 3]) {
+        for corner in corners {
+            self.corners[corner as usize].around.retain(|around| *around != index as u32);
+        }
+    }
+
     /// A corner at a place inside an edge.
     fn add_between(&mut self, (a, b): (u32, u32), place: u32, position: DVec3, part: f64) -> u32 {
         let [one, two] = [a, b].map(|corner| &self.corners[corner as usize]);

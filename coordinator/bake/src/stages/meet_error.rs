@@ -74,12 +74,13 @@ impl Solved {
                 measured = measured.follow_mesh(cx)?;
                 shooters = None;
             }
-            let wants_points = additions < MOST_ADDITIONS && measured.is_limited_between(cx.settings);
-            // The light is new, and the mesh may be fine enough for it.
-            must_divide =
-                !(wants_points && measured.solved.add_gather_points(cx, &measured.found_between)?);
-            if !must_divide {
+            if additions < MOST_ADDITIONS
+                && measured.is_limited_between(cx.settings)
+                && measured.solved.add_gather_points(cx, &measured.found_between)?
+            {
                 additions += 1;
+                // The light is new, and the mesh may be fine enough for it.
+                must_divide = false;
                 shooters = Some([measured.error.shooters, measured.shooters_at_least]);
                 solved = measured.solved;
                 continue;
@@ -110,6 +111,7 @@ impl Solved {
             };
             shooters = Some([measured.error.shooters, measured.shooters_at_least]);
             solved = measured.solved;
+            must_divide = true;
             round += 1;
         }
     }

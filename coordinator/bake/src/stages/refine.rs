@@ -39,13 +39,14 @@ impl Solved {
         self.divide_long(cx)?;
         let before = self.mesh.mesh.vertices.len();
         let mut steps_left = if must_divide { MOST_UNSEEN_STEPS } else { 0 };
+        let mut prediction = self.predict(cx);
         let obstacle = loop {
             // The corners of others would keep the light of the middle.
             let has_own_receivers = |id: PatchId| {
                 let corners = &self.mesh.mesh.patch(id).corners;
                 !self.rows.table.vertices.is_one(corners)
             };
-            match plan.next(&self.mesh.mesh, &self.predict(cx), self.noise(), has_own_receivers) {
+            match plan.next(&self.mesh.mesh, &prediction, self.noise(), has_own_receivers) {
                 Step::Done if steps_left > 0 && self.mesh.mesh.vertices.len() == before => {
                     steps_left -= 1;
                     plan.limit *= UNSEEN_STEP;
@@ -56,6 +57,7 @@ impl Solved {
                     if !self.divide(cx, patches)? {
                         break Some(Obstacle::MaxVertices);
                     }
+                    prediction = self.predict(cx);
                     self.preview(cx);
                 }
             }

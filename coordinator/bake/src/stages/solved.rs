@@ -138,13 +138,11 @@ impl Solved {
 
     /// Adds gather points where light between them was found wrong, or changes, and solves again. False where there may be no more.
     pub fn add_gather_points(&mut self, cx: &mut Context, found: &[(PatchId, DVec3)]) -> Result<bool> {
-        let mesh = &self.mesh.mesh;
         let reflected: Vec<DVec3> =
             self.solution.irradiance.iter().zip(&self.direct).map(|(all, direct)| *all - *direct).collect();
-        let reflectance: Vec<DVec3> = cx.scene.surfaces.iter().map(|surface| surface.reflectance).collect();
-        let expected = MeshError::predict(mesh, &reflected, &reflectance, found);
+        let expected = self.predict_for(cx, &reflected, found);
         let expected: Vec<f64> = expected.leaves().iter().map(|(_, square)| *square).collect();
-        let is_added = self.rows.source.add_points(cx, mesh, &expected)?;
+        let is_added = self.rows.source.add_points(cx, &self.mesh.mesh, &expected)?;
         if is_added {
             self.look_at_cover(cx)?;
             self.final_solve(cx)?;
@@ -191,8 +189,13 @@ impl Solved {
         let mut found = self.solution.samples.compare(mesh, &best_fit(mesh, irradiance));
         // A leaf whose corners are all in the dark, or all in the light, may be otherwise between them.
         found.extend(self.solution.middles.compare_direct(mesh, &self.direct));
+        self.predict_for(cx, irradiance, &found)
+    }
+
+    /// The same for this irradiance of the vertices and these errors of the radiosity.
+    fn predict_for(&self, cx: &Context, irradiance: &[DVec3], found: &[(PatchId, DVec3)]) -> MeshError {
         let reflectance: Vec<DVec3> = cx.scene.surfaces.iter().map(|surface| surface.reflectance).collect();
-        MeshError::predict(mesh, irradiance, &reflectance, &found)
+        MeshError::predict(&self.mesh.mesh, irradiance, &reflectance, found)
     }
 
     /// Relative standard error of irradiance at a point, from the rays that sampled visibility.

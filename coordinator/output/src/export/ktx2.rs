@@ -8,6 +8,7 @@ use ktx2::{Format, Header, Index, LevelIndex};
 use rayon::prelude::*;
 
 use super::ExportError;
+use super::pages::half;
 
 /// Edge of a block, in texels.
 const BLOCK: usize = 4;
@@ -99,11 +100,6 @@ fn blocks(image: &[[f32; 3]], [width, height]: [u32; 2]) -> Vec<u8> {
         blocks
     };
     (0..height.div_ceil(BLOCK)).into_par_iter().flat_map_iter(of_row).collect()
-}
-
-/// The nearest number that the format holds: none below 0, none above those of half floats.
-fn half(value: f32) -> f16 {
-    f16::from_f32(value.clamp(0.0, f16::MAX.to_f32()))
 }
 
 #[cfg(test)]

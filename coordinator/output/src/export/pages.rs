@@ -97,9 +97,7 @@ pub(super) fn exr(layers: &[(Option<&str>, &[[f32; 3]])], size: [u32; 2]) -> Res
     let layer = |(name, page): &(Option<&str>, &[[f32; 3]])| {
         let page = page.to_vec();
         let channels = SpecificChannels::rgb(move |place: exr::math::Vec2<usize>| {
-            // Half floats end at 65504, and rounding may leave less than no light.
-            let [red, green, blue] = page[place.y() * width + place.x()]
-                .map(|value| f16::from_f32(value.clamp(0.0, f16::MAX.to_f32())));
+            let [red, green, blue] = page[place.y() * width + place.x()].map(half);
             (red, green, blue)
         });
         let attributes = LayerAttributes {
@@ -116,6 +114,11 @@ pub(super) fn exr(layers: &[(Option<&str>, &[[f32; 3]])], size: [u32; 2]) -> Res
     let written = image.write().non_parallel().to_buffered(&mut file);
     written.map_err(|error| ExportError::Image(error.to_string()))?;
     Ok(file.into_inner())
+}
+
+/// The nearest half float that is light: these end at 65504, and rounding may leave less than none.
+pub(super) fn half(value: f32) -> f16 {
+    f16::from_f32(value.clamp(0.0, f16::MAX.to_f32()))
 }
 
 #[cfg(test)]

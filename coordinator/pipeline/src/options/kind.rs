@@ -83,7 +83,7 @@ impl Kind {
             }
             Self::Flag => "must be true or false".into(),
             Self::Text => {
-                format!("must have at most {} characters, all of them printable", LONGEST_TEXT)
+                format!("must have at most {LONGEST_TEXT} characters, all of them printable")
             }
             Self::Colour => "must be three numbers that are not negative, such as 0.8,0.9,1.2".into(),
         }

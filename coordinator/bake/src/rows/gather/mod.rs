@@ -99,10 +99,20 @@ impl GatherRows {
         self.occluder.as_ref().map(|occluder| self.points.neighbours(occluder, cx.extent()))
     }
 
-    /// Weights of the gather points for some receivers, of which those that see none get all rays of a point.
-    fn weigh_receivers(&mut self, cx: &mut Context, receivers: &Receivers) -> Result<Interpolation> {
+    /// What the weights of the gather points tell of receivers that are asked about once. Those that see no point get all rays of one.
+    fn weigh_once<T>(
+        &mut self,
+        cx: &mut Context,
+        receivers: &Receivers,
+        tell: impl FnOnce(&Interpolation, &GatherPoints) -> T,
+    ) -> Result<T> {
+        let points = self.points.receivers.len();
         let rays = vec![self.rays; receivers.receivers.len()];
-        self.weigh(cx, &receivers.receivers, &rays)
+        let weights = self.weigh(cx, &receivers.receivers, &rays)?;
+        let told = tell(&weights, &self.points);
+        // Those that became points themselves are not asked about again.
+        self.points.truncate(points);
+        Ok(told)
     }
 
     /// Irradiance of the receivers of a set, given that of the gather points.
@@ -239,17 +249,12 @@ impl RowSource for GatherRows {
         (_, receivers): (ReceiverSet, &Receivers),
         radiosities: &[&[DVec3]],
     ) -> Result<Gathered> {
-        let points = self.points.receivers.len();
-        let weights = self.weigh_receivers(cx, receivers)?;
-        let light = radiosities.iter().map(|radiosity| weights.of(&self.points.gather(radiosity))).collect();
-        let sums = weights
-            .of(&self.points.covered(&mesh.materials))
-            .into_iter()
-            .map(|sum| sum.x.clamp(0.0, 1.0))
-            .collect();
-        // Those that became points themselves are asked about once.
-        self.points.truncate(points);
-        Ok(Gathered { light, cover: Cover { sums, ..Cover::default() } })
+        self.weigh_once(cx, receivers, |weights, points| {
+            let light = radiosities.iter().map(|radiosity| weights.of(&points.gather(radiosity))).collect();
+            let sums = weights.of(&points.covered(&mesh.materials)).into_iter();
+            let sums = sums.map(|sum| sum.x.clamp(0.0, 1.0)).collect();
+            Gathered { light, cover: Cover { sums, ..Cover::default() } }
+        })
     }
 
     fn interpolated(
@@ -258,11 +263,7 @@ impl RowSource for GatherRows {
         receivers: &Receivers,
         radiosity: &[DVec3],
     ) -> Result<Option<Vec<DVec3>>> {
-        let points = self.points.receivers.len();
-        let weights = self.weigh_receivers(cx, receivers)?;
-        let light = weights.of(&self.points.gather(radiosity));
-        self.points.truncate(points);
-        Ok(Some(light))
+        self.weigh_once(cx, receivers, |weights, points| Some(weights.of(&points.gather(radiosity))))
     }
 
     fn add_points(&mut self, cx: &mut Context, mesh: &Mesh, expected: &[f64]) -> Result<bool> {
