@@ -7,7 +7,9 @@ use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|bytes: &[u8]| {
     if let Ok(sky) = SkyImage::from_bytes(bytes) {
-        let Projection::Equirectangular { width, height } = sky.projection else { unreachable!("it is no cube") };
+        let Projection::Equirectangular { width, height } = sky.projection else {
+            unreachable!("it is no cube")
+        };
         assert_eq!(sky.texels.len(), width * height);
         assert!(sky.texels.iter().flatten().all(|value| value.is_finite() && *value >= 0.0));
     }

@@ -27,7 +27,9 @@ fuzz_target!(|bytes: &[u8]| {
     assert!(wanted.occlusion.is_none_or(|distance| distance > 0.0 && distance.is_finite()));
     match wanted.probes {
         Some(Places::Grid(spacing)) => assert!(spacing > 0.0 && spacing.is_finite()),
-        Some(Places::Points(points)) => assert!(!points.is_empty() && points.iter().all(|point| point.is_finite())),
+        Some(Places::Points(points)) => {
+            assert!(!points.is_empty() && points.iter().all(|point| point.is_finite()))
+        }
         None => {}
     }
     assert!(wanted.export.exposure.is_none_or(|exposure| exposure > 0.0 && exposure.is_finite()));
