@@ -23,6 +23,7 @@ pub struct Context<'a, 'b> {
     pub client: &'a mut RowClient<'b>,
     /// Work done so far.
     pub work: Work,
+    extent: f64,
     clock: Instant,
 }
 
@@ -52,7 +53,8 @@ impl<'a, 'b> Context<'a, 'b> {
         work: Work,
         clock: Instant,
     ) -> Self {
-        let mut cx = Self { scene, settings, channels: Channels::needed(scene), client, work, clock };
+        let (channels, extent) = (Channels::needed(scene), extent(scene));
+        let mut cx = Self { scene, settings, channels, client, work, extent, clock };
         cx.set_precision(settings.precision());
         cx
     }
@@ -76,7 +78,7 @@ impl<'a, 'b> Context<'a, 'b> {
 
     /// Largest extent of the facets, in frame units.
     pub fn extent(&self) -> f64 {
-        extent(self.scene)
+        self.extent
     }
 }
 

@@ -109,7 +109,6 @@ impl Mesh {
             ..Self::default()
         };
         mesh.patches.reserve(welded.polygons.len());
-        mesh.leaves_at.reserve(welded.polygons.iter().map(Vec::len).sum());
         for ((surface, piece, lines), corners) in places.into_iter().zip(welded.polygons) {
             if !corners.is_empty() {
                 mesh.mark_hovering(&corners, piece, lines);
@@ -163,8 +162,8 @@ impl Mesh {
         let area = area_vector(&positions).length();
         self.patches.push(Patch { surface, facet, corners, first_child: None, parent, area });
         let edges: SmallVec<[_; 8]> = self.edges(id).map(|(a, b)| edge(a, b)).collect();
-        for edge in edges {
-            self.leaves_at.entry(edge).or_default().push(id);
+        if let Some(leaves_at) = &mut self.leaves_at {
+            edges.into_iter().for_each(|edge| leaves_at.add(edge, id));
         }
         id
     }

@@ -10,6 +10,7 @@
 //! | `pieces` | cuts long pieces across |
 //! | `welding` | corners to vertices; T-vertices made corners |
 //! | `subdivision` | divides patches, keeping neighbours within one level of each other |
+//! | `leaves_at` | which leaves lie along an edge |
 //! | `order` | vertices in spatial order |
 //! | `shares` | deals the patches out among their vertices |
 //! | `overlay` | lays the shares of one mesh over another |
@@ -25,6 +26,7 @@
 
 mod base;
 mod contact;
+mod leaves_at;
 mod line;
 mod locate;
 mod order;
@@ -45,6 +47,7 @@ use kernel::geometry::{ConvexPolygon, PlaneId};
 use scene::Scene;
 use smallvec::SmallVec;
 
+use leaves_at::LeavesAt;
 use order::FacetPlaces;
 pub use order::along_curve;
 
@@ -139,8 +142,8 @@ pub struct Mesh {
     midpoints: HashMap<Edge, VertexId>,
     /// The whole edge that half an edge came from.
     halves: HashMap<Edge, Edge>,
-    /// Undivided patches along an edge.
-    leaves_at: HashMap<Edge, SmallVec<[PatchId; 2]>>,
+    /// Undivided patches along an edge; none until a patch is divided.
+    leaves_at: Option<LeavesAt>,
     facet_places: FacetPlaces,
     /// Whether lines were asked for that are no contacts.
     pub has_lines: bool,

@@ -32,7 +32,7 @@ impl FacetPlaces {
             let sum: DVec3 = facet.positions().sum();
             along_curve(sum / facet.corners.len() as f64)
         };
-        Self(scene.surfaces.iter().map(|surface| surface.facets.iter().map(place).collect()).collect())
+        Self(scene.surfaces.iter().map(|surface| surface.facets.par_iter().map(place).collect()).collect())
     }
 }
 
@@ -72,7 +72,7 @@ impl Mesh {
         }
         self.midpoints = renamed_edges(&mut self.midpoints, whole, vertex);
         self.halves = renamed_edges(&mut self.halves, whole, whole);
-        self.leaves_at = renamed_edges(&mut self.leaves_at, whole, |leaves| leaves);
+        self.leaves_at = None;
     }
 }
 

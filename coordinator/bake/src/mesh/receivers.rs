@@ -1,4 +1,3 @@
-use foldhash::{HashMap, HashMapExt};
 use glam::DVec3;
 use kernel::replica::{Receiver, Receivers};
 
@@ -44,11 +43,12 @@ pub fn shared_receivers(mesh: &Mesh, small: f64) -> (VertexReceivers, Option<Vec
     }
     let only_leaf = small_lone_leaves(mesh, small);
     let mut of_vertices = Vec::with_capacity(only_leaf.len());
-    let mut first_of: HashMap<PatchId, u32> = HashMap::new();
+    // Of each leaf, where there is one.
+    let mut first_of: Vec<Option<u32>> = vec![None; mesh.patches.len()];
     let (mut receivers, mut around) = (vec![], vec![]);
     for ((own, surroundings), leaf) in own.receivers.receivers.iter().zip(own.around).zip(only_leaf) {
         let next = around.len() as u32;
-        let receiver = leaf.map_or(next, |leaf| *first_of.entry(leaf).or_insert(next));
+        let receiver = leaf.map_or(next, |leaf| *first_of[leaf.index()].get_or_insert(next));
         of_vertices.push(receiver);
         if receiver < next {
             let shared: &mut Surroundings = &mut around[receiver as usize];
@@ -60,7 +60,7 @@ pub fn shared_receivers(mesh: &Mesh, small: f64) -> (VertexReceivers, Option<Vec
         }
     }
     let shared = VertexReceivers { receivers: Receivers { first_key: 0, receivers }, around };
-    (shared, (!first_of.is_empty()).then_some(of_vertices))
+    (shared, first_of.iter().any(Option::is_some).then_some(of_vertices))
 }
 
 /// The leaf of each vertex, where it is no longer than `small` and has all of its corners for itself.

@@ -1,8 +1,13 @@
 use glam::DVec3;
 use kernel::geometry::{ConvexPolygon, area_vector};
+use rayon::prelude::*;
 use scene::Scene;
+use smallvec::SmallVec;
 
 use super::{Mesh, Patch, PatchId, VertexId};
+
+/// Leaves whose surroundings are added up at a time.
+const AT_ONCE: usize = 1 << 14;
 
 /// The surface represented by a vertex: its corner quadrilaterals of the leaves around it, or what it was on another mesh.
 #[derive(Debug, Clone)]
@@ -104,15 +109,24 @@ pub struct Surroundings {
 #[must_use]
 pub fn surroundings(mesh: &Mesh, first: VertexId) -> Vec<Surroundings> {
     let mut all = vec![Surroundings::default(); mesh.vertices.len() - first.index()];
-    for (id, patch) in mesh.leaves() {
-        for (i, vertex) in patch.corners.iter().enumerate() {
-            if let Some(index) = vertex.index().checked_sub(first.index()) {
-                let quad = mesh.corner_quad(id, i);
-                let [next, centre, before] = [1, 2, 3].map(|k| (quad[k] - quad[0]).normalize_or_zero());
-                // In two parts, since the corner of a patch may be straight.
-                all[index].inward += direction_integral(next, centre) + direction_integral(centre, before);
-                all[index].area += area_vector(&quad).length();
-            }
+    let leaves: Vec<PatchId> = mesh.leaves().map(|(id, _)| id).collect();
+    let of_leaf = |id: &PatchId| -> SmallVec<[(usize, Surroundings); 4]> {
+        let corners = mesh.patch(*id).corners.iter().enumerate();
+        let own = corners.filter_map(|(i, vertex)| {
+            let index = vertex.index().checked_sub(first.index())?;
+            let quad = mesh.corner_quad(*id, i);
+            let [next, centre, before] = [1, 2, 3].map(|k| (quad[k] - quad[0]).normalize_or_zero());
+            // In two parts, since the corner of a patch may be straight.
+            let inward = direction_integral(next, centre) + direction_integral(centre, before);
+            Some((index, Surroundings { inward, area: area_vector(&quad).length() }))
+        });
+        own.collect()
+    };
+    for some in leaves.chunks(AT_ONCE) {
+        let own: Vec<_> = some.par_iter().with_min_len(256).map(of_leaf).collect();
+        for (index, part) in own.into_iter().flatten() {
+            all[index].inward += part.inward;
+            all[index].area += part.area;
         }
     }
     for around in &mut all {

@@ -1,6 +1,7 @@
 use glam::DVec3;
 use smallvec::SmallVec;
 
+use super::leaves_at::LeavesAt;
 use super::{Mesh, PatchId, Vertex, VertexId, edge};
 
 impl Mesh {
@@ -13,6 +14,9 @@ impl Mesh {
     /// The same, as far as the mesh then has no more vertices than this: false where it would have more. Neighbours may be divided
     /// where the patch itself is not.
     pub fn divide_within(&mut self, id: PatchId, most: usize) -> bool {
+        if self.leaves_at.is_none() {
+            self.leaves_at = Some(LeavesAt::new(self));
+        }
         let mut todo = vec![id];
         while let Some(&id) = todo.last() {
             if self.patch(id).first_child.is_some() {
@@ -36,21 +40,16 @@ impl Mesh {
 
     /// Leaves that have the whole edge of which this patch has one half.
     fn coarser_neighbours(&self, id: PatchId) -> Vec<PatchId> {
-        self.edges(id)
-            .filter_map(|(a, b)| self.halves.get(&edge(a, b)))
-            .filter_map(|whole| self.leaves_at.get(whole))
-            .flatten()
-            .copied()
-            .collect()
+        let Some(leaves_at) = &self.leaves_at else { return vec![] };
+        let wholes = self.edges(id).filter_map(|(a, b)| self.halves.get(&edge(a, b)));
+        wholes.flat_map(|whole| leaves_at.get(*whole)).copied().collect()
     }
 
     fn divide_one(&mut self, id: PatchId) {
         let patch = self.patch(id).clone();
         let edges: SmallVec<[_; 8]> = self.edges(id).collect();
-        for (a, b) in &edges {
-            if let Some(leaves) = self.leaves_at.get_mut(&edge(*a, *b)) {
-                leaves.retain(|leaf| *leaf != id);
-            }
+        if let Some(leaves_at) = &mut self.leaves_at {
+            edges.iter().for_each(|(a, b)| leaves_at.remove(edge(*a, *b), id));
         }
         let middles: SmallVec<[VertexId; 8]> = edges.iter().map(|(a, b)| self.midpoint(*a, *b)).collect();
         let centre = self.add_mean_vertex(&patch.corners);

@@ -1,19 +1,28 @@
 use glam::DVec3;
 
-use super::{Mesh, PatchId, VertexId};
+use rayon::prelude::*;
+
+use super::{Mesh, Patch, PatchId, VertexId};
 use crate::lit::LitTriangle;
 
 /// The leaves of each surface as triangles. A leaf with a finer neighbour takes the neighbour's vertices into its outline, so
 /// there are no cracks and no jumps. Of all ways to triangulate an outline the one is chosen whose inner edges join vertices
 /// with the most similar `value`: edges then run along shadow lines rather than across them.
 #[must_use]
-pub fn triangulate(mesh: &Mesh, surfaces: usize, value: impl Fn(VertexId) -> DVec3) -> Vec<Vec<LitTriangle>> {
+pub fn triangulate(
+    mesh: &Mesh,
+    surfaces: usize,
+    value: impl Fn(VertexId) -> DVec3 + Sync,
+) -> Vec<Vec<LitTriangle>> {
     let mut triangles = vec![vec![]; surfaces];
-    for (id, patch) in mesh.leaves() {
-        let own = triangulate_leaf(mesh, id, &value).into_iter();
-        triangles[patch.surface as usize].extend(
-            own.map(|corners| LitTriangle { facet: patch.facet, vertices: corners.map(|corner| corner.0) }),
-        );
+    let leaves: Vec<PatchId> = mesh.leaves().map(|(id, _)| id).collect();
+    let of_leaf = |id: &PatchId| triangulate_leaf(mesh, *id, &value);
+    let all: Vec<Vec<[VertexId; 3]>> = leaves.par_iter().with_min_len(256).map(of_leaf).collect();
+    for (id, own) in leaves.into_iter().zip(all) {
+        let Patch { surface, facet, .. } = *mesh.patch(id);
+        let of_vertices =
+            |corners: [VertexId; 3]| LitTriangle { facet, vertices: corners.map(|corner| corner.0) };
+        triangles[surface as usize].extend(own.into_iter().map(of_vertices));
     }
     triangles
 }
@@ -57,6 +66,9 @@ fn triangulate_outline(
     let diagonal_cost = |a: usize, b: usize| {
         if b - a == 1 || (a == 0 && b == count - 1) { 0.0 } else { values[a].distance_squared(values[b]) }
     };
+    if count == 3 {
+        return if flat(0, 1, 2) { vec![] } else { vec![[0, 1, 2]] };
+    }
     let mut best = vec![vec![(0.0, 0); count]; count];
     for span in 2..count {
         for from in 0..count - span {

@@ -2,7 +2,7 @@
 
 use foldhash::{HashMap, HashMapExt, HashSet};
 
-use glam::{DVec3, I64Vec3};
+use glam::{DVec3, IVec3};
 use kernel::disjoint_sets::DisjointSets;
 use kernel::geometry::{Bounds, PlaneId, area_vector};
 use rayon::prelude::*;
@@ -27,14 +27,16 @@ const AT_ONCE: usize = 256;
 
 /// Index of a point: a position and a smoothing group. A vertex is a point, or a part of one where a contact divides the
 /// surface around it.
-type PointId = usize;
+type PointId = u32;
 
 /// Welds corners that are the same point, and finds the vertices.
 #[derive(Default)]
 pub struct Welder {
     points: Vec<Vertex>,
     groups: Vec<SmoothingGroup>,
-    found: HashMap<([i64; 3], SmoothingGroup), PointId>,
+    found: HashMap<(IVec3, SmoothingGroup), PointId>,
+    /// Cells that have a point of any group: far fewer than there are points.
+    cells: HashSet<IVec3>,
     /// Points of each plane, for T-vertices.
     flat: HashMap<SmoothingGroup, Vec<PointId>>,
     polygons: Vec<Vec<PointId>>,
@@ -93,11 +95,11 @@ impl Welder {
         } else {
             SmoothingGroup::Flat(facet.plane, facet.normal.dot(NO_COMMON_NORMAL) > 0.0)
         };
-        let cell = (corner.position / WELD).round().as_i64vec3();
-        let here = (cell.to_array(), group);
+        let cell = (corner.position / WELD).round().as_ivec3();
+        let here = (cell, group);
         let known = self.found.get(&here).copied().or_else(|| self.near(corner.position, cell, group));
         known.unwrap_or_else(|| {
-            let id = self.points.len();
+            let id = self.points.len() as PointId;
             self.points.push(Vertex {
                 position: corner.position,
                 normal: corner.normal,
@@ -110,21 +112,23 @@ impl Welder {
                 self.flat.entry(group).or_default().push(id);
             }
             self.found.insert(here, id);
+            self.cells.insert(cell);
             id
         })
     }
 
     /// A point closer than half the welding distance in a cell beside: rounding may have put the two on either side of a border.
-    fn near(&self, position: DVec3, cell: I64Vec3, group: SmoothingGroup) -> Option<PointId> {
+    fn near(&self, position: DVec3, cell: IVec3, group: SmoothingGroup) -> Option<PointId> {
         // The nearer neighbour on each axis: what is half the distance away lies there.
         let offset = position / WELD - cell.as_dvec3();
         let steps = [0, 1, 2].map(|axis| [0, if offset[axis] < 0.0 { -1 } else { 1 }]);
         let beside = steps[0].into_iter().flat_map(|x| {
-            steps[1].into_iter().flat_map(move |y| steps[2].into_iter().map(move |z| I64Vec3::new(x, y, z)))
+            steps[1].into_iter().flat_map(move |y| steps[2].into_iter().map(move |z| IVec3::new(x, y, z)))
         });
         beside
-            .filter_map(|step| self.found.get(&((cell + step).to_array(), group)).copied())
-            .find(|point| self.points[*point].position.distance(position) < WELD / 2.0)
+            .filter(|step| self.cells.contains(&(cell + step)))
+            .filter_map(|step| self.found.get(&(cell + step, group)).copied())
+            .find(|point| self.points[*point as usize].position.distance(position) < WELD / 2.0)
     }
 
     /// Makes every point that lies on an edge of its own plane a corner there, so that both sides of the edge divide it alike;
@@ -139,7 +143,7 @@ impl Welder {
             // Next to none has any.
             let polygon = if contacts.is_empty() { &[][..] } else { polygon };
             let found = edges(polygon).filter(|(a, b)| {
-                let middle = (points[*a].position + points[*b].position) / 2.0;
+                let middle = (points[*a as usize].position + points[*b as usize].position) / 2.0;
                 contacts.iter().any(|contact| distance_to_line(middle, contact) < WELD)
             });
             found.map(sorted).collect::<SmallVec<[_; 4]>>()
@@ -153,8 +157,10 @@ impl Welder {
     fn drop_flat_polygons(&mut self) {
         let points = &self.points;
         self.polygons.par_iter_mut().with_min_len(AT_ONCE).for_each(|polygon| {
-            let positions: SmallVec<[DVec3; 8]> = polygon.iter().map(|id| points[*id].position).collect();
-            let longest = edges(polygon).map(|(a, b)| points[a].position.distance(points[b].position));
+            let positions: SmallVec<[DVec3; 8]> =
+                polygon.iter().map(|id| points[*id as usize].position).collect();
+            let longest = edges(polygon)
+                .map(|(a, b)| points[a as usize].position.distance(points[b as usize].position));
             let least_area = WELD * longest.fold(0.0, f64::max);
             let mut distinct: SmallVec<[PointId; 8]> = SmallVec::from_slice(polygon);
             distinct.sort_unstable();
@@ -177,18 +183,24 @@ impl Welder {
             })
             .collect();
         let count = self.polygons.iter().map(Vec::len).sum();
-        let mut joined = DisjointSets::new(count);
-        let mut first_at: HashMap<(PointId, PointId), [usize; 2]> = HashMap::with_capacity(count);
-        for (polygon, first) in self.polygons.iter().zip(&slot_of) {
-            for (i, (a, b)) in edges(polygon).enumerate() {
-                let slots = [first + i, first + (i + 1) % polygon.len()];
+        // Edges with the slots of both ends, the lesser point first.
+        let of_polygon = |(polygon, first): (&Vec<PointId>, &usize)| {
+            let slots = edges(polygon).enumerate().map(|(i, (a, b))| {
+                let slots = [i, (i + 1) % polygon.len()].map(|corner| (first + corner) as u32);
                 let slots = if a < b { slots } else { [slots[1], slots[0]] };
-                let edge = sorted((a, b));
-                if !self.contact_edges.contains(&edge) {
-                    let other = *first_at.entry(edge).or_insert(slots);
-                    joined.join(slots[0], other[0]);
-                    joined.join(slots[1], other[1]);
-                }
+                (sorted((a, b)), slots)
+            });
+            slots.filter(|(edge, _)| !self.contact_edges.contains(edge)).collect::<SmallVec<[_; 4]>>()
+        };
+        let polygons = self.polygons.par_iter().zip(&slot_of).with_min_len(AT_ONCE);
+        let mut at_edges: Vec<((PointId, PointId), [u32; 2])> = polygons.flat_map_iter(of_polygon).collect();
+        at_edges.par_sort_unstable();
+        let mut joined = DisjointSets::new(count);
+        for same in at_edges.chunk_by(|one, other| one.0 == other.0) {
+            let [first, second] = same[0].1;
+            for (_, slots) in &same[1..] {
+                joined.join(slots[0] as usize, first as usize);
+                joined.join(slots[1] as usize, second as usize);
             }
         }
         let mut vertex_of: Vec<Option<VertexId>> = vec![None; count];
@@ -197,7 +209,7 @@ impl Welder {
         for (polygon, first) in self.polygons.iter().zip(&slot_of) {
             let corners = polygon.iter().enumerate().map(|(i, point)| {
                 *vertex_of[joined.representative(first + i)].get_or_insert_with(|| {
-                    vertices.push(self.points[*point]);
+                    vertices.push(self.points[*point as usize]);
                     VertexId(vertices.len() as u32 - 1)
                 })
             });
@@ -209,8 +221,9 @@ impl Welder {
     fn insert_t_vertices(&mut self) {
         let points = &self.points;
         let sort = |(group, ids): (&SmoothingGroup, &Vec<PointId>)| {
-            let axis = Bounds::around(ids.iter().map(|id| points[*id].position)).extent().max_position();
-            let mut along: Vec<_> = ids.iter().map(|id| (points[*id].position[axis], *id)).collect();
+            let axis =
+                Bounds::around(ids.iter().map(|id| points[*id as usize].position)).extent().max_position();
+            let mut along: Vec<_> = ids.iter().map(|id| (points[*id as usize].position[axis], *id)).collect();
             along.sort_by(|a, b| a.0.total_cmp(&b.0));
             (*group, (axis, along))
         };
@@ -220,8 +233,8 @@ impl Welder {
             let mut corners = Vec::with_capacity(polygon.len());
             for (from, to) in edges(polygon) {
                 corners.push(from);
-                let group = self.groups[from];
-                if group == self.groups[to]
+                let group = self.groups[from as usize];
+                if group == self.groups[to as usize]
                     && let Some((axis, along)) = sorted.get(&group)
                 {
                     corners.extend(points_between(points, from, to, *axis, along));
@@ -240,7 +253,7 @@ fn points_between(
     axis: usize,
     along: &[(f64, PointId)],
 ) -> impl Iterator<Item = PointId> + use<> {
-    let (start, end) = (points[from].position, points[to].position);
+    let (start, end) = (points[from as usize].position, points[to as usize].position);
     let span = end - start;
     let length = span.length();
     let (low, high) = (start[axis].min(end[axis]) - WELD, start[axis].max(end[axis]) + WELD);
@@ -250,7 +263,7 @@ fn points_between(
         .take_while(|(value, _)| *value <= high)
         .filter(|(_, id)| *id != from && *id != to)
         .filter_map(|(_, id)| {
-            let offset = points[*id].position - start;
+            let offset = points[*id as usize].position - start;
             let distance = offset.dot(span) / length;
             let beside = (offset - span * (distance / length)).length();
             (beside < WELD && distance > WELD && distance < length - WELD).then_some((distance, *id))

@@ -14,30 +14,30 @@ impl Working {
     pub fn into_lit(self, scene: &Scene, lit: LitMesh, fit: Option<&Fit>) -> LitMesh {
         let mut vertices = vec![];
         let mut sources: Vec<u32> = vec![];
-        let mut known: HashMap<(u32, [u32; 2], u64, [u64; 3]), u32> = HashMap::new();
+        let mut known: HashMap<([u32; 2], u64, [u64; 3]), u32> = HashMap::new();
         let mut surfaces = vec![vec![]; scene.surfaces.len()];
         // In the order of the vertices before: it depends on the mesh alone, not on its light.
-        let mut used: Vec<u32> = self.alive().flat_map(|(_, triangle)| triangle.corners).collect();
-        used.sort_unstable();
-        used.dedup();
-        used.sort_by_key(|index| {
-            let Corner { from: (from, weight), .. } = self.corners[*index as usize];
-            (from, weight.to_bits())
+        let used = (0..self.corners.len() as u32).into_par_iter().with_min_len(1024).filter_map(|index| {
+            let Corner { from: (from, weight), around, .. } = &self.corners[index as usize];
+            (!around.is_empty()).then_some((*from, weight.to_bits(), index))
         });
+        let mut used: Vec<([u32; 2], u64, u32)> = used.collect();
+        used.par_sort_unstable();
         let mut number = vec![NONE; self.corners.len()];
-        for index in used {
-            let corner = &self.corners[index as usize];
-            let (from, weight) = corner.from;
-            let place = corner.position.to_array().map(f64::to_bits);
+        for (_, _, index) in used {
+            let Corner { position, normal, from: (from, weight), .. } = self.corners[index as usize];
+            let mut new = || {
+                vertices.push(LitVertex { position, normal, irradiance: DVec3::ZERO });
+                sources.push(index);
+                vertices.len() as u32 - 1
+            };
             // A fit may differ from surface to surface.
-            let own = if fit.is_some() { index } else { NONE };
-            number[index as usize] =
-                *known.entry((own, from, weight.to_bits(), place)).or_insert_with(|| {
-                    let (position, normal) = (corner.position, corner.normal);
-                    vertices.push(LitVertex { position, normal, irradiance: DVec3::ZERO });
-                    sources.push(index);
-                    vertices.len() as u32 - 1
-                });
+            number[index as usize] = if fit.is_some() {
+                new()
+            } else {
+                let place = position.to_array().map(f64::to_bits);
+                *known.entry((from, weight.to_bits(), place)).or_insert_with(new)
+            };
         }
         for (_, triangle) in self.alive() {
             let vertices = triangle.corners.map(|corner| number[corner as usize]);

@@ -29,8 +29,18 @@ pub fn conform(working: &mut Working) {
         let ends = [*a, *b].map(|corner| places.position[places.of_corner[corner as usize] as usize]);
         ((*a, *b), grid.inside(&places.position, ends, margin))
     };
-    let found: Vec<_> =
-        open.par_iter().with_min_len(256).map(find).filter(|(_, found)| !found.is_empty()).collect();
+    // Several edges lie at the same places: of both sides, and of both surfaces at a crease. Most have nothing inside.
+    let places_of = |(index, (a, b, _)): (usize, &(u32, u32, u32))| {
+        let [a, b] = [*a, *b].map(|corner| places.of_corner[corner as usize]);
+        ((a.min(b), a.max(b)), index)
+    };
+    let mut by_places: Vec<((u32, u32), usize)> = open.par_iter().enumerate().map(places_of).collect();
+    by_places.par_sort_unstable();
+    let together: Vec<_> = by_places.chunk_by(|one, other| one.0 == other.0).collect();
+    let has_any = |same: &&&[((u32, u32), usize)]| !find(&open[same[0].1]).1.is_empty();
+    let all_of =
+        |same: &&[((u32, u32), usize)]| same.iter().map(|(_, index)| find(&open[*index])).collect::<Vec<_>>();
+    let found: Vec<_> = together.par_iter().with_min_len(64).filter(has_any).flat_map_iter(all_of).collect();
     for (edge, found) in found {
         found.iter().for_each(|(place, _)| is_tied[*place as usize] = true);
         inside.insert(edge, found);
@@ -81,11 +91,17 @@ impl Places {
         let mut places =
             Self { of_corner: vec![NONE; working.corners.len()], first: vec![], position: vec![] };
         let mut by_cell: HashMap<I64Vec3, SmallVec<[u32; 1]>> = HashMap::new();
-        let mut order: Vec<u32> = (0..working.corners.len() as u32).collect();
+        let mut known: HashMap<[u64; 3], u32> = HashMap::new();
+        let is_fixed = |corner: &u32| working.corners[*corner as usize].fixed;
         // The input's corners do not move.
-        order.sort_by_key(|corner| !working.corners[*corner as usize].fixed);
-        for index in order {
+        let (fixed, others): (Vec<u32>, Vec<u32>) = (0..working.corners.len() as u32).partition(is_fixed);
+        for index in fixed.into_iter().chain(others) {
             let position = working.at(index);
+            let exact = position.to_array().map(f64::to_bits);
+            if let Some(place) = known.get(&exact) {
+                places.of_corner[index as usize] = *place;
+                continue;
+            }
             let (low, high) = (cell(position - tolerance), cell(position + tolerance));
             let mut nearest: Option<(f64, u32)> = None;
             for x in low.x..=high.x {
@@ -101,7 +117,7 @@ impl Places {
                     }
                 }
             }
-            places.of_corner[index as usize] = nearest.map_or_else(
+            let place = nearest.map_or_else(
                 || {
                     let place = places.position.len() as u32;
                     places.first.push(index);
@@ -111,6 +127,8 @@ impl Places {
                 },
                 |(_, place)| place,
             );
+            known.insert(exact, place);
+            places.of_corner[index as usize] = place;
         }
         places
     }
@@ -129,14 +147,17 @@ fn move_to_places(working: &mut Working, places: &Places, is_tied: &[bool]) {
 /// Splits the triangles along open edges that have places inside.
 fn split(working: &mut Working, places: &Places, inside: &HashMap<(u32, u32), Vec<(u32, f64)>>) {
     let mut added: HashMap<(u32, u32, u32), u32> = HashMap::new();
-    for index in 0..working.triangles.len() {
+    let has_any = |index: &usize| {
+        let [a, b, c] = working.triangles[*index].corners;
+        [(a, b), (b, c), (c, a)].iter().any(|(a, b)| inside.contains_key(&(*a.min(b), *a.max(b))))
+    };
+    let all: Vec<usize> =
+        (0..working.triangles.len()).into_par_iter().with_min_len(256).filter(has_any).collect();
+    for index in all {
         let Triangle { corners, surface, facet, region, .. } = working.triangles[index].clone();
         let edges = [(0, 1), (1, 2), (2, 0)].map(|(a, b)| (corners[a], corners[b]));
         let own = corners.map(|corner| places.of_corner[corner as usize]);
         let found = edges.map(|(a, b)| inside.get(&(a.min(b), a.max(b))).map_or(&[][..], Vec::as_slice));
-        if found.iter().all(|found| found.is_empty()) {
-            continue;
-        }
         // What lies beyond that edge is split at the corner, and at nothing else.
         let is_its_edge = found.into_iter().flatten().all(|(place, _)| own.contains(place));
         if is_its_edge && is_line(own.map(|place| places.position[place as usize])) {

@@ -1,25 +1,28 @@
 //! Joins both sides of contact lines with the same light.
 
+use rayon::prelude::*;
+
 use super::limits::Limits;
-use super::working::Working;
+use super::working::{Corner, Working};
 
 /// Part of the limit by which the values of both sides may differ. Each moves by half of it.
 const ALIKE: f64 = 0.5;
 
 /// Joins corners of one region at one position whose light is alike: a contact line that shows in nothing ends there.
 pub fn join(working: &mut Working, limits: &Limits) {
-    let mut open: Vec<((u32, [u64; 3]), u32)> = vec![];
-    for (index, corner) in (0..).zip(&working.corners) {
+    let key = |(index, corner): (usize, &Corner)| {
+        let index = index as u32;
         let is_open = corner.around.iter().any(|triangle| {
             let others = working.triangles[*triangle as usize].corners.into_iter().filter(|c| *c != index);
             others.into_iter().any(|other| working.along(index, other).count() == 1)
         });
-        if let (true, Some(first)) = (is_open, corner.around.first()) {
-            let region = working.triangles[*first as usize].region;
-            open.push(((region, corner.position.to_array().map(f64::to_bits)), index));
-        }
-    }
-    open.sort_unstable();
+        let first = corner.around.first().filter(|_| is_open)?;
+        let region = working.triangles[*first as usize].region;
+        Some(((region, corner.position.to_array().map(f64::to_bits)), index))
+    };
+    let corners = working.corners.par_iter().enumerate().with_min_len(256);
+    let mut open: Vec<((u32, [u64; 3]), u32)> = corners.filter_map(key).collect();
+    open.par_sort_unstable();
     for together in open.chunk_by(|a, b| a.0 == b.0) {
         let (_, kept) = together[0];
         for (_, other) in &together[1..] {

@@ -3,6 +3,8 @@
 //! What the eye sees is relative to the light around: a limit is a part of the light at its place, never less than a hundredth of the
 //! mean light, so that noise in the dark costs no vertices, and never more than the mean, so that the error stays small where it is bright.
 
+use std::ops::Range;
+
 use glam::DVec3;
 use rayon::prelude::*;
 use smallvec::SmallVec;
@@ -118,12 +120,16 @@ impl Limits {
         };
         let in_middles: Vec<SmallVec<[Sample; 3]>> =
             working.triangles.par_iter().enumerate().with_min_len(256).map(in_middles).collect();
-        for (triangle, own) in working.triangles.iter_mut().zip(in_middles) {
-            for sample in own {
-                triangle.samples.push(samples.len() as u32);
-                samples.push(sample);
-            }
-        }
+        let mut next = samples.len() as u32;
+        let take = |own: &SmallVec<[Sample; 3]>| {
+            let first = next;
+            next += own.len() as u32;
+            first..next
+        };
+        let numbers: Vec<Range<u32>> = in_middles.iter().map(take).collect();
+        let triangles = working.triangles.par_iter_mut().zip(numbers).with_min_len(256);
+        triangles.for_each(|(triangle, numbers)| triangle.samples.extend(numbers));
+        samples.extend(in_middles.into_iter().flatten());
         working.samples = samples;
     }
 }

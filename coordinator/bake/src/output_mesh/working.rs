@@ -2,6 +2,7 @@
 
 use foldhash::{HashMap, HashMapExt, HashSet};
 use glam::{DVec2, DVec3};
+use rayon::prelude::*;
 use smallvec::SmallVec;
 
 use super::linear::{LightIn, Region, Sample};
@@ -74,7 +75,17 @@ impl Working {
     pub fn new(scene: &Scene, lit: &LitMesh) -> Self {
         let positions = || scene.surfaces.iter().flat_map(|s| &s.facets).flat_map(|f| f.positions());
         let bits = |position: DVec3| position.to_array().map(f64::to_bits);
-        let fixed: HashSet<[u64; 3]> = positions().map(bits).collect();
+        let (fixed, mut working) = rayon::join(
+            || positions().map(bits).collect::<HashSet<[u64; 3]>>(),
+            || Self::movable(scene, lit),
+        );
+        let corners = working.corners.par_iter_mut().with_min_len(1024);
+        corners.for_each(|corner| corner.fixed = fixed.contains(&bits(corner.position)));
+        working
+    }
+
+    /// The same, without corners that do not move.
+    fn movable(scene: &Scene, lit: &LitMesh) -> Self {
         let mut working = Self {
             corners: Vec::with_capacity(lit.vertices.len() * 9 / 8),
             triangles: Vec::with_capacity(lit.surfaces.iter().map(Vec::len).sum()),
@@ -106,7 +117,7 @@ impl Working {
                     light: weight * irradiance,
                     from: ([*vertex; 2], 0.0),
                     surface: index as u32,
-                    fixed: fixed.contains(&bits(position)),
+                    fixed: false,
                     point: NONE,
                     around: SmallVec::new(),
                 });

@@ -96,6 +96,55 @@ impl Last {
     }
 }
 
+/// The point that is nearest to a receiver.
+#[derive(Clone, Copy)]
+pub struct Nearest {
+    pub point: u32,
+    /// Square of the distance between their places.
+    square: f64,
+}
+
+impl Default for Nearest {
+    fn default() -> Self {
+        Self { point: 0, square: f64::INFINITY }
+    }
+}
+
+/// Takes points from `first` on for those that are nearest to some receivers, where they are nearer than the known ones. They are found
+/// sooner where each receiver lies by the one before.
+pub fn take_nearer(
+    nearest: &mut [Nearest],
+    receivers: &[Receiver],
+    points: &[Receiver],
+    first: u32,
+    extent: f64,
+) {
+    let places: Vec<[f64; 6]> = points[first as usize..].iter().map(|point| place(point, extent)).collect();
+    if places.is_empty() {
+        return;
+    }
+    let Ok(tree) = ImmutableKdTree::<f64, 6>::new_from_slice(&places) else { return };
+    let take = |(nearest, receivers): (&mut [Nearest], &[Receiver])| {
+        let mut last = Last::default();
+        for (nearest, receiver) in nearest.iter_mut().zip(receivers) {
+            let place = place(receiver, extent);
+            let found = tree
+                .query(&place)
+                .nearest_n::<SquaredEuclidean<f64>>(ONE)
+                .within::<SquaredEuclidean<f64>>(last.bound(&place).min(nearest.square))
+                .execute();
+            last = Last { place, reach: f64::INFINITY };
+            if let Some(found) = found.first() {
+                last.reach = found.distance.sqrt();
+                if found.distance < nearest.square {
+                    *nearest = Nearest { point: first + found.item, square: found.distance };
+                }
+            }
+        }
+    };
+    nearest.par_chunks_mut(AT_ONCE).zip(receivers.par_chunks(AT_ONCE)).for_each(take);
+}
+
 /// Weights of points for each of some receivers.
 #[derive(Default)]
 pub struct Interpolation {
@@ -159,16 +208,6 @@ impl<'a> Neighbours<'a> {
         // A tree of no points cannot be built.
         let tree = ImmutableKdTree::new_from_slice(&places).ok().filter(|_| !points.is_empty());
         Self { points, tree, occluder, extent }
-    }
-
-    /// The nearest point to each of some receivers. It is found sooner where each lies by the one before.
-    pub fn nearest(&self, receivers: &[Receiver]) -> Vec<Option<u32>> {
-        let of_some = |some: &[Receiver]| {
-            let mut last = Last::default();
-            let nearest = |receiver| self.nearest_to(receiver, ONE, &mut last).next();
-            some.iter().map(nearest).collect::<Vec<_>>()
-        };
-        receivers.par_chunks(AT_ONCE).flat_map_iter(of_some).collect()
     }
 
     /// The nearest points to a receiver, the nearest first, where `last` is the one before.

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use super::GatherRows;
 use super::hemisphere::{View, gathered, hemispheres, views};
-use super::interpolation::{Neighbours, interpolated};
+use super::interpolation::{Nearest, Neighbours, interpolated, take_nearer};
 use super::noise::{TWINS, Twins};
 use crate::context::Context;
 use crate::error::Result;
@@ -20,6 +20,7 @@ use crate::refinement::{MOST_DRAWN, SamplePoints};
 use crate::rows::COARSE;
 use crate::rows::means::ShareValues;
 use crate::rows::share_mesh::ShareMesh;
+use crate::solver::ShareEnergy;
 use scene::{Facet, Scene};
 
 /// Meshes of no more receivers cast rays from each.
@@ -73,26 +74,28 @@ impl GatherRows {
             mesh.mesh.leaves().map(|(id, _)| middle(cx.scene, &mesh.mesh, id)).collect();
         let area: f64 = mesh.energies.iter().map(|share| share.area).sum();
         let (mut expected, mut errors_so_far) = (vec![], vec![]);
+        let mut nearest = vec![Nearest::default(); middles.len()];
         let mut count = FIRST_POINTS;
         for round in 0.. {
             let (drawn, looking, seen) = self.look_around(cx, &mesh.mesh, &expected, count)?;
             let fresh = drawn.receivers(count);
             let known = if round > 0 { self.neighbours(cx) } else { None };
             let at_fresh = known.map(|known| self.errors_at(&fresh.receivers, &seen, &radiosity, &known));
+            let known_points = self.points.receivers.len() as u32;
             self.points.add_placed(looking, seen);
             if round == 0 {
                 self.twins = Twins::look(cx.client, polygons, drawn.clone(), self.rays)?;
             }
             let Some(neighbours) = self.neighbours(cx) else { break };
             // Near enough to tell where points are needed.
-            let nearest = neighbours.nearest(&middles).into_iter();
-            let nearest: Vec<usize> = nearest.map(|point| point.unwrap_or(0) as usize).collect();
+            take_nearer(&mut nearest, &middles, &self.points.receivers, known_points, cx.extent());
             for _ in 0..PASSES {
                 let light = self.points.gather(&radiosity);
-                let all = mesh.energies.iter().zip(&direct).zip(&nearest);
-                radiosity = all
-                    .map(|((share, direct), point)| share.reflectance * (*direct + light[*point]))
-                    .collect();
+                let of_share = |((share, direct), nearest): ((&ShareEnergy, &DVec3), &Nearest)| {
+                    share.reflectance * (*direct + light[nearest.point as usize])
+                };
+                let all = mesh.energies.par_iter().zip(&direct).zip(&nearest).with_min_len(1024);
+                radiosity = all.map(of_share).collect();
             }
             let left_out = self.errors_left_out(&radiosity, &neighbours);
             let errors = at_fresh.as_ref().unwrap_or(&left_out);
@@ -112,9 +115,9 @@ impl GatherRows {
             if at_fresh.is_some() && error <= PART * asked || self.points.placed >= most {
                 break;
             }
-            let square = |(share, point): (&Share, &usize)| {
+            let square = |(share, nearest): (&Share, &Nearest)| {
                 let reflectance = cx.scene.surfaces[share.surface as usize].reflectance;
-                share.area * left_out[*point].length_squared() * reflectance.length_squared()
+                share.area * left_out[nearest.point as usize].length_squared() * reflectance.length_squared()
             };
             expected = mesh.shares.iter().zip(&nearest).map(square).collect();
             count = (self.points.placed / 2).clamp(FIRST_POINTS, MOST_DRAWN);
