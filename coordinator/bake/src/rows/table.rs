@@ -1,6 +1,6 @@
 //! The rows of the shares: kept while they fit, and made again where they do not.
 
-use std::collections::HashMap;
+use foldhash::{HashMap, HashMapExt};
 
 use glam::DVec3;
 use kernel::row::{Row, Shooter};
@@ -16,7 +16,7 @@ use crate::jobs::{ReceiverSet, RowBatch, RowClient};
 use crate::solver::ShareId;
 use crate::solver::bounds::{Bounds, add_slab_to_sums};
 use crate::solver::cache::{RowCache, SetId};
-use crate::solver::slab::{ROWS, Slab};
+use crate::solver::slab::{Slab, each_slab};
 
 /// Rows are requested in blocks of shares, over all sets at once, of about this many pairs: some jobs for each set, and little
 /// memory for the rows that wait until their block is complete.
@@ -114,7 +114,7 @@ impl RowTable {
         cx: &mut Context,
         sets: &[SetId],
         radiosities: &[&[DVec3]],
-        mut look: impl FnMut(usize, &[ShareId], &Slab),
+        mut look: impl FnMut(usize, &[ShareId], &Slab) + Send,
     ) -> Result<Vec<Vec<Vec<DVec3>>>> {
         let nothing = |set: &SetId| cx.channels.gathering(self.set(*set).count());
         let mut gathered: Vec<Vec<Gathering>> =
@@ -128,11 +128,13 @@ impl RowTable {
                 for set in 0..sets.len() {
                     let rows: Vec<&Row> =
                         handed.iter().flat_map(|handed| handed.rows.get(set).copied()).collect();
-                    let slab = Slab::new(&rows);
-                    look(set, &shares, &slab);
-                    for (gathered, radiosity) in gathered.iter_mut().zip(radiosities) {
-                        gathered[set].add_slab(&slab, |row| radiosity[shares[row].index()]);
-                    }
+                    each_slab(&rows, |first, slab| {
+                        let shares = &shares[first..first + slab.rows().len()];
+                        look(set, shares, slab);
+                        for (gathered, radiosity) in gathered.iter_mut().zip(radiosities) {
+                            gathered[set].add_slab(slab, |row| radiosity[shares[row].index()]);
+                        }
+                    });
                 }
             },
         )?;
@@ -217,7 +219,7 @@ impl RowTable {
         // Of these shares no row is missing any more.
         let mut hand_over = |until: usize, made: &mut HashMap<(SetId, ShareId), Row>| {
             while next < until {
-                let end = until.min(next + ROWS);
+                let end = until.min(next + LARGEST_BLOCK);
                 let shares = (next..end).map(|index| ShareId(index as u32));
                 let with_rows = |share: ShareId| {
                     let row = |set: &SetId| cache.row(*set, share).or_else(|| made.get(&(*set, share)));

@@ -23,7 +23,10 @@ const MOST_PER_VOLLEY: usize = 16;
 const VOLLEYS_IN_WINDOW: usize = 16;
 
 /// Uncounted blocks that several threads share.
-const MANY_BLOCKS: usize = 16;
+const MANY_BLOCKS: usize = 1024;
+
+/// Blocks that a thread counts at a time.
+const BLOCKS_AT_ONCE: usize = 16;
 
 /// Shares per block. A row reaches a room of some thousand consecutive shares.
 const BLOCK: usize = 128;
@@ -222,7 +225,8 @@ impl<L: Light> Shooting<L> {
         if uncounted.len() < MANY_BLOCKS {
             uncounted.iter().for_each(|block| self.blocks[*block] = self.counted(*block));
         } else {
-            let counted: Vec<Block<L>> = uncounted.par_iter().map(|block| self.counted(*block)).collect();
+            let blocks = uncounted.par_iter().with_min_len(BLOCKS_AT_ONCE);
+            let counted: Vec<Block<L>> = blocks.map(|block| self.counted(*block)).collect();
             uncounted.iter().zip(counted).for_each(|(block, counted)| self.blocks[*block] = counted);
         }
     }

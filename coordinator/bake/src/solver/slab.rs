@@ -7,11 +7,28 @@ use rayon::prelude::*;
 /// Receivers of a range: what they have fits the innermost caches.
 const RANGE: usize = 64 * GROUP;
 
-/// Rows with fewer factors than this are not worth more than one thread.
-const LEAST_FACTORS: usize = 1 << 14;
+/// Rows with fewer factors than this are not worth more than one thread: to wake another takes as long as adding some ten thousand.
+const LEAST_FACTORS: usize = 1 << 18;
 
 /// Rows that go well together.
-pub const ROWS: usize = 64;
+const ROWS: usize = 64;
+
+/// Cuts rows into slabs, and hands these over in order, each with the number of its first row.
+pub fn each_slab(rows: &[&Row], mut take: impl FnMut(usize, &Slab) + Send) {
+    let mut all = || {
+        for (number, rows) in rows.chunks(ROWS).enumerate() {
+            take(number * ROWS, &Slab::new(rows));
+        }
+    };
+    // Threads that share any are best handed all at once: to wake them for each takes longer than most.
+    if rows.chunks(ROWS).any(is_worth_sharing) { rayon::scope(|_| all()) } else { all() }
+}
+
+fn is_worth_sharing(rows: &[&Row]) -> bool {
+    let receivers = rows.first().map_or(0, |row| row.receivers());
+    let factors = || rows.iter().map(|row| row.count()).sum::<usize>();
+    rows.len() > 1 && receivers > RANGE && factors() >= LEAST_FACTORS
+}
 
 /// Some rows over the same receivers.
 pub struct Slab<'a> {
@@ -24,11 +41,8 @@ impl<'a> Slab<'a> {
     /// The slab of these rows.
     #[must_use]
     pub fn new(rows: &'a [&'a Row]) -> Self {
-        let factors: usize = rows.iter().map(|row| row.count()).sum();
-        let receivers = rows.first().map_or(0, |row| row.receivers());
-        let is_worth_it = rows.len() > 1 && factors >= LEAST_FACTORS && receivers > RANGE;
-        let places =
-            if is_worth_it { rows.par_iter().map(|row| row.places(RANGE)).collect() } else { vec![] };
+        let is_shared = is_worth_sharing(rows);
+        let places = if is_shared { rows.par_iter().map(|row| row.places(RANGE)).collect() } else { vec![] };
         Self { rows, places }
     }
 
@@ -93,7 +107,7 @@ mod tests {
 
     #[test]
     fn the_bits_are_those_of_one_row_after_the_other() {
-        let receivers = 2 * RANGE + 77;
+        let receivers = 4 * RANGE + 77;
         let factor = |x: usize, a: usize| {
             if (a / 100 + x).is_multiple_of(3) { 0.0 } else { 1.0 / (1 + (7 * x + 13 * a) % 1000) as f32 }
         };

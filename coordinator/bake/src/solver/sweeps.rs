@@ -10,7 +10,7 @@ use std::convert::Infallible;
 use kernel::disjoint_sets::DisjointSets;
 use kernel::row::{GROUP, Row};
 
-use super::slab::{self, Slab};
+use super::slab::{Slab, each_slab};
 use super::{Light, ShareEnergy, SharesAt, add_group, add_row, interreflection_bound};
 
 /// Rows of all shares in order. A solution passes over them once to begin with and once per sweep; rows that are not kept are
@@ -32,9 +32,7 @@ impl Transfer for Vec<Row> {
     type Error = Infallible;
 
     fn pass(&mut self, take: &mut dyn FnMut(usize, &[&Row])) -> Result<(), Infallible> {
-        for (number, rows) in self.chunks(slab::ROWS).enumerate() {
-            take(number * slab::ROWS, &rows.iter().collect::<Vec<_>>());
-        }
+        take(0, &self.iter().collect::<Vec<_>>());
         Ok(())
     }
 }
@@ -87,14 +85,16 @@ pub fn solve<L: Light, T: Transfer>(
     let mut level_irradiance = vec![L::default(); irradiance.len()];
     let mut reach = Reach::new(shares.len(), irradiance.len());
     transfer.pass(&mut |first, rows| {
-        let slab = Slab::new(rows);
-        slab.add(&mut irradiance, |row, part, mask, factors| {
-            add_group(part, mask, factors, radiosity[first + row]);
+        each_slab(rows, |own, slab| {
+            let first = first + own;
+            slab.add(&mut irradiance, |row, part, mask, factors| {
+                add_group(part, mask, factors, radiosity[first + row]);
+            });
+            slab.add(&mut level_irradiance, |row, part, mask, factors| {
+                add_group(part, mask, factors, shares[first + row].reflectance);
+            });
+            (first..).zip(slab.rows()).for_each(|(share, row)| reach.add(share, row, &shares_at));
         });
-        slab.add(&mut level_irradiance, |row, part, mask, factors| {
-            add_group(part, mask, factors, shares[first + row].reflectance);
-        });
-        (first..).zip(rows).for_each(|(share, row)| reach.add(share, row, &shares_at));
     })?;
     let rooms = Rooms::new(&mut reach.sets, shares.len());
     let level = Level::new(shares, level_irradiance, &rooms);
@@ -103,8 +103,10 @@ pub fn solve<L: Light, T: Transfer>(
     let mut sweeps = 0;
     while sweeps < max_sweeps && missing > tolerance {
         transfer.pass(&mut |first, rows| {
-            let own = first..first + rows.len();
-            sweep(&shares[own.clone()], &Slab::new(rows), &mut radiosity[own], &mut irradiance);
+            each_slab(rows, |own, slab| {
+                let own = first + own..first + own + slab.rows().len();
+                sweep(&shares[own.clone()], slab, &mut radiosity[own], &mut irradiance);
+            });
         })?;
         level.correct(shares, &shares_at, &rooms, &mut radiosity, &mut irradiance);
         sweeps += 1;
