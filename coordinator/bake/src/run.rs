@@ -58,10 +58,14 @@ pub fn bake_with_points(
     check_groups(scene, &settings.groups)?;
     let mut clock = Instant::now();
     let began = (clock, service.thread_time());
-    let (blockers, mesh) = rayon::join(|| occluders::occluders(scene), || ShootingMesh::new(scene, settings));
-    let mut mesh = Some(mesh);
-    let replica = encode_translucent_scene(&blockers.polygons, &blockers.opacities);
-    let mut client = RowClient::new(service, observer, replica, began);
+    let mut mesh = None;
+    let (occluders, mut client) = rayon::in_place_scope(|scope| {
+        scope.spawn(|_| mesh = Some(ShootingMesh::new(scene, settings)));
+        let blockers = occluders::occluders(scene);
+        let replica = encode_translucent_scene(&blockers.polygons, &blockers.opacities);
+        // Workers sort them while the mesh is made.
+        (blockers.polygons.len(), RowClient::new(service, observer, replica, began))
+    });
     let mut settings = settings.clone();
     let mut work = Work::default();
     loop {
@@ -70,7 +74,7 @@ pub fn bake_with_points(
         let setup = Setup::new(&mut cx, mesh)?;
         let (mut measured, better) = setup.light(&mut cx)?.solve(&mut cx)?.meet_error(&mut cx)?;
         let Some(better) = better else {
-            return finish(measured, cx, blockers.polygons.len(), points);
+            return finish(measured, cx, occluders, points);
         };
         work = Work { restarts: cx.work.restarts + 1, ..cx.work };
         measured.solved.rows.end(&mut client);

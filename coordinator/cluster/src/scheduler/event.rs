@@ -108,6 +108,11 @@ pub enum Event {
     },
     /// Jobs that no worker takes the replicas of are not to wait for one any longer.
     GaveUpOnRefused,
+    /// Jobs that follow need this replica, on all workers: it is loaded while these have nothing to do.
+    Announced {
+        /// The replica.
+        digest: Digest,
+    },
     /// No job that is submitted from now on needs this replica.
     Released {
         /// The replica.

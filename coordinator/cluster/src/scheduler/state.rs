@@ -26,6 +26,8 @@ pub struct Scheduler {
     pub(super) queue: Queue,
     /// Replicas on their way to workers.
     pub(super) spread: Spread,
+    /// Replicas that all workers will need.
+    pub(super) announced: BTreeSet<Digest>,
     /// Replicas that workers do not take.
     pub(super) refused: BTreeSet<(WorkerId, Digest)>,
     /// Gets no jobs until it is empty and can take a suspect.
@@ -122,6 +124,8 @@ impl Scheduler {
             Event::WorkerConnected { worker, threads } => {
                 let state = Worker::new(worker, threads);
                 self.workers.entry(worker).or_insert(state).place(&mut self.index);
+                let announced: Vec<Digest> = self.announced.iter().copied().collect();
+                self.load(worker, &announced, actions);
             }
             Event::RoomChanged { worker, jobs } => {
                 if let Some(worker) = self.workers.get_mut(&worker) {
@@ -193,7 +197,13 @@ impl Scheduler {
                     }
                 }
             }
+            Event::Announced { digest } => {
+                self.announced.insert(digest);
+                let workers: Vec<WorkerId> = self.workers.keys().copied().collect();
+                workers.into_iter().for_each(|worker| self.load(worker, &[digest], actions));
+            }
             Event::Released { digest } => {
+                self.announced.remove(&digest);
                 self.refused.retain(|(_, refused)| *refused != digest);
                 let waited = self.spread.release(digest, actions);
                 for (&worker, state) in &mut self.workers {

@@ -267,6 +267,7 @@ impl Watch {
             }
             Event::PassesReplicas { .. }
             | Event::ReplicaLate { .. }
+            | Event::Announced { .. }
             | Event::Released { .. }
             | Event::Tick => {}
         }

@@ -14,6 +14,7 @@ use std::sync::atomic::AtomicUsize;
 use std::sync::atomic::Ordering::Relaxed;
 
 use kernel::replica::Digest;
+use protocol::worker::ReplicaKind;
 use tokio::sync::{mpsc, oneshot};
 use tokio::time::{Instant, Interval, interval, sleep_until};
 use tokio_util::sync::CancellationToken;
@@ -202,7 +203,12 @@ impl<O: ReactorObserver> Reactor<O> {
     fn take(&mut self, message: Message) {
         match message {
             Message::Publish(replica) => {
-                self.replicas.insert(replica.digest, Arc::new(Published::new(replica)));
+                let (digest, kind) = (replica.digest, replica.kind);
+                self.replicas.insert(digest, Arc::new(Published::new(replica)));
+                // Of receivers there may be fewer than workers.
+                if kind == ReplicaKind::Scene {
+                    self.on(Event::Announced { digest });
+                }
             }
             Message::Release(digest) => {
                 self.replicas.remove(&digest);

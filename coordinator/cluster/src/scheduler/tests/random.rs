@@ -168,6 +168,7 @@ impl World {
                 self.lose(WorkerId(pick.index(self.workers as usize) as u32 + 1), dice == 1);
             }
             3 if pick.index(4) == 3 => self.happens(Event::GaveUpOnRefused),
+            3 if pick.index(3) == 2 => self.happens(Event::Announced { digest: digest(pick.index(4) as u8) }),
             3 => self.happens(Event::Released { digest: digest(pick.index(4) as u8) }),
             4..6 => {
                 let first = self.jobs;

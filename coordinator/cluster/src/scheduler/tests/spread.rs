@@ -129,6 +129,20 @@ fn workers_that_do_not_pass_replicas_on_wait_for_nobody() {
 }
 
 #[test]
+fn announced_replicas_are_loaded_before_jobs_need_them() {
+    let mut scheduler = Checked::default();
+    scheduler.on(Event::WorkerConnected { worker: A, threads: 1 });
+    assert_eq!(scheduler.on(Event::Announced { digest: digest(0) }), [load(A)]);
+    assert_eq!(scheduler.on(Event::WorkerConnected { worker: B, threads: 1 }), [load(B)]);
+    assert_eq!(scheduler.on(loaded(A)), []);
+    assert_eq!(scheduler.on(submitted([0, 1])), [send(A, 0), send(A, 1)]);
+    let release = |worker| Action::ReleaseReplica { worker, digest: digest(0) };
+    scheduler.on(Event::Withdrawn { jobs: vec![JobId(0), JobId(1)] });
+    assert_eq!(scheduler.on(Event::Released { digest: digest(0) }), [release(A), release(B)]);
+    assert_eq!(scheduler.on(Event::WorkerConnected { worker: C, threads: 1 }), []);
+}
+
+#[test]
 fn a_replica_that_was_never_sent_is_not_released() {
     let mut scheduler = peers(&[A, B]);
     assert_eq!(uploads(scheduler.on(submitted([0]))), [load(A)]);
