@@ -161,9 +161,9 @@ impl Mesh {
         let positions: SmallVec<[DVec3; 8]> = corners.iter().map(|corner| self.position(*corner)).collect();
         let area = area_vector(&positions).length();
         self.patches.push(Patch { surface, facet, corners, first_child: None, parent, area });
-        let edges: SmallVec<[_; 8]> = self.edges(id).map(|(a, b)| edge(a, b)).collect();
-        if let Some(leaves_at) = &mut self.leaves_at {
-            edges.into_iter().for_each(|edge| leaves_at.add(edge, id));
+        if let Some(mut leaves_at) = self.leaves_at.take() {
+            self.edges(id).for_each(|(a, b)| leaves_at.add(edge(a, b), id));
+            self.leaves_at = Some(leaves_at);
         }
         id
     }

@@ -1,5 +1,4 @@
 use glam::DVec3;
-
 use rayon::prelude::*;
 
 use super::{Mesh, Patch, PatchId, VertexId};

@@ -5,6 +5,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::fit::Fit;
+use super::grid::bits;
 use super::working::{Corner, NONE, Working};
 use crate::lit::{LitLayer, LitMesh, LitTriangle, LitVertex};
 use scene::Scene;
@@ -35,8 +36,7 @@ impl Working {
             number[index as usize] = if fit.is_some() {
                 new()
             } else {
-                let place = position.to_array().map(f64::to_bits);
-                *known.entry((from, weight.to_bits(), place)).or_insert_with(new)
+                *known.entry((from, weight.to_bits(), bits(position))).or_insert_with(new)
             };
         }
         for (_, triangle) in self.alive() {

@@ -8,7 +8,7 @@ use glam::{DVec3, I64Vec3};
 use rayon::prelude::*;
 use smallvec::SmallVec;
 
-use super::grid::{Grid, ON_EDGE, ONE_POINT};
+use super::grid::{Grid, ON_EDGE, ONE_POINT, bits};
 use super::split::{fan, is_line, normal_between};
 use super::working::{Corner, NONE, Triangle, Working};
 
@@ -97,7 +97,7 @@ impl Places {
         let (fixed, others): (Vec<u32>, Vec<u32>) = (0..working.corners.len() as u32).partition(is_fixed);
         for index in fixed.into_iter().chain(others) {
             let position = working.at(index);
-            let exact = position.to_array().map(f64::to_bits);
+            let exact = bits(position);
             if let Some(place) = known.get(&exact) {
                 places.of_corner[index as usize] = *place;
                 continue;
@@ -147,17 +147,19 @@ fn move_to_places(working: &mut Working, places: &Places, is_tied: &[bool]) {
 /// Splits the triangles along open edges that have places inside.
 fn split(working: &mut Working, places: &Places, inside: &HashMap<(u32, u32), Vec<(u32, f64)>>) {
     let mut added: HashMap<(u32, u32, u32), u32> = HashMap::new();
-    let has_any = |index: &usize| {
-        let [a, b, c] = working.triangles[*index].corners;
-        [(a, b), (b, c), (c, a)].iter().any(|(a, b)| inside.contains_key(&(*a.min(b), *a.max(b))))
+    let found_on = |[a, b, c]: [u32; 3]| {
+        let on = |(a, b): (u32, u32)| inside.get(&(a.min(b), a.max(b))).map_or(&[][..], Vec::as_slice);
+        [(a, b), (b, c), (c, a)].map(on)
     };
+    let has_any =
+        |index: &usize| found_on(working.triangles[*index].corners).iter().any(|found| !found.is_empty());
     let all: Vec<usize> =
         (0..working.triangles.len()).into_par_iter().with_min_len(256).filter(has_any).collect();
     for index in all {
         let Triangle { corners, surface, facet, region, .. } = working.triangles[index].clone();
         let edges = [(0, 1), (1, 2), (2, 0)].map(|(a, b)| (corners[a], corners[b]));
         let own = corners.map(|corner| places.of_corner[corner as usize]);
-        let found = edges.map(|(a, b)| inside.get(&(a.min(b), a.max(b))).map_or(&[][..], Vec::as_slice));
+        let found = found_on(corners);
         // What lies beyond that edge is split at the corner, and at nothing else.
         let is_its_edge = found.into_iter().flatten().all(|(place, _)| own.contains(place));
         if is_its_edge && is_line(own.map(|place| places.position[place as usize])) {

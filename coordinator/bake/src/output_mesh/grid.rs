@@ -9,6 +9,11 @@ pub const ONE_POINT: f64 = 2.5e-7;
 /// A vertex this close to an edge, relative to the extent, lies on it.
 pub const ON_EDGE: f64 = 2.2e-6;
 
+/// A vector as a key: two are the same where all bits are.
+pub fn bits(vector: DVec3) -> [u64; 3] {
+    vector.to_array().map(f64::to_bits)
+}
+
 /// Places by the cell that they lie in.
 pub struct Grid {
     low: DVec3,

@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::grid::bits;
 use super::limits::Limits;
 use super::working::{Corner, Working};
 
@@ -18,7 +19,7 @@ pub fn join(working: &mut Working, limits: &Limits) {
         });
         let first = corner.around.first().filter(|_| is_open)?;
         let region = working.triangles[*first as usize].region;
-        Some(((region, corner.position.to_array().map(f64::to_bits)), index))
+        Some(((region, bits(corner.position)), index))
     };
     let corners = working.corners.par_iter().enumerate().with_min_len(256);
     let mut open: Vec<((u32, [u64; 3]), u32)> = corners.filter_map(key).collect();

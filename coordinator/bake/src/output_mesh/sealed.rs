@@ -5,7 +5,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 use smallvec::SmallVec;
 
-use super::grid::{Grid, ON_EDGE, ONE_POINT};
+use super::grid::{Grid, ON_EDGE, ONE_POINT, bits};
 use super::split::{fan, is_line, normal_between};
 use crate::context::extent;
 use crate::lit::{LitMesh, LitTriangle, LitVertex};
@@ -129,10 +129,6 @@ fn on_edges(sealed: &[SealedTriangle], lit: &LitMesh, extent: f64) -> Vec<Option
         (!has_own || !is_line(triangle.positions)).then_some(on_edges)
     };
     sealed.par_iter().with_min_len(256).map(of_triangle).collect()
-}
-
-fn bits(vector: DVec3) -> [u64; 3] {
-    vector.to_array().map(f64::to_bits)
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@ use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use smallvec::SmallVec;
 
+use super::grid::bits;
 use super::linear::{LightIn, Region, Sample};
 use crate::lit::{LitMesh, LitVertex};
 use crate::refinement::LEAST_WEIGHT;
@@ -74,7 +75,6 @@ impl Working {
     /// The triangles of a lit mesh.
     pub fn new(scene: &Scene, lit: &LitMesh) -> Self {
         let positions = || scene.surfaces.iter().flat_map(|s| &s.facets).flat_map(|f| f.positions());
-        let bits = |position: DVec3| position.to_array().map(f64::to_bits);
         let (fixed, mut working) = rayon::join(
             || positions().map(bits).collect::<HashSet<[u64; 3]>>(),
             || Self::movable(scene, lit),

@@ -9,22 +9,12 @@ use glam::{DMat3, DVec3};
 use kernel::geometry::PlaneId;
 use kernel::occluder::Occluder;
 use kernel::replica::Receiver;
-use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
+
+use super::nearest::{AT_ONCE, Last, SortedPoints};
 
 /// Points that are looked at for each receiver.
 const NEIGHBOURS: NonZero<usize> = NonZero::new(12).unwrap();
-
-const ONE: NonZero<usize> = NonZero::new(1).unwrap();
-
-/// Receivers that one thread takes at a time.
-const AT_ONCE: usize = 256;
-
-/// More than distances may be wrong by rounding.
-const ROUNDING: f64 = 1.0 + 1e-9;
-
-/// A turn of the normal by one radian counts as this distance, relative to the scene's extent.
-const TURN: f64 = 0.05;
 
 /// Distance from the planes of receiver and point at which a point counts little, relative to the distance of the neighbours,
 const OFF_PLANE: f64 = 0.15;
@@ -73,76 +63,6 @@ struct Near {
     weight: f64,
     /// How much its surface is like that of the receiver, up to 1.
     alike: f64,
-}
-
-/// A receiver whose nearest points are known.
-struct Last {
-    place: [f64; 6],
-    /// Distance of the farthest of them.
-    reach: f64,
-}
-
-impl Default for Last {
-    fn default() -> Self {
-        Self { place: [0.0; 6], reach: f64::INFINITY }
-    }
-}
-
-impl Last {
-    /// Square of a distance that as many points are no farther from another place than.
-    fn bound(&self, place: &[f64; 6]) -> f64 {
-        let between: f64 = self.place.iter().zip(place).map(|(a, b)| (a - b) * (a - b)).sum();
-        (self.reach + between.sqrt()).powi(2) * ROUNDING
-    }
-}
-
-/// The point that is nearest to a receiver.
-#[derive(Clone, Copy)]
-pub struct Nearest {
-    pub point: u32,
-    /// Square of the distance between their places.
-    square: f64,
-}
-
-impl Default for Nearest {
-    fn default() -> Self {
-        Self { point: 0, square: f64::INFINITY }
-    }
-}
-
-/// Takes points from `first` on for those that are nearest to some receivers, where they are nearer than the known ones. They are found
-/// sooner where each receiver lies by the one before.
-pub fn take_nearer(
-    nearest: &mut [Nearest],
-    receivers: &[Receiver],
-    points: &[Receiver],
-    first: u32,
-    extent: f64,
-) {
-    let places: Vec<[f64; 6]> = points[first as usize..].iter().map(|point| place(point, extent)).collect();
-    if places.is_empty() {
-        return;
-    }
-    let Ok(tree) = ImmutableKdTree::<f64, 6>::new_from_slice(&places) else { return };
-    let take = |(nearest, receivers): (&mut [Nearest], &[Receiver])| {
-        let mut last = Last::default();
-        for (nearest, receiver) in nearest.iter_mut().zip(receivers) {
-            let place = place(receiver, extent);
-            let found = tree
-                .query(&place)
-                .nearest_n::<SquaredEuclidean<f64>>(ONE)
-                .within::<SquaredEuclidean<f64>>(last.bound(&place).min(nearest.square))
-                .execute();
-            last = Last { place, reach: f64::INFINITY };
-            if let Some(found) = found.first() {
-                last.reach = found.distance.sqrt();
-                if found.distance < nearest.square {
-                    *nearest = Nearest { point: first + found.item, square: found.distance };
-                }
-            }
-        }
-    };
-    nearest.par_chunks_mut(AT_ONCE).zip(receivers.par_chunks(AT_ONCE)).for_each(take);
 }
 
 /// Weights of points for each of some receivers.
@@ -195,7 +115,7 @@ pub fn interpolated(weights: &[(u32, f32)], points: &[DVec3]) -> DVec3 {
 /// Points whose light is known.
 pub struct Neighbours<'a> {
     points: &'a [Receiver],
-    tree: Option<ImmutableKdTree<f64, 6>>,
+    tree: SortedPoints,
     occluder: &'a Occluder,
     /// Of the scene.
     extent: f64,
@@ -204,31 +124,7 @@ pub struct Neighbours<'a> {
 impl<'a> Neighbours<'a> {
     /// Sorts points.
     pub fn new(points: &'a [Receiver], occluder: &'a Occluder, extent: f64) -> Self {
-        let places: Vec<[f64; 6]> = points.iter().map(|point| place(point, extent)).collect();
-        // A tree of no points cannot be built.
-        let tree = ImmutableKdTree::new_from_slice(&places).ok().filter(|_| !points.is_empty());
-        Self { points, tree, occluder, extent }
-    }
-
-    /// The nearest points to a receiver, the nearest first, where `last` is the one before.
-    fn nearest_to(
-        &self,
-        receiver: &Receiver,
-        count: NonZero<usize>,
-        last: &mut Last,
-    ) -> impl Iterator<Item = u32> + use<> {
-        let place = place(receiver, self.extent);
-        let query = |tree: &ImmutableKdTree<f64, 6>| {
-            tree.query(&place)
-                .nearest_n::<SquaredEuclidean<f64>>(count)
-                .within::<SquaredEuclidean<f64>>(last.bound(&place))
-                .execute()
-        };
-        let found = self.tree.as_ref().map(query).unwrap_or_default();
-        last.place = place;
-        let is_all = found.len() == count.get();
-        last.reach = found.last().filter(|_| is_all).map_or(f64::INFINITY, |found| found.distance.sqrt());
-        found.into_iter().map(|found| found.item)
+        Self { points, tree: SortedPoints::new(points, extent), occluder, extent }
     }
 
     /// Weights of the points for each of some receivers; none where it sees no point that is at least so much alike. They are found
@@ -255,7 +151,7 @@ impl<'a> Neighbours<'a> {
         itself: Option<u32>,
         last: &mut Last,
     ) -> Option<Weights> {
-        let found = self.nearest_to(receiver, NEIGHBOURS, last);
+        let found = self.tree.nearest(receiver, NEIGHBOURS, f64::INFINITY, last).map(|(point, _)| point);
         let near = |point: u32| {
             let offset = self.points[point as usize].position - receiver.position;
             Near { point, offset, distance: offset.length(), weight: 0.0, alike: 0.0 }
@@ -289,13 +185,6 @@ impl<'a> Neighbours<'a> {
         // Their own surfaces hide them from each other, too: the two sides of a cupboard's door.
         !self.occluder.blocks(above(receiver), above(point), [NO_PLANE; 2])
     }
-}
-
-/// Place of a receiver among the points: its position, and its normal as far as it counts.
-fn place(receiver: &Receiver, extent: f64) -> [f64; 6] {
-    let [x, y, z] = receiver.position.to_array();
-    let [a, b, c] = (receiver.normal * (TURN * extent)).to_array();
-    [x, y, z, a, b, c]
 }
 
 /// Weights by which values at some offsets make the value at 0: of the plane fitted to them, or of their mean.

@@ -12,6 +12,7 @@
 //! | `hemisphere` | what receivers see, by rays |
 //! | `points` | gather points, with what they see |
 //! | `noise` | the noise of their rays |
+//! | `nearest` | points that are near a receiver |
 //! | `interpolation` | light between the points |
 //! | `set` | receivers that take their light from the points |
 //! | `place` | where the points lie |
@@ -19,6 +20,7 @@
 
 mod hemisphere;
 mod interpolation;
+mod nearest;
 mod noise;
 mod place;
 mod points;

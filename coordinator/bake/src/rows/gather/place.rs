@@ -9,7 +9,8 @@ use rayon::prelude::*;
 
 use super::GatherRows;
 use super::hemisphere::{View, gathered, hemispheres, views};
-use super::interpolation::{Nearest, Neighbours, interpolated, take_nearer};
+use super::interpolation::{Neighbours, interpolated};
+use super::nearest::{Nearest, take_nearer};
 use super::noise::{TWINS, Twins};
 use crate::context::Context;
 use crate::error::Result;
