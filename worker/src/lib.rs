@@ -42,14 +42,11 @@ use std::num::NonZeroUsize;
 use std::time::Duration;
 
 use protocol::security::{Guard, Token};
-use protocol::server::ConnectionBounds;
+use protocol::server::{self, ConnectionBounds, Incoming};
 use protocol::worker::MAX_MESSAGE_BYTES;
 use protocol::worker::worker_server::WorkerServer;
-use tokio::io::{AsyncRead, AsyncWrite};
-use tokio_stream::Stream;
 use tokio_util::sync::CancellationToken;
-use tonic::service::InterceptorLayer;
-use tonic::transport::server::Connected;
+use tonic::service::{InterceptorLayer, Routes};
 
 use crate::health::Health;
 use crate::metrics::Metrics;
@@ -144,15 +141,11 @@ pub enum ServeError {
 ///
 /// # Errors
 /// When the computing threads cannot be started or the server fails.
-pub async fn serve<IO, E>(
-    incoming: impl Stream<Item = Result<IO, E>>,
+pub async fn serve(
+    incoming: Incoming,
     settings: Settings,
     shutdown: CancellationToken,
-) -> Result<(), ServeError>
-where
-    IO: AsyncRead + AsyncWrite + Connected + Unpin + Send + 'static,
-    E: Into<Box<dyn std::error::Error + Send + Sync>>,
-{
+) -> Result<(), ServeError> {
     let pool = ComputePool::of(settings.compute, settings.threads)?;
     let guard = Guard::new(settings.token.clone());
     let worker = WorkerService::new(settings, pool, shutdown.clone());
@@ -172,13 +165,9 @@ where
         // Connections end with their calls.
         pending::<Infallible>().await
     };
-    let serving = BOUNDS
-        .server()
-        .layer(InterceptorLayer::new(guard))
-        .add_service(service)
-        .add_service(health_service)
-        .add_service(health::reflection()?)
-        .serve_with_incoming_shutdown(incoming, drained.cancelled());
+    let routes = Routes::new(service).add_service(health_service).add_service(health::reflection()?);
+    let guarded = routes.into_axum_router().layer(InterceptorLayer::new(guard)).into();
+    let serving = server::serve(BOUNDS.server(), guarded, incoming, drained.clone());
     let too_late = async {
         shutdown.cancelled().await;
         tokio::time::sleep(DRAIN).await;

@@ -4,16 +4,13 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
-use hyper_util::rt::TokioIo;
 use kernel::replica::Digest;
-use protocol::network::Network;
+use protocol::network::{self, Network, Way};
 use protocol::replicas::{chunks, client};
 use protocol::security::ClientSecurity;
 use protocol::worker::{PassOutcome, PassReplica, ReplicaPassed};
 use tokio::time::timeout;
 use tonic::Status;
-use tonic::transport::Uri;
-use tower::service_fn;
 
 use crate::store::Parcel;
 
@@ -80,12 +77,9 @@ impl Passing {
         header.passed_to = order.instance;
         let endpoint = self.security.endpoint(&order.name, socket)?;
         let network = Arc::clone(&self.network);
-        let connector = service_fn(move |_: Uri| {
-            let connecting = network.connect(socket);
-            async move { connecting.await.map(TokioIo::new) }
-        });
+        let way: Way = Arc::new(move || network.connect(socket));
         let limit = TIMEOUT + Duration::from_secs(header.length / SLOWEST_BYTES);
-        let connecting = timeout(CONNECT_TIMEOUT, endpoint.connect_with_connector(connector));
+        let connecting = timeout(CONNECT_TIMEOUT, network::connect(&endpoint, way));
         let channel = connecting.await.map_err(|_| PassError::Slow(CONNECT_TIMEOUT))??;
         let mut client = client(channel, self.security.credentials());
         let loading = client.load_replica(tokio_stream::iter(chunks(header, bytes)));

@@ -10,8 +10,7 @@ use axum::middleware::{from_fn, from_fn_with_state};
 use axum::response::IntoResponse;
 use protocol::api::radiosity_server::{RadiosityServer, SERVICE_NAME};
 use protocol::api::{DESCRIPTORS, MAX_MESSAGE_BYTES};
-use protocol::server::ConnectionBounds;
-use tokio_stream::Stream;
+use protocol::server::{self, ConnectionBounds, Incoming};
 use tokio_util::sync::CancellationToken;
 use tonic::server::NamedService;
 use tonic::service::Routes;
@@ -19,7 +18,6 @@ use tonic_health::ServingStatus;
 use tonic_health::server::health_reporter;
 use tonic_web::GrpcWebLayer;
 use tower::{Layer, Service as Answers};
-use worker::incoming::Connection;
 
 use crate::api::Api;
 use crate::clients::Clients;
@@ -54,7 +52,7 @@ pub enum ServeError {
 /// # Errors
 /// When the server fails.
 pub async fn serve(
-    incoming: impl Stream<Item = Result<Connection, Infallible>>,
+    incoming: Incoming,
     service: Service,
     clients: Clients,
     names: Names,
@@ -81,11 +79,8 @@ pub async fn serve(
     service.resume();
     let router = guarded(with(router, older_reflection), names);
     let drained = CancellationToken::new();
-    let serving = BOUNDS
-        .server()
-        .accept_http1(true)
-        .add_routes(Routes::from(router))
-        .serve_with_incoming_shutdown(incoming, drained.cancelled());
+    let server = BOUNDS.server().accept_http1(true);
+    let serving = server::serve(server, Routes::from(router), incoming, drained.clone());
     let ending = async {
         shutdown.cancelled().await;
         for name in ["", SERVICE_NAME] {

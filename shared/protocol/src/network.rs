@@ -4,9 +4,13 @@ use std::future::Future;
 use std::io;
 use std::net::SocketAddr;
 use std::pin::Pin;
+use std::sync::Arc;
 
+use hyper_util::rt::TokioIo;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::{TcpStream, lookup_host};
+use tonic::transport::{Channel, Endpoint, Error, Uri};
+use tower::service_fn;
 
 /// Future answer of a [`Network`].
 pub type Answer<T> = Pin<Box<dyn Future<Output = io::Result<T>> + Send>>;
@@ -50,3 +54,30 @@ impl Network for Sockets {
         })
     }
 }
+
+/// A way to a server: gone each time that a connection is needed.
+pub type Way = Arc<dyn Fn() -> Answer<Box<dyn ByteStream>> + Send + Sync>;
+
+/// Connects to an endpoint by a way of one's own.
+///
+/// # Errors
+/// When there is no connection.
+pub async fn connect(endpoint: &Endpoint, way: Way) -> Result<Channel, Error> {
+    endpoint.connect_with_connector(connector(way)).await
+}
+
+/// The same, when the first call is made.
+pub fn connect_lazily(endpoint: &Endpoint, way: Way) -> Channel {
+    endpoint.connect_with_connector_lazy(connector(way))
+}
+
+/// One type for all ways: each would have an HTTP/2 client compiled for it.
+fn connector(way: Way) -> impl tower::Service<Uri, Response = Stream, Error = io::Error, Future = Connecting> {
+    service_fn(move |_: Uri| -> Connecting {
+        let connecting = way();
+        Box::pin(async move { connecting.await.map(TokioIo::new) })
+    })
+}
+
+type Stream = TokioIo<Box<dyn ByteStream>>;
+type Connecting = Answer<Stream>;

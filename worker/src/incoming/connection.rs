@@ -10,7 +10,6 @@ use tokio::time::{Instant, Sleep, sleep};
 use tokio_rustls::server::TlsStream;
 use tokio_util::either::Either;
 use tokio_util::sync::WaitForCancellationFutureOwned;
-use tonic::transport::server::Connected;
 
 use super::places::Place;
 
@@ -25,7 +24,7 @@ pub(super) type Bytes = Either<TcpStream, Box<TlsStream<TcpStream>>>;
 
 /// A connection that ends by itself when the caller does not speak soon, or falls silent; gives its place back when it
 /// is dropped.
-pub struct Connection {
+pub(super) struct Connection {
     bytes: Bytes,
     caller: Caller,
     received: u64,
@@ -52,14 +51,6 @@ impl Connection {
             let silence = if self.is_trusting { self.silence } else { STRANGER };
             self.patience.as_mut().reset(Instant::now() + silence);
         }
-    }
-}
-
-impl Connected for Connection {
-    type ConnectInfo = Caller;
-
-    fn connect_info(&self) -> Caller {
-        self.caller.clone()
     }
 }
 

@@ -11,12 +11,12 @@
 mod connection;
 mod places;
 
-use std::convert::Infallible;
 use std::io;
 use std::net::SocketAddr;
 use std::time::Duration;
 
 use protocol::security::{Caller, Tls};
+use protocol::server::{Accepted, Incoming};
 use tokio::io::{AsyncWriteExt, copy, sink};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::mpsc;
@@ -24,11 +24,10 @@ use tokio::task::spawn_blocking;
 use tokio::time::{sleep, timeout};
 use tokio_rustls::TlsAcceptor;
 use tokio_rustls::server::TlsStream;
-use tokio_stream::Stream;
 use tokio_stream::wrappers::ReceiverStream;
 use tokio_util::either::Either;
 
-pub use connection::Connection;
+use connection::Connection;
 use places::{Place, Places};
 
 /// What connections may take, all of them together.
@@ -62,17 +61,13 @@ const PAUSE: Duration = Duration::from_millis(100);
 /// authority come out of it; the others are logged. Changed files count for the connections after.
 ///
 /// Must be called within a runtime.
-pub fn incoming(
-    listener: TcpListener,
-    tls: Option<Tls>,
-    limits: ConnectionLimits,
-) -> impl Stream<Item = Result<Connection, Infallible>> {
+pub fn incoming(listener: TcpListener, tls: Option<Tls>, limits: ConnectionLimits) -> Incoming {
     let (admitted, connections) = mpsc::channel(limits.connections);
     tokio::spawn(accept(listener, tls, limits, admitted));
-    ReceiverStream::new(connections)
+    Box::pin(ReceiverStream::new(connections))
 }
 
-type Admitted = mpsc::Sender<Result<Connection, Infallible>>;
+type Admitted = mpsc::Sender<io::Result<Accepted>>;
 
 async fn accept(listener: TcpListener, tls: Option<Tls>, limits: ConnectionLimits, admitted: Admitted) {
     let places = Places::new(limits.connections);
@@ -139,8 +134,9 @@ async fn admit(arrival: Arrival, tls: Option<Tls>, limits: ConnectionLimits, adm
             Err(_) => return tracing::warn!(%peer, "refused a connection: its handshake takes too long"),
         },
     };
+    let connection = Connection::new(bytes, caller.clone(), place, limits.silence);
     // Nobody takes it where the worker has stopped meanwhile.
-    let _ = admitted.send(Ok(Connection::new(bytes, caller, place, limits.silence))).await;
+    let _ = admitted.send(Ok(Accepted::new(connection, caller))).await;
 }
 
 /// Encrypts a connection with the certificates as their files have them now.

@@ -12,6 +12,7 @@ use kernel::replica::{Digest, EncodedReplica, Receiver, Receivers, encode_receiv
 use kernel::row::{Precision, ROW_VERSION, RowRequest, Shape, Shooter};
 use protocol::network::Sockets;
 use protocol::security::{ClientSecurity, Token};
+use protocol::server::unwatched;
 use protocol::worker::coordinator_message::Body as Outgoing;
 use protocol::worker::worker_client::WorkerClient;
 use protocol::worker::worker_message::Body as Incoming;
@@ -46,7 +47,8 @@ async fn setup_with(settings: Settings) -> io::Result<Setup> {
     let address = listener.local_addr()?;
     let shutdown = CancellationToken::new();
     let settings = Settings { replica_bytes: 4 << 20, ..settings };
-    let serving = tokio::spawn(worker::serve(TcpListenerStream::new(listener), settings, shutdown.clone()));
+    let incoming = unwatched(TcpListenerStream::new(listener));
+    let serving = tokio::spawn(worker::serve(incoming, settings, shutdown.clone()));
     let client = WorkerClient::connect(format!("http://{address}")).await.map_err(io::Error::other)?;
     let client = client.max_decoding_message_size(MAX_MESSAGE_BYTES);
     Ok(Setup { address, client, shutdown, serving })

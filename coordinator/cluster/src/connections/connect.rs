@@ -6,10 +6,11 @@ use std::num::NonZeroUsize;
 use std::sync::Arc;
 use std::time::Duration;
 
-use hyper_util::rt::TokioIo;
 use kernel::row::ROW_VERSION;
+use protocol::network::{self, ByteStream, Network, Way};
 use protocol::replicas::client;
 use protocol::security::{ClientSecurity, Credentials, SecuredChannel, explain};
+use protocol::server;
 use protocol::worker::coordinator_message::Body as Outgoing;
 use protocol::worker::worker_client::WorkerClient;
 use protocol::worker::worker_message::Body as Incoming;
@@ -23,12 +24,10 @@ use tokio_stream::StreamExt;
 use tokio_stream::wrappers::UnboundedReceiverStream;
 use tokio_util::sync::CancellationToken;
 use tonic::Streaming;
-use tonic::transport::{Channel, Endpoint, Uri};
-use tower::service_fn;
+use tonic::transport::{Channel, Endpoint};
 use worker::Settings;
 
 use super::error::{ClusterError, is_refusal, reason, words};
-use protocol::network::Network;
 
 /// Time limit for a worker to accept a connection, and again to say hello.
 pub(super) const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
@@ -98,18 +97,15 @@ pub(super) async fn dial(
         .endpoint(given, socket)
         .map_err(|error| ClusterError::Insecure { address: address.clone(), reason: error.to_string() })?;
     let endpoint = with_limits(endpoint);
-    let connector = {
+    let way: Way = {
         let network = Arc::clone(network);
-        move |_: Uri| {
-            let connecting = network.connect(socket);
-            async move { connecting.await.map(TokioIo::new) }
-        }
+        Arc::new(move || network.connect(socket))
     };
     let unreachable = |reason| ClusterError::Unreachable { address: address.clone(), reason };
     let plain = security.transport.tls().is_none();
     let mut retries = ALERT_RETRIES;
     loop {
-        let connect = || endpoint.connect_with_connector(service_fn(connector.clone()));
+        let connect = || network::connect(&endpoint, Arc::clone(&way));
         // Uploads connect now, too: at the first upload the certificates of this endpoint may have been replaced.
         let connecting = async { tokio::try_join!(connect(), connect()) };
         let (channel, uploads) = timeout(CONNECT_TIMEOUT, connecting)
@@ -173,18 +169,18 @@ pub(super) async fn embed(
 ) -> Result<Connection, ClusterError> {
     let (dialled, accepted) = mpsc::unbounded_channel::<DuplexStream>();
     let settings = Settings { replica_bytes: u64::MAX, ..Settings::new("embedded", threads) };
-    let incoming = UnboundedReceiverStream::new(accepted).map(Ok::<_, io::Error>);
+    let incoming = server::unwatched(UnboundedReceiverStream::new(accepted).map(Ok));
     let serving = tokio::spawn(worker::serve(incoming, settings, shutdown));
 
-    let connector = move |_: Uri| {
+    let way: Way = Arc::new(move || {
         let (near, far) = tokio::io::duplex(MEMORY_BUFFER);
         let accepted = dialled.send(far).map_err(|_| io::Error::other("the embedded worker has ended"));
-        async move { accepted.map(|()| TokioIo::new(near)) }
-    };
-    // The address is never looked up: the connector knows only one place.
+        Box::pin(async move { accepted.map(|()| Box::new(near) as Box<dyn ByteStream>) })
+    });
+    // The address is never looked up: the way leads to only one place.
     let endpoint = with_limits(Endpoint::from_static("http://embedded"));
-    let channel = endpoint.connect_with_connector_lazy(service_fn(connector.clone()));
-    let uploads = endpoint.connect_with_connector_lazy(service_fn(connector));
+    let channel = network::connect_lazily(&endpoint, Arc::clone(&way));
+    let uploads = network::connect_lazily(&endpoint, way);
     let greeting = greet(EMBEDDED.into(), channel, uploads, Credentials::default(), false);
     tokio::select! {
         answer = timeout(CONNECT_TIMEOUT, greeting) => answer.unwrap_or_else(|_| Err(silent(EMBEDDED))),
@@ -248,7 +244,7 @@ mod tests {
     use tokio_rustls::TlsAcceptor;
 
     use super::*;
-    use protocol::network::{Answer, ByteStream};
+    use protocol::network::Answer;
 
     /// A worker that shakes hands and then hangs up or stays silent.
     struct Mute {

@@ -1,16 +1,13 @@
 use std::io;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
-use std::pin::Pin;
 use std::sync::{Arc, Mutex};
-use std::task::{Context, Poll};
 
-use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
-use tonic::transport::server::Connected;
 use turmoil::net::{TcpListener, TcpStream};
 
 use protocol::network::{Answer, ByteStream, Network};
+use protocol::server::{Incoming, unwatched};
 
 /// Port of every worker.
 pub const PORT: u16 = 7070;
@@ -51,7 +48,7 @@ impl Network for NameServer {
 }
 
 /// The connections of a worker.
-pub async fn listen() -> io::Result<ReceiverStream<io::Result<Accepted>>> {
+pub async fn listen() -> io::Result<Incoming> {
     let listener = TcpListener::bind((Ipv4Addr::UNSPECIFIED, PORT)).await?;
     let (accepted, connections) = mpsc::channel(1);
     tokio::spawn(async move {
@@ -62,41 +59,8 @@ pub async fn listen() -> io::Result<ReceiverStream<io::Result<Accepted>>> {
                 next = listener.accept() => next,
             };
             // The worker may have stopped meanwhile.
-            let _ = accepted.send(next.map(|(stream, _)| Accepted(stream))).await;
+            let _ = accepted.send(next.map(|(stream, _)| stream)).await;
         }
     });
-    Ok(ReceiverStream::new(connections))
-}
-
-/// A worker's end of a connection.
-pub struct Accepted(TcpStream);
-
-impl Connected for Accepted {
-    type ConnectInfo = ();
-
-    fn connect_info(&self) {}
-}
-
-impl AsyncRead for Accepted {
-    fn poll_read(
-        mut self: Pin<&mut Self>,
-        cx: &mut Context<'_>,
-        buf: &mut ReadBuf<'_>,
-    ) -> Poll<io::Result<()>> {
-        Pin::new(&mut self.0).poll_read(cx, buf)
-    }
-}
-
-impl AsyncWrite for Accepted {
-    fn poll_write(mut self: Pin<&mut Self>, cx: &mut Context<'_>, bytes: &[u8]) -> Poll<io::Result<usize>> {
-        Pin::new(&mut self.0).poll_write(cx, bytes)
-    }
-
-    fn poll_flush(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
-        Pin::new(&mut self.0).poll_flush(cx)
-    }
-
-    fn poll_shutdown(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
-        Pin::new(&mut self.0).poll_shutdown(cx)
-    }
+    Ok(unwatched(ReceiverStream::new(connections)))
 }

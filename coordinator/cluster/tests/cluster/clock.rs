@@ -15,6 +15,7 @@ use kernel::replica::{EncodedReplica, Receiver, Receivers, encode_receivers};
 use kernel::row::RowRequest;
 use protocol::network::{Answer, ByteStream, Network};
 use protocol::security::Transport;
+use protocol::server::unwatched;
 use protocol::worker::worker_server::WorkerServer;
 use tokio::io::{AsyncReadExt, AsyncWriteExt, DuplexStream, copy, copy_bidirectional, duplex, split};
 use tokio::sync::mpsc;
@@ -108,7 +109,7 @@ impl Process {
         let (connections, accepted) = mpsc::unbounded_channel();
         let stop = CancellationToken::new();
         let guard = stop.clone().drop_guard();
-        tokio::spawn(worker::serve(UnboundedReceiverStream::new(accepted), settings, stop));
+        tokio::spawn(worker::serve(unwatched(UnboundedReceiverStream::new(accepted)), settings, stop));
         Self { connections, _stops: guard }
     }
 

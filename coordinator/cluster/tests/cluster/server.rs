@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use kernel::replica::Digest;
 use kernel::row::ROW_VERSION;
+use protocol::server::unwatched;
 use protocol::worker::coordinator_message::Body as Incoming;
 use protocol::worker::replica_chunk::Body as Chunk;
 use protocol::worker::worker_client::WorkerClient;
@@ -63,7 +64,7 @@ impl Server {
     pub fn real_at(address: &str) -> Self {
         Self::start_at(address, |runtime, incoming, shutdown| {
             let settings = Settings { replica_bytes: 1 << 20, ..Settings::new("real", NonZeroUsize::MIN) };
-            runtime.spawn(worker::serve(incoming, settings, shutdown));
+            runtime.spawn(worker::serve(unwatched(incoming), settings, shutdown));
         })
     }
 

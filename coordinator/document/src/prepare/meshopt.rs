@@ -120,7 +120,12 @@ impl<const WORDS: usize> Default for Element<WORDS> {
 
 fn elements<const WORDS: usize>(source: &[u8], count: usize) -> meshopt::Result<Vec<u8>> {
     let elements = decode_vertex_buffer::<Element<WORDS>>(source, count)?;
-    Ok(elements.iter().flat_map(|element| &element.0).flat_map(|word| word.to_ne_bytes()).collect())
+    Ok(bytes_of(elements.into_iter().map(|Element(words)| words).collect::<Vec<_>>().as_flattened()))
+}
+
+/// The same code for all sizes: it would be compiled for each of them.
+fn bytes_of(words: &[u32]) -> Vec<u8> {
+    words.iter().flat_map(|word| word.to_ne_bytes()).collect()
 }
 
 /// Elements of 1 to 64 words.
