@@ -1,7 +1,10 @@
 //! Health (`grpc.health.v1`) and reflection, on the port of the worker itself.
 
+use std::pin::Pin;
+use std::sync::Arc;
 use std::time::Duration;
 
+use protocol::network::{self, Sockets};
 use protocol::security::{ClientSecurity, SecurityError, explain};
 use protocol::worker::DESCRIPTORS;
 use protocol::worker::worker_server::SERVICE_NAME;
@@ -98,7 +101,16 @@ pub enum HealthError {
 ///
 /// # Errors
 /// When it does not, or does not answer within some seconds.
-pub async fn check(
+pub fn check<'a>(
+    address: &'a str,
+    service: &'static str,
+    security: &'a ClientSecurity,
+) -> Pin<Box<dyn Future<Output = Result<(), HealthError>> + Send + 'a>> {
+    // Boxed, it is compiled here once, and not wherever it is awaited.
+    Box::pin(check_within_patience(address, service, security))
+}
+
+async fn check_within_patience(
     address: &str,
     service: &'static str,
     security: &ClientSecurity,
@@ -109,7 +121,8 @@ pub async fn check(
         let mut sockets = lookup_host(address).await.map_err(|error| unknown(error.to_string()))?;
         let socket = sockets.next().ok_or_else(|| unknown("it has no address".into()))?;
         let endpoint = security.endpoint(address, socket)?;
-        let channel = endpoint.connect().await.map_err(|error| unreachable(reason(&error)))?;
+        let way = network::way(Arc::new(Sockets), socket);
+        let channel = network::connect(&endpoint, way).await.map_err(|error| unreachable(reason(&error)))?;
         let mut client = HealthClient::with_interceptor(channel, security.credentials());
         let request = HealthCheckRequest { service: service.into() };
         let answer = client.check(request).await.map_err(|status| unreachable(words(&status)))?;

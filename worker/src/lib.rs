@@ -39,6 +39,7 @@ use std::convert::Infallible;
 use std::future::pending;
 use std::hash::{BuildHasher, RandomState};
 use std::num::NonZeroUsize;
+use std::pin::Pin;
 use std::time::Duration;
 
 use protocol::security::{Guard, Token};
@@ -141,7 +142,16 @@ pub enum ServeError {
 ///
 /// # Errors
 /// When the computing threads cannot be started or the server fails.
-pub async fn serve(
+pub fn serve(
+    incoming: Incoming,
+    settings: Settings,
+    shutdown: CancellationToken,
+) -> Pin<Box<dyn Future<Output = Result<(), ServeError>> + Send>> {
+    // Boxed, it is compiled here once, and not wherever it is awaited.
+    Box::pin(serve_until(incoming, settings, shutdown))
+}
+
+async fn serve_until(
     incoming: Incoming,
     settings: Settings,
     shutdown: CancellationToken,

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use kernel::replica::Digest;
-use protocol::network::{self, Network, Way};
+use protocol::network::{self, Network};
 use protocol::replicas::{chunks, client};
 use protocol::security::ClientSecurity;
 use protocol::worker::{PassOutcome, PassReplica, ReplicaPassed};
@@ -76,8 +76,7 @@ impl Passing {
         let socket: SocketAddr = address.parse().map_err(|_| PassError::Address(address.clone()))?;
         header.passed_to = order.instance;
         let endpoint = self.security.endpoint(&order.name, socket)?;
-        let network = Arc::clone(&self.network);
-        let way: Way = Arc::new(move || network.connect(socket));
+        let way = network::way(Arc::clone(&self.network), socket);
         let limit = TIMEOUT + Duration::from_secs(header.length / SLOWEST_BYTES);
         let connecting = timeout(CONNECT_TIMEOUT, network::connect(&endpoint, way));
         let channel = connecting.await.map_err(|_| PassError::Slow(CONNECT_TIMEOUT))??;

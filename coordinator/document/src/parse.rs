@@ -85,8 +85,8 @@ fn read_otherwise(json: &[u8], error: serde_json::Error) -> Result<json::Root, I
     for scene in scenes.filter_map(Value::as_object_mut) {
         scene.entry("nodes").or_insert_with(|| Value::Array(vec![]));
     }
-    // The first error tells the place in the file.
-    json::Root::deserialize(document).map_err(|_| failed())
+    // As text, which the crate has its parser for. The first error tells the place in the file.
+    serde_json::to_vec(&document).and_then(|json| json::Root::from_slice(&json)).map_err(|_| failed())
 }
 
 /// Validates a document and makes `scene` its default scene.

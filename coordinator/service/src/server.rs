@@ -1,6 +1,7 @@
 //! One port for all: gRPC, gRPC-web and HTTP, with reflection and health.
 
 use std::convert::Infallible;
+use std::pin::Pin;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -51,7 +52,18 @@ pub enum ServeError {
 ///
 /// # Errors
 /// When the server fails.
-pub async fn serve(
+pub fn serve(
+    incoming: Incoming,
+    service: Service,
+    clients: Clients,
+    names: Names,
+    shutdown: CancellationToken,
+) -> Pin<Box<dyn Future<Output = Result<(), ServeError>> + Send>> {
+    // Boxed, it is compiled here once, and not wherever it is awaited.
+    Box::pin(serve_until(incoming, service, clients, names, shutdown))
+}
+
+async fn serve_until(
     incoming: Incoming,
     service: Service,
     clients: Clients,

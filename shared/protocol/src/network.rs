@@ -58,12 +58,20 @@ impl Network for Sockets {
 /// A way to a server: gone each time that a connection is needed.
 pub type Way = Arc<dyn Fn() -> Answer<Box<dyn ByteStream>> + Send + Sync>;
 
-/// Connects to an endpoint by a way of one's own.
+/// The way to an address.
+pub fn way(network: Arc<dyn Network>, address: SocketAddr) -> Way {
+    Arc::new(move || network.connect(address))
+}
+
+/// Connects to an endpoint by this way. Boxed, the future is compiled here once, and not wherever it is awaited.
 ///
 /// # Errors
 /// When there is no connection.
-pub async fn connect(endpoint: &Endpoint, way: Way) -> Result<Channel, Error> {
-    endpoint.connect_with_connector(connector(way)).await
+pub fn connect(
+    endpoint: &Endpoint,
+    way: Way,
+) -> Pin<Box<dyn Future<Output = Result<Channel, Error>> + Send + '_>> {
+    Box::pin(endpoint.connect_with_connector(connector(way)))
 }
 
 /// The same, when the first call is made.
@@ -72,7 +80,9 @@ pub fn connect_lazily(endpoint: &Endpoint, way: Way) -> Channel {
 }
 
 /// One type for all ways: each would have an HTTP/2 client compiled for it.
-fn connector(way: Way) -> impl tower::Service<Uri, Response = Stream, Error = io::Error, Future = Connecting> {
+fn connector(
+    way: Way,
+) -> impl tower::Service<Uri, Response = Stream, Error = io::Error, Future = Connecting> {
     service_fn(move |_: Uri| -> Connecting {
         let connecting = way();
         Box::pin(async move { connecting.await.map(TokioIo::new) })

@@ -72,17 +72,18 @@ pub fn unwatched<T: ByteStream + 'static>(
     Box::pin(streams.map(|stream| Ok(Accepted::new(stream?, Caller::new(None)))))
 }
 
-/// Serves these connections until the token is cancelled and their calls have ended.
+/// Serves these connections until the token is cancelled and their calls have ended. Boxed, the future is compiled here once, and not
+/// wherever it is awaited.
 ///
 /// # Errors
 /// When the server fails.
-pub async fn serve(
+pub fn serve(
     mut server: Server,
     routes: Routes,
     incoming: Incoming,
     drained: CancellationToken,
-) -> Result<(), Error> {
-    server.add_routes(routes).serve_with_incoming_shutdown(incoming, drained.cancelled_owned()).await
+) -> Pin<Box<dyn Future<Output = Result<(), Error>> + Send>> {
+    Box::pin(server.add_routes(routes).serve_with_incoming_shutdown(incoming, drained.cancelled_owned()))
 }
 
 impl Connected for Accepted {

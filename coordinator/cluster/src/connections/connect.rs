@@ -97,10 +97,7 @@ pub(super) async fn dial(
         .endpoint(given, socket)
         .map_err(|error| ClusterError::Insecure { address: address.clone(), reason: error.to_string() })?;
     let endpoint = with_limits(endpoint);
-    let way: Way = {
-        let network = Arc::clone(network);
-        Arc::new(move || network.connect(socket))
-    };
+    let way = network::way(Arc::clone(network), socket);
     let unreachable = |reason| ClusterError::Unreachable { address: address.clone(), reason };
     let plain = security.transport.tls().is_none();
     let mut retries = ALERT_RETRIES;

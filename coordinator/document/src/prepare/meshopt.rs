@@ -120,12 +120,16 @@ impl<const WORDS: usize> Default for Element<WORDS> {
 
 fn elements<const WORDS: usize>(source: &[u8], count: usize) -> meshopt::Result<Vec<u8>> {
     let elements = decode_vertex_buffer::<Element<WORDS>>(source, count)?;
-    Ok(bytes_of(elements.into_iter().map(|Element(words)| words).collect::<Vec<_>>().as_flattened()))
+    let mut bytes = Vec::with_capacity(count * WORDS * 4);
+    for Element(words) in &elements {
+        append(&mut bytes, words);
+    }
+    Ok(bytes)
 }
 
-/// The same code for all sizes: it would be compiled for each of them.
-fn bytes_of(words: &[u32]) -> Vec<u8> {
-    words.iter().flat_map(|word| word.to_ne_bytes()).collect()
+/// The same code for elements of all sizes: it would be compiled for each of them.
+fn append(bytes: &mut Vec<u8>, words: &[u32]) {
+    bytes.extend(words.iter().flat_map(|word| word.to_ne_bytes()));
 }
 
 /// Elements of 1 to 64 words.

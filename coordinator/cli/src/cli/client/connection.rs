@@ -1,9 +1,11 @@
+use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::anyhow;
 use clap::Args;
 use protocol::api::MAX_MESSAGE_BYTES;
 use protocol::api::radiosity_client::RadiosityClient;
+use protocol::network::{self, Sockets};
 use protocol::security::{SecuredChannel, explain};
 use tokio::net::lookup_host;
 use tokio::time::sleep;
@@ -86,7 +88,8 @@ impl ServerArgument {
             .connect_timeout(CONNECT_TIMEOUT)
             .http2_keep_alive_interval(KEEP_ALIVE)
             .keep_alive_timeout(KEEP_ALIVE);
-        let channel = endpoint.connect().await.map_err(|error| match explain(&error) {
+        let way = network::way(Arc::new(Sockets), socket);
+        let channel = network::connect(&endpoint, way).await.map_err(|error| match explain(&error) {
             Some(reason) => Trouble::Lasting(anyhow!(reason)),
             None => passing(&error),
         })?;
