@@ -18,6 +18,7 @@
 //! | [`flip`] | how different two pictures look |
 //! | [`certificates`] | certificates of an authority of the test's own |
 //! | [`programs`] | the binaries of the workspace as processes |
+//! | [`scene_command`] | a command that reads a scene and writes a file |
 //! | [`service`] | a coordinator that serves clients, as a process |
 
 pub mod baking;
@@ -34,6 +35,7 @@ pub mod numbers;
 pub mod painting;
 pub mod programs;
 pub mod rooms_only;
+pub mod scene_command;
 pub mod scenes;
 pub mod service;
 pub mod shapes;

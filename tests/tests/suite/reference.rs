@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
 use serde_json::Value;
-use tempfile::TempDir;
 use tests::builder::{Material, SceneBuilder, pack};
 use tests::data;
 use tests::programs::binary;
+use tests::scene_command::SceneCommand;
 use tests::shapes;
 use verify::plain::PlainScene;
 use verify::reference::{Agreement, Place, ReferenceSettings, locate, read, trace};
@@ -47,44 +47,8 @@ fn doorway_agrees_with_the_outside_renderer() {
     assert_agrees("doorway");
 }
 
-/// A folder with a scene in it.
-struct Bench {
-    folder: TempDir,
-    scene: PathBuf,
-}
-
-impl Bench {
-    fn new(glb: &[u8]) -> Self {
-        let folder = tempfile::tempdir().unwrap();
-        let scene = folder.path().join("scene.glb");
-        fs::write(&scene, glb).unwrap();
-        Self { folder, scene }
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.folder.path().join(name)
-    }
-
-    fn reference(&self, output: &Path, arguments: &[&str]) -> Command {
-        let mut command = Command::new(binary("coordinator"));
-        command.arg("reference").arg(&self.scene).arg("-o").arg(output).args(arguments);
-        command
-    }
-
-    /// Must refuse, say all of this, and write nothing.
-    fn assert_refused(&self, output: &Path, arguments: &[&str], words: &[&str]) {
-        let before = fs::read_dir(self.folder.path()).unwrap().count();
-        let answer = self.reference(output, arguments).output().unwrap();
-        let said = String::from_utf8(answer.stderr).unwrap();
-        assert!(!answer.status.success(), "not refused");
-        for word in words {
-            assert!(said.contains(word), "{word:?} is missing in: {said}");
-        }
-        assert!(!said.contains("panicked"), "{said}");
-        // A cause is told once.
-        assert!(said.matches("os error").count() <= 1, "{said}");
-        assert_eq!(fs::read_dir(self.folder.path()).unwrap().count(), before, "files were left behind");
-    }
+fn bench_of(glb: &[u8]) -> SceneCommand {
+    SceneCommand::new("reference", glb)
 }
 
 fn furnace() -> SceneBuilder {
@@ -93,17 +57,17 @@ fn furnace() -> SceneBuilder {
 
 #[test]
 fn command_writes_the_same_file_on_any_number_of_threads() {
-    let bench = Bench::new(&furnace().glb());
+    let bench = bench_of(&furnace().glb());
     let few = ["--points", "50", "--paths", "64"];
     for (name, more) in [("one.csv", "1"), ("three.csv", "3")] {
-        bench.reference(&bench.path(name), &[&few[..], &["--threads", more]].concat()).assert().success();
+        bench.command(&bench.path(name), &[&few[..], &["--threads", more]].concat()).assert().success();
     }
     let text = fs::read_to_string(bench.path("one.csv")).unwrap();
     assert_eq!(text, fs::read_to_string(bench.path("three.csv")).unwrap());
     let given = fs::read_to_string(data("references/cornell.reference.csv")).unwrap();
     assert_eq!((text.lines().next(), text.lines().count()), (given.lines().next(), 51));
     let output =
-        bench.reference(&bench.path("seed.csv"), &[&few[..], &["--seed", "2"]].concat()).output().unwrap();
+        bench.command(&bench.path("seed.csv"), &[&few[..], &["--seed", "2"]].concat()).output().unwrap();
     assert_ne!(text, fs::read_to_string(bench.path("seed.csv")).unwrap());
     let figures: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!((&figures["points"], &figures["paths"]), (&50.into(), &64.into()));
@@ -113,9 +77,9 @@ fn command_writes_the_same_file_on_any_number_of_threads() {
 /// A room of constant radiosity that was baked, against a reference of it: only the noise of the reference is left.
 #[test]
 fn bake_can_be_compared_with_what_the_command_writes() {
-    let bench = Bench::new(&furnace().glb());
+    let bench = bench_of(&furnace().glb());
     let [lit, csv] = ["lit.glb", "reference.csv"].map(|name| bench.path(name));
-    bench.reference(&csv, &["--points", "200", "--paths", "256"]).assert().success();
+    bench.command(&csv, &["--points", "200", "--paths", "256"]).assert().success();
     let coordinator = || Command::new(binary("coordinator"));
     let mut solve = coordinator();
     solve.arg("solve").arg(&bench.scene).arg("-o").arg(&lit).args(["--mesh-error", "0.005"]);
@@ -130,12 +94,12 @@ fn bake_can_be_compared_with_what_the_command_writes() {
 
 #[test]
 fn points_of_another_reference_can_be_traced() {
-    let bench = Bench::new(&furnace().glb());
+    let bench = bench_of(&furnace().glb());
     let first = bench.path("first.csv");
-    bench.reference(&first, &["--points", "100", "--paths", "128"]).assert().success();
+    bench.command(&first, &["--points", "100", "--paths", "128"]).assert().success();
     let at = first.display().to_string();
     let again = bench.path("again.csv");
-    let output = bench.reference(&again, &["--at", &at, "--paths", "128", "--seed", "9"]).output().unwrap();
+    let output = bench.command(&again, &["--at", &at, "--paths", "128", "--seed", "9"]).output().unwrap();
     let figures: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert!(figures["agreement"]["within_3_sigma"].as_f64().unwrap() >= 0.98, "{figures}");
     let places =
@@ -156,7 +120,7 @@ fn points_of_another_reference_can_be_traced() {
 
 #[test]
 fn numbers_that_make_no_reference_are_refused() {
-    let bench = Bench::new(&furnace().glb());
+    let bench = bench_of(&furnace().glb());
     let output = bench.path("no.csv");
     bench.assert_refused(&output, &["--points", "0"], &["--points", "must be a whole number from 1"]);
     bench.assert_refused(&output, &["--paths", "0"], &["--paths", "0 is not in 1..=2097152"]);
@@ -165,7 +129,7 @@ fn numbers_that_make_no_reference_are_refused() {
 
 #[test]
 fn output_that_cannot_be_written_is_refused_before_the_work() {
-    let bench = Bench::new(b"no scene at all");
+    let bench = bench_of(b"no scene at all");
     let nowhere = bench.path("nowhere/reference.csv");
     bench.assert_refused(&nowhere, &[], &["nowhere", "does not exist", "create it"]);
     bench.assert_refused(bench.folder.path(), &[], &["is a directory", "name a file"]);
@@ -174,18 +138,18 @@ fn output_that_cannot_be_written_is_refused_before_the_work() {
 
 #[test]
 fn scenes_that_make_no_reference_are_refused() {
-    let room =
-        |material| Bench::new(&SceneBuilder::new().part("walls", &shapes::unit_room(), material).glb());
-    let refused = |bench: &Bench, words: &[&str]| bench.assert_refused(&bench.path("no.csv"), &[], words);
+    let room = |material| bench_of(&SceneBuilder::new().part("walls", &shapes::unit_room(), material).glb());
+    let refused =
+        |bench: &SceneCommand, words: &[&str]| bench.assert_refused(&bench.path("no.csv"), &[], words);
     refused(
         &room(Material::grey(0.0).emitting(1.0)),
         &["scene.glb", "no surface that reflects", "base colour"],
     );
     refused(&room(Material::grey(0.5)), &["scene.glb", "no light", "emissiveFactor"]);
-    refused(&Bench::new(b"no scene at all"), &["scene.glb", "is not a glTF"]);
-    let missing = Bench { scene: PathBuf::from("missing.glb"), ..room(Material::grey(0.5)) };
+    refused(&bench_of(b"no scene at all"), &["scene.glb", "is not a glTF"]);
+    let missing = SceneCommand { scene: PathBuf::from("missing.glb"), ..room(Material::grey(0.5)) };
     refused(&missing, &["missing.glb: cannot be read"]);
     let (mut document, binary) = furnace().document();
     document["accessors"][0]["count"] = 1_000_000.into();
-    refused(&Bench::new(&pack(&document, &binary)), &["POSITION of node walls", "cannot be read"]);
+    refused(&bench_of(&pack(&document, &binary)), &["POSITION of node walls", "cannot be read"]);
 }

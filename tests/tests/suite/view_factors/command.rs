@@ -2,52 +2,14 @@
 
 use std::collections::HashMap;
 use std::fs;
-use std::path::{Path, PathBuf};
 
-use assert_cmd::Command;
 use serde_json::Value;
-use tempfile::TempDir;
 use tests::builder::{Material, SceneBuilder, pack};
-use tests::programs::binary;
+use tests::scene_command::SceneCommand;
 use tests::shapes;
 
-/// A folder with a scene in it.
-struct Bench {
-    folder: TempDir,
-    scene: PathBuf,
-}
-
-impl Bench {
-    fn new(glb: &[u8]) -> Self {
-        let folder = tempfile::tempdir().unwrap();
-        let scene = folder.path().join("scene.glb");
-        fs::write(&scene, glb).unwrap();
-        Self { folder, scene }
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.folder.path().join(name)
-    }
-
-    fn command(&self, output: &Path, arguments: &[&str]) -> Command {
-        let mut command = Command::new(binary("coordinator"));
-        command.arg("form-factors").arg(&self.scene).arg("-o").arg(output).args(arguments);
-        command
-    }
-
-    /// Must refuse, say all of this, and write nothing.
-    fn assert_refused(&self, output: &Path, arguments: &[&str], words: &[&str]) {
-        let before = fs::read_dir(self.folder.path()).unwrap().count();
-        let answer = self.command(output, arguments).output().unwrap();
-        let said = String::from_utf8(answer.stderr).unwrap();
-        assert!(!answer.status.success(), "not refused");
-        for word in words {
-            assert!(said.contains(word), "{word:?} is missing in: {said}");
-        }
-        assert!(!said.contains("panicked"), "{said}");
-        assert!(said.matches("os error").count() <= 1, "{said}");
-        assert_eq!(fs::read_dir(self.folder.path()).unwrap().count(), before, "files were left behind");
-    }
+fn bench_of(glb: &[u8]) -> SceneCommand {
+    SceneCommand::new("form-factors", glb)
 }
 
 /// A room with a box in it, one wall of which is missing.
@@ -82,7 +44,7 @@ fn fields(line: &str) -> Vec<String> {
 
 #[test]
 fn files_hold_reciprocal_factors_and_rows_that_sum_to_one() {
-    let bench = Bench::new(&open_room().glb());
+    let bench = bench_of(&open_room().glb());
     let (output, areas, report) = (bench.path("f.csv"), bench.path("areas.csv"), bench.path("report.json"));
     let named = ["--areas", areas.to_str().unwrap(), "--report", report.to_str().unwrap(), "--facets"];
     let answer = bench.command(&output, &named).output().unwrap();
@@ -136,7 +98,7 @@ fn files_hold_reciprocal_factors_and_rows_that_sum_to_one() {
 
 #[test]
 fn threads_write_the_same_file() {
-    let bench = Bench::new(&open_room().glb());
+    let bench = bench_of(&open_room().glb());
     for (name, threads) in [("one.csv", "1"), ("three.csv", "3")] {
         bench.command(&bench.path(name), &["--threads", threads]).assert().success();
     }
@@ -151,18 +113,18 @@ fn names_are_asked_for() {
             thing.as_object_mut().unwrap().remove("name");
         }
     }
-    let bench = Bench::new(&pack(&document, &binary));
+    let bench = bench_of(&pack(&document, &binary));
     bench.assert_refused(
         &bench.path("f.csv"),
         &[],
         &["scene.glb", "no surface has a name", "name the nodes"],
     );
     document["nodes"][0]["name"] = "(open)".into();
-    let bench = Bench::new(&pack(&document, &binary));
+    let bench = bench_of(&pack(&document, &binary));
     bench.assert_refused(&bench.path("f.csv"), &[], &["called (open)", "another name"]);
     document["nodes"][0]["name"] = "walls".into();
     document["meshes"][1]["name"] = "walls".into();
-    let bench = Bench::new(&pack(&document, &binary));
+    let bench = bench_of(&pack(&document, &binary));
     bench.command(&bench.path("f.csv"), &[]).assert().success();
     let text = fs::read_to_string(bench.path("f.csv")).unwrap();
     assert!(text.contains("walls (node 0),walls (node 1),"), "{text}");
@@ -170,7 +132,7 @@ fn names_are_asked_for() {
 
 #[test]
 fn wrong_files_are_refused_before_anything_is_computed() {
-    let bench = Bench::new(&open_room().glb());
+    let bench = bench_of(&open_room().glb());
     let scene = bench.scene.clone();
     bench.assert_refused(&scene, &[], &["scene.glb", "choose another output"]);
     bench.assert_refused(&bench.path("no/f.csv"), &[], &["does not exist", "create it"]);
