@@ -43,12 +43,8 @@ impl AveragedMaterial {
 
     /// Averages over a polygon of a facet, with its area.
     fn over(surface: &Surface, facet: u32, polygon: &[DVec3]) -> (Self, f64) {
-        let material = Self {
-            reflectance: surface.mean_reflectance(facet, polygon),
-            exitance: surface.mean_exitance(facet, polygon),
-            opacity: surface.mean_opacity(facet, polygon),
-        };
-        (material, area_vector(polygon).length())
+        let (reflectance, exitance, opacity) = surface.mean_material(facet, polygon);
+        (Self { reflectance, exitance, opacity }, area_vector(polygon).length())
     }
 }
 

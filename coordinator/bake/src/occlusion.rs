@@ -83,11 +83,13 @@ impl<'a> Surroundings<'a> {
         // Facets block light from both sides.
         let facets =
             || scene.fronts().flat_map(|own| own.facets.iter().enumerate().map(move |facet| (own, facet)));
-        let polygons: Vec<_> = facets().map(|(_, (_, facet))| facet.polygon()).collect();
-        let mut opacities: Vec<f32> = facets()
+        let facets: Vec<_> = facets().collect();
+        let polygons: Vec<_> = facets.iter().map(|(_, (_, facet))| facet.polygon()).collect();
+        let mut opacities: Vec<f32> = facets
+            .par_iter()
             .map(|(surface, (index, facet))| {
                 let corners: Vec<DVec3> = facet.positions().collect();
-                surface.mean_opacity(index as u32, &corners).clamp(0.0, 1.0) as f32
+                surface.mean_opacity(*index as u32, &corners).clamp(0.0, 1.0) as f32
             })
             .collect();
         if opacities.iter().all(|opacity| *opacity == 1.0) {

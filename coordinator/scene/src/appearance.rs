@@ -102,10 +102,7 @@ impl Appearance {
     #[must_use]
     pub fn reflectance(&self, index: u32, facet: &Facet, polygon: &[DVec3]) -> DVec3 {
         let Some(place) = self.place(index, facet, polygon) else { return DVec3::ZERO };
-        let (colour, opacity) = self.colour_and_opacity(&place);
-        let rest = self.pattern.dimming.as_ref().map_or(DVec3::ONE, |layer| place.mean(layer).truncate());
-        // The image's texels have their opacity in them; what the vertices bring is known apart from it.
-        (self.pattern.reflectance * colour * rest * opacity.of_vertices).min(DVec3::splat(MAX_REFLECTANCE))
+        self.reflectance_at(&place, &self.colour_and_opacity(&place))
     }
 
     /// Mean exitance over a polygon of a facet.
@@ -115,16 +112,7 @@ impl Appearance {
             return DVec3::ZERO;
         }
         let Some(place) = self.place(index, facet, polygon) else { return DVec3::ZERO };
-        let emission =
-            self.pattern.emitting.as_ref().map_or(DVec3::ONE, |layer| place.mean(layer).truncate());
-        let opacity = match self.pattern.opacity {
-            Opacity::Opaque => 1.0,
-            _ => {
-                let (_, opacity) = self.colour_and_opacity(&place);
-                if self.pattern.emitting_has_opacity { opacity.of_vertices } else { opacity.all() }
-            }
-        };
-        self.pattern.exitance * emission * opacity
+        self.exitance_at(&place, || self.colour_and_opacity(&place).1)
     }
 
     /// Mean opacity over a polygon of a facet.
@@ -134,6 +122,36 @@ impl Appearance {
             return 1.0;
         }
         self.place(index, facet, polygon).map_or(1.0, |place| self.colour_and_opacity(&place).1.all())
+    }
+
+    /// All three of them, for little more than one: reflectance, exitance and opacity.
+    #[must_use]
+    pub fn material(&self, index: u32, facet: &Facet, polygon: &[DVec3]) -> (DVec3, DVec3, f64) {
+        let Some(place) = self.place(index, facet, polygon) else { return (DVec3::ZERO, DVec3::ZERO, 1.0) };
+        let known = self.colour_and_opacity(&place);
+        let reflectance = self.reflectance_at(&place, &known);
+        let opacity = if self.pattern.opacity == Opacity::Opaque { 1.0 } else { known.1.all() };
+        (reflectance, self.exitance_at(&place, || known.1), opacity)
+    }
+
+    fn reflectance_at(&self, place: &Place, (colour, opacity): &(DVec3, MeanOpacity)) -> DVec3 {
+        let rest = self.pattern.dimming.as_ref().map_or(DVec3::ONE, |layer| place.mean(layer).truncate());
+        // The image's texels have their opacity in them; what the vertices bring is known apart from it.
+        (self.pattern.reflectance * *colour * rest * opacity.of_vertices).min(DVec3::splat(MAX_REFLECTANCE))
+    }
+
+    fn exitance_at(&self, place: &Place, opacity: impl FnOnce() -> MeanOpacity) -> DVec3 {
+        if self.pattern.exitance == DVec3::ZERO {
+            return DVec3::ZERO;
+        }
+        let emission =
+            self.pattern.emitting.as_ref().map_or(DVec3::ONE, |layer| place.mean(layer).truncate());
+        let opacity = match self.pattern.opacity {
+            Opacity::Opaque => 1.0,
+            _ if self.pattern.emitting_has_opacity => opacity().of_vertices,
+            _ => opacity().all(),
+        };
+        self.pattern.exitance * emission * opacity
     }
 
     /// True where the exitance is the same all over the surface.

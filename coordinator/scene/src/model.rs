@@ -149,6 +149,14 @@ impl Surface {
         self.appearance.as_ref().map_or(self.exitance, over)
     }
 
+    /// Mean reflectance, exitance and opacity over a polygon of one of its facets, as above.
+    #[must_use]
+    pub fn mean_material(&self, facet: u32, polygon: &[DVec3]) -> (DVec3, DVec3, f64) {
+        let over =
+            |appearance: &Arc<Appearance>| appearance.material(facet, &self.facets[facet as usize], polygon);
+        self.appearance.as_ref().map_or((self.reflectance, self.exitance, self.opacity), over)
+    }
+
     /// Mean opacity over a polygon of one of its facets, frame positions; the value at a point where only one is given.
     #[must_use]
     pub fn mean_opacity(&self, facet: u32, polygon: &[DVec3]) -> f64 {

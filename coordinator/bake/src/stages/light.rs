@@ -1,11 +1,11 @@
 //! Light sources: emitting polygons of constant exitance, lights that are no surface, and the sky.
 
 use glam::DVec3;
-use kernel::geometry::ConvexPolygon;
+use kernel::geometry::area_vector;
 use kernel::row::{Row, Shape, Shooter};
 use kernel::visibility::MANY_POLYGONS;
 
-use super::emitters::emitters;
+use super::emitters::{Emitter, emitters};
 use super::sky;
 use crate::error::BakeError;
 use crate::jobs::{ReceiverSet, RowClient};
@@ -42,6 +42,13 @@ pub enum Origin {
 /// Most polygons of a joint light source: its row must fit a job.
 const MOST_JOINED: usize = 1024;
 
+/// Emitters of a scene beyond which those of a surface are joined from [`FEW_POLYGONS`] on: an exact row for each takes too long.
+const MANY_EMITTERS: usize = 256;
+const FEW_POLYGONS: usize = 8;
+
+/// Colours that differ by less than this part of their strongest channel are one.
+const ONE_COLOUR: f64 = 1.0 / 64.0;
+
 /// The light sources of a scene, whose mesh is that of the shares; their keys start at `first_key`. Those of a fine lamp, or of the
 /// sky, are joined where `joined`: then rays tell what stands between all of them and a receiver.
 pub fn sources(
@@ -51,19 +58,16 @@ pub fn sources(
     first_key: u64,
     joined: bool,
 ) -> Vec<LightSource> {
-    let facets = emitters(scene, mesh)
-        .into_iter()
-        .map(|emitter| (vec![emitter.polygon], emitter.exitance, Origin::Surface(emitter.surface)));
+    let error = settings.asked_error();
+    let facets = emitters(scene, mesh, joined.then_some(error));
+    let facets = if joined { join(facets) } else { facets.into_iter().map(alone).collect() };
     let lights = scene.lights.iter().enumerate().map(|(index, light)| {
         let (shape, strength) = shooter(&light.kind, light.intensity, scene.frame.scale, settings);
         (shape, strength, Origin::Light(index))
     });
-    let sky = sky::shapes(scene, settings.asked_error(), joined)
-        .into_iter()
-        .map(|(shape, exitance)| (shape, exitance, Origin::Sky));
-    let shapes = |(polygons, exitance, origin)| (Shape::Polygons(polygons), exitance, origin);
-    let facets = if joined { join(facets.collect()) } else { facets.collect() };
-    let all: Vec<_> = facets.into_iter().map(shapes).chain(lights).chain(sky).collect();
+    let sky =
+        sky::shapes(scene, error, joined).into_iter().map(|(shape, exitance)| (shape, exitance, Origin::Sky));
+    let all: Vec<_> = facets.into_iter().chain(lights).chain(sky).collect();
     all.into_iter()
         .enumerate()
         .map(|(index, (shape, strength, origin))| LightSource {
@@ -79,25 +83,71 @@ pub fn sources(
         .collect()
 }
 
-/// Emitting polygons, with their exitance and where they come from.
-type Emitting = (Vec<ConvexPolygon>, DVec3, Origin);
+/// What shines, its exitance and where it comes from.
+type Shining = (Shape, DVec3, Origin);
 
-/// Joins neighbours of one surface and exitance where they are many enough to be sampled; the others stay by themselves, exact.
-fn join(polygons: Vec<Emitting>) -> Vec<Emitting> {
-    let alike = |a: &Emitting, b: &Emitting| (a.1, a.2) == (b.1, b.2);
+/// An emitter by itself, exact.
+fn alone(Emitter { surface, polygon, exitance }: Emitter) -> Shining {
+    (Shape::Polygons(vec![polygon]), exitance, Origin::Surface(surface))
+}
+
+/// Joins the emitters of each surface where they are many enough to be sampled; the others stay by themselves, exact.
+fn join(emitters: Vec<Emitter>) -> Vec<Shining> {
+    let least = if emitters.len() > MANY_EMITTERS { FEW_POLYGONS } else { MANY_POLYGONS };
     let mut joined = vec![];
-    for own in polygons.chunk_by(alike) {
-        if own.len() < MANY_POLYGONS {
-            joined.extend_from_slice(own);
-            continue;
+    for own in emitters.chunk_by(|a, b| a.surface == b.surface) {
+        let mut others = vec![];
+        for even in own.chunk_by(|a, b| a.exitance == b.exitance) {
+            if even.len() < MANY_POLYGONS {
+                others.extend_from_slice(even);
+                continue;
+            }
+            joined.extend(parts_of(even).map(|part| {
+                let polygons = part.iter().map(|emitter| emitter.polygon.clone()).collect();
+                (Shape::Polygons(polygons), part[0].exitance, Origin::Surface(part[0].surface))
+            }));
         }
-        let parts = own.len().div_ceil(MOST_JOINED);
-        joined.extend(own.chunks(own.len().div_ceil(parts)).map(|part| {
-            let polygons = part.iter().flat_map(|(polygons, ..)| polygons.iter().cloned()).collect();
-            (polygons, own[0].1, own[0].2)
-        }));
+        if others.len() < least {
+            joined.extend(others.into_iter().map(alone));
+        } else {
+            joined.extend(parts_of(&others).flat_map(weighted));
+        }
     }
     joined
+}
+
+/// Parts of about one size, none too large for a job.
+fn parts_of(emitters: &[Emitter]) -> impl Iterator<Item = &[Emitter]> {
+    let parts = emitters.len().div_ceil(MOST_JOINED);
+    emitters.chunks(emitters.len().div_ceil(parts))
+}
+
+/// Emitters of one surface as shapes with weights: one where all have about one colour, else one for each channel.
+fn weighted(emitters: &[Emitter]) -> Vec<Shining> {
+    let origin = Origin::Surface(emitters[0].surface);
+    let strongest = |emitter: &Emitter| emitter.exitance.max_element();
+    let area = |emitter: &Emitter| area_vector(&emitter.polygon.corners).length();
+    let flux: DVec3 = emitters.iter().map(|emitter| area(emitter) * emitter.exitance).sum();
+    // Of what the strongest channel would give: so that the flux is right in each.
+    let colour = flux / emitters.iter().map(|emitter| area(emitter) * strongest(emitter)).sum::<f64>();
+    let has_it = |emitter: &Emitter| {
+        (emitter.exitance / strongest(emitter) - colour).abs().max_element() <= ONE_COLOUR
+    };
+    let channels = if emitters.iter().all(has_it) {
+        vec![(DVec3::ONE, colour)]
+    } else {
+        [DVec3::X, DVec3::Y, DVec3::Z].map(|channel| (channel, channel)).to_vec()
+    };
+    channels
+        .into_iter()
+        .filter_map(|(channel, colour)| {
+            let value = |emitter: &Emitter| (emitter.exitance * channel).max_element();
+            let most = emitters.iter().map(value).fold(0.0, f64::max);
+            let lit = emitters.iter().filter(|emitter| value(emitter) > 0.0);
+            let parts = lit.map(|emitter| (emitter.polygon.clone(), value(emitter) / most)).collect();
+            (most > 0.0).then_some((Shape::Weighted(parts), colour * most, origin))
+        })
+        .collect()
 }
 
 /// The shape of a light that is no surface, and what one unit of its row is worth.
@@ -173,4 +223,75 @@ pub fn irradiance(
     client: &mut RowClient,
 ) -> Result<Vec<DVec3>, BakeError> {
     Ok(irradiance_of(sources, &[set], client, |_, _, _, _| ())?.pop().unwrap_or_default())
+}
+
+#[cfg(test)]
+mod tests {
+    use kernel::geometry::{ConvexPolygon, PlaneId};
+
+    use super::*;
+
+    fn emitter(index: u32, exitance: DVec3) -> Emitter {
+        let low = f64::from(index);
+        let edge = 0.2 + 0.01 * low;
+        let corners =
+            [(0.0, 0.0), (edge, 0.0), (edge, 0.5), (0.0, 0.5)].map(|(x, y)| DVec3::new(low + x, y, 0.0));
+        Emitter {
+            surface: 3,
+            polygon: ConvexPolygon { plane: PlaneId(0), corners: corners.to_vec() },
+            exitance,
+        }
+    }
+
+    fn flux_of(emitters: &[Emitter]) -> DVec3 {
+        emitters.iter().map(|own| area_vector(&own.polygon.corners).length() * own.exitance).sum()
+    }
+
+    fn flux(shining: &[Shining]) -> DVec3 {
+        let area = |polygon: &ConvexPolygon| area_vector(&polygon.corners).length();
+        let of_shape = |shape: &Shape| -> f64 {
+            match shape {
+                Shape::Polygons(polygons) => polygons.iter().map(area).sum(),
+                Shape::Weighted(polygons) => {
+                    polygons.iter().map(|(polygon, weight)| area(polygon) * weight).sum()
+                }
+                other => panic!("{other:?} is no surface"),
+            }
+        };
+        shining.iter().map(|(shape, strength, _)| *strength * of_shape(shape)).sum::<DVec3>()
+    }
+
+    #[test]
+    fn joined_emitters_keep_their_flux_in_each_channel() {
+        // Of one colour, of nearly one, of many.
+        let brightness = |index: u32| 1.0 + f64::from(index % 7);
+        let colours: [fn(u32) -> DVec3; 3] = [
+            |_| DVec3::new(1.0, 0.5, 0.25),
+            |index| DVec3::new(1.0, 0.5 + 0.001 * f64::from(index % 5), 0.25),
+            |index| DVec3::from_array([0, 1, 2].map(|channel| f64::from((index + channel) % 3))),
+        ];
+        for (colour, rows) in colours.into_iter().zip([1, 1, 3]) {
+            let emitters: Vec<Emitter> =
+                (0..40).map(|index| emitter(index, colour(index) * brightness(index))).collect();
+            let joined = join(emitters.clone());
+            assert_eq!(joined.len(), rows);
+            assert!(joined.iter().all(|(_, _, origin)| *origin == Origin::Surface(3)));
+            let wanted = flux_of(&emitters);
+            assert!((flux(&joined) - wanted).abs().max_element() <= 1e-12 * wanted.max_element());
+        }
+    }
+
+    #[test]
+    fn few_emitters_stay_exact_and_very_many_go_into_several_rows() {
+        let few: Vec<Emitter> =
+            (0..20).map(|index| emitter(index, DVec3::splat(f64::from(index + 1)))).collect();
+        assert!(join(few).iter().all(|(shape, ..)| matches!(shape, Shape::Polygons(one) if one.len() == 1)));
+        let many: Vec<Emitter> =
+            (0..3000).map(|index| emitter(index, DVec3::splat(f64::from(index % 9 + 1)))).collect();
+        let joined = join(many.clone());
+        assert_eq!(joined.len(), 3);
+        assert!(joined.iter().all(|(shape, ..)| shape.polygons() <= MOST_JOINED));
+        let wanted = flux_of(&many);
+        assert!((flux(&joined) - wanted).abs().max_element() <= 1e-12 * wanted.max_element());
+    }
 }

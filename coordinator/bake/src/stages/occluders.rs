@@ -1,9 +1,10 @@
 //! The facets that can block light.
 
 use glam::DVec3;
-use kernel::geometry::ConvexPolygon;
+use kernel::geometry::{ConvexPolygon, area_vector};
 use kernel::occluder::convex_bodies;
 use kernel::replica::ScenePolygons;
+use rayon::prelude::*;
 
 use super::sides::{Plane, PointTree};
 use super::{pieces, sky};
@@ -30,19 +31,20 @@ pub fn occluders(scene: &Scene) -> ScenePolygons {
         .filter_map(|light| light.kind.from_far())
         .collect();
     let can_block = |facet: &Facet| has_both_sides(facet, &points, &far);
-    let mut blocks: Vec<bool> = vec![];
-    let mut polygons: Vec<ConvexPolygon> = vec![];
-    let mut translucent = ScenePolygons::default();
-    for surface in scene.fronts() {
-        for (index, facet) in (0..).zip(&surface.facets) {
-            if surface.opacity >= 1.0 {
-                blocks.push(can_block(facet));
-                polygons.push(facet.polygon());
-            } else if can_block(facet) {
-                pieces::cut_by_opacity(surface, index, &mut translucent);
-            }
-        }
-    }
+    let facets =
+        || scene.fronts().flat_map(|surface| (0..).zip(&surface.facets).map(move |facet| (surface, facet)));
+    let (opaque, clear): (Vec<_>, Vec<_>) = facets().partition(|(surface, _)| surface.opacity >= 1.0);
+    let mut blocks: Vec<bool> = opaque.par_iter().map(|(_, (_, facet))| can_block(facet)).collect();
+    let polygons: Vec<ConvexPolygon> = opaque.iter().map(|(_, (_, facet))| facet.polygon()).collect();
+    let area = |facet: &Facet| area_vector(&facet.positions().collect::<Vec<_>>()).length();
+    let all: f64 = clear.iter().map(|(_, (_, facet))| area(facet)).sum();
+    let pieces: Vec<ScenePolygons> = clear
+        .par_iter()
+        .filter(|(_, (_, facet))| can_block(facet))
+        .map(|(surface, (index, facet))| {
+            pieces::cut_by_opacity(surface, *index, pieces::halvings(area(facet) / all))
+        })
+        .collect();
     // The bottom of a box on the floor blocks nothing, but makes the box a body.
     for faces in convex_bodies(&polygons) {
         if faces.iter().any(|face| blocks[*face]) {
@@ -51,12 +53,14 @@ pub fn occluders(scene: &Scene) -> ScenePolygons {
     }
     let mut polygons: Vec<ConvexPolygon> =
         polygons.into_iter().zip(blocks).filter(|(_, blocks)| *blocks).map(|(polygon, _)| polygon).collect();
-    if translucent.polygons.is_empty() {
+    if pieces.iter().all(|pieces| pieces.polygons.is_empty()) {
         return ScenePolygons { polygons, opacities: vec![] };
     }
     let mut opacities = vec![1.0; polygons.len()];
-    polygons.extend(translucent.polygons);
-    opacities.extend(translucent.opacities);
+    for translucent in pieces {
+        polygons.extend(translucent.polygons);
+        opacities.extend(translucent.opacities);
+    }
     ScenePolygons { polygons, opacities }
 }
 

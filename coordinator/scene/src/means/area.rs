@@ -15,6 +15,10 @@ use document::texture::{Filter, Sampler, Wrap};
 
 /// Something with a value at every texel: red, green, blue, and a fourth.
 pub trait Raster: Sync {
+    /// Texels that an outline may cross before a coarser image is used. The error lies along the outline only, some texels of the
+    /// thousands inside.
+    const MOST_PASSED: f64 = 2048.0;
+
     /// Texels of a row, and rows: at least one of each.
     fn size(&self) -> [u32; 2];
     /// The value of a texel.
@@ -23,10 +27,6 @@ pub trait Raster: Sync {
 
 /// Texels between places with known sums.
 const BLOCK: usize = 16;
-
-/// Texels that an outline may cross before a coarser image is used. The error lies along the outline only, some texels of the
-/// thousands inside.
-const MOST_PASSED: f64 = 16_384.0;
 
 /// Width and height, in texels, of a texel of the coarser image.
 const COARSER: u32 = 8;
@@ -135,7 +135,7 @@ impl<R: Raster> AreaMeans<R> {
                 + (inside(from.y, down) - inside(to.y, down)).abs()
         };
         if let Some(coarser) = &self.coarser
-            && edges().map(passed).sum::<f64>() > MOST_PASSED
+            && edges().map(passed).sum::<f64>() > R::MOST_PASSED
         {
             return coarser.over(polygon, sampler);
         }

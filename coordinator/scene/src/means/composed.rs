@@ -117,6 +117,9 @@ impl Composed {
 }
 
 impl Raster for Composed {
+    /// Each texel is several images' decoded anew; those of a coarser image are ready.
+    const MOST_PASSED: f64 = 256.0;
+
     fn size(&self) -> [u32; 2] {
         self.images()
             .fold([1, 1], |[width, height], image| [width.max(image.width()), height.max(image.height())])

@@ -3,12 +3,13 @@
 use glam::DVec3;
 use kernel::replica::{Receiver, Receivers, ScenePolygons};
 use kernel::row::{Hemisphere, Shape, Shooter};
+use rayon::prelude::*;
 
 use crate::context::Context;
 use crate::error::Result;
 use crate::jobs::{ReceiverSet, RowClient};
 use crate::materials::AveragedMaterial;
-use crate::mesh::Mesh;
+use crate::mesh::{Mesh, Patch, PatchId};
 use scene::Scene;
 
 /// The shares that a receiver sees, by rising index, with their form factors.
@@ -32,15 +33,16 @@ pub fn publish_leaves(cx: &mut Context, mesh: &Mesh) -> ReceiverSet {
 
 /// Leaves of a mesh as rays see them, each with its opacity where one is not opaque.
 fn leaf_polygons(scene: &Scene, mesh: &Mesh) -> ScenePolygons {
-    let mut leaves = ScenePolygons::default();
-    for (id, patch) in mesh.leaves() {
+    let all: Vec<_> = mesh.leaves().collect();
+    let leaf = |(id, patch): &(PatchId, &Patch)| {
         let surface = &scene.surfaces[patch.surface as usize];
-        let polygon = mesh.polygon(scene, id);
+        let polygon = mesh.polygon(scene, *id);
         let is_solid = surface.opacity >= 1.0;
         let opacity = if is_solid { 1.0 } else { surface.mean_opacity(patch.facet, &polygon.corners) };
-        leaves.polygons.push(polygon);
-        leaves.opacities.push(opacity.clamp(0.0, 1.0) as f32);
-    }
+        (polygon, opacity.clamp(0.0, 1.0) as f32)
+    };
+    let (polygons, opacities) = all.par_iter().map(leaf).unzip();
+    let mut leaves = ScenePolygons { polygons, opacities };
     if leaves.opacities.iter().all(|opacity| *opacity == 1.0) {
         leaves.opacities.clear();
     }
