@@ -81,9 +81,10 @@ struct Surroundings<'a> {
 impl<'a> Surroundings<'a> {
     fn new(scene: &'a Scene, lit: &'a LitMesh, distance: f64) -> Self {
         // Facets block light from both sides.
-        let facets =
-            || scene.fronts().flat_map(|own| own.facets.iter().enumerate().map(move |facet| (own, facet)));
-        let facets: Vec<_> = facets().collect();
+        let facets: Vec<_> = scene
+            .fronts()
+            .flat_map(|own| own.facets.iter().enumerate().map(move |facet| (own, facet)))
+            .collect();
         let polygons: Vec<_> = facets.iter().map(|(_, (_, facet))| facet.polygon()).collect();
         let mut opacities: Vec<f32> = facets
             .par_iter()

@@ -2,10 +2,8 @@
 
 use std::io;
 use std::pin::Pin;
-use std::task::{Context, Poll};
 use std::time::Duration;
 
-use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::signal::unix::{SignalKind, signal};
 use tokio_stream::{Stream, StreamExt};
 use tokio_util::sync::CancellationToken;
@@ -49,27 +47,37 @@ impl ConnectionBounds {
     }
 }
 
-/// A connection to a server: sockets, memory or a simulation. One type for all: each would have a server compiled for it.
-pub struct Accepted {
-    bytes: Box<dyn ByteStream>,
-    caller: Caller,
+/// A connection to a server: a socket, memory or a simulation. Servers take it boxed, whatever it is: each type would have a server
+/// compiled for it.
+pub trait Accepted: ByteStream {
+    /// Who is at the other end.
+    fn caller(&self) -> Caller;
 }
 
-impl Accepted {
-    /// One whose caller is known.
-    pub fn new(bytes: impl ByteStream + 'static, caller: Caller) -> Self {
-        Self { bytes: Box::new(bytes), caller }
+/// One of which nothing is known.
+impl Accepted for Box<dyn ByteStream> {
+    fn caller(&self) -> Caller {
+        Caller::new(None)
+    }
+}
+
+impl Connected for Box<dyn Accepted> {
+    type ConnectInfo = Caller;
+
+    fn connect_info(&self) -> Caller {
+        self.caller()
     }
 }
 
 /// Connections as they come.
-pub type Incoming = Pin<Box<dyn Stream<Item = io::Result<Accepted>> + Send>>;
+pub type Incoming = Pin<Box<dyn Stream<Item = io::Result<Box<dyn Accepted>>> + Send>>;
 
-/// Connections that are taken as they are, whoever calls.
+/// Connections of callers of whom nothing is known.
 pub fn unwatched<T: ByteStream + 'static>(
     streams: impl Stream<Item = io::Result<T>> + Send + 'static,
 ) -> Incoming {
-    Box::pin(streams.map(|stream| Ok(Accepted::new(stream?, Caller::new(None)))))
+    let accepted = |stream| Box::new(Box::new(stream) as Box<dyn ByteStream>) as Box<dyn Accepted>;
+    Box::pin(streams.map(move |stream| stream.map(accepted)))
 }
 
 /// Serves these connections until the token is cancelled and their calls have ended. Boxed, the future is compiled here once, and not
@@ -84,54 +92,6 @@ pub fn serve(
     drained: CancellationToken,
 ) -> Pin<Box<dyn Future<Output = Result<(), Error>> + Send>> {
     Box::pin(server.add_routes(routes).serve_with_incoming_shutdown(incoming, drained.cancelled_owned()))
-}
-
-impl Connected for Accepted {
-    type ConnectInfo = Caller;
-
-    fn connect_info(&self) -> Caller {
-        self.caller.clone()
-    }
-}
-
-impl AsyncRead for Accepted {
-    fn poll_read(
-        mut self: Pin<&mut Self>,
-        context: &mut Context<'_>,
-        buffer: &mut ReadBuf<'_>,
-    ) -> Poll<io::Result<()>> {
-        Pin::new(&mut self.bytes).poll_read(context, buffer)
-    }
-}
-
-impl AsyncWrite for Accepted {
-    fn poll_write(
-        mut self: Pin<&mut Self>,
-        context: &mut Context<'_>,
-        bytes: &[u8],
-    ) -> Poll<io::Result<usize>> {
-        Pin::new(&mut self.bytes).poll_write(context, bytes)
-    }
-
-    fn poll_flush(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
-        Pin::new(&mut self.bytes).poll_flush(context)
-    }
-
-    fn poll_shutdown(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
-        Pin::new(&mut self.bytes).poll_shutdown(context)
-    }
-
-    fn poll_write_vectored(
-        mut self: Pin<&mut Self>,
-        context: &mut Context<'_>,
-        slices: &[io::IoSlice<'_>],
-    ) -> Poll<io::Result<usize>> {
-        Pin::new(&mut self.bytes).poll_write_vectored(context, slices)
-    }
-
-    fn is_write_vectored(&self) -> bool {
-        self.bytes.is_write_vectored()
-    }
 }
 
 /// Returns a token that the first SIGTERM or SIGINT cancels; `meaning` is logged then. A second one ends the process at once.

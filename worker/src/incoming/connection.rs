@@ -4,6 +4,7 @@ use std::task::{Context, Poll, ready};
 use std::time::Duration;
 
 use protocol::security::Caller;
+use protocol::server::Accepted;
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::TcpStream;
 use tokio::time::{Instant, Sleep, sleep};
@@ -51,6 +52,12 @@ impl Connection {
             let silence = if self.is_trusting { self.silence } else { STRANGER };
             self.patience.as_mut().reset(Instant::now() + silence);
         }
+    }
+}
+
+impl Accepted for Connection {
+    fn caller(&self) -> Caller {
+        self.caller.clone()
     }
 }
 

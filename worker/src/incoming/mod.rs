@@ -67,7 +67,7 @@ pub fn incoming(listener: TcpListener, tls: Option<Tls>, limits: ConnectionLimit
     Box::pin(ReceiverStream::new(connections))
 }
 
-type Admitted = mpsc::Sender<io::Result<Accepted>>;
+type Admitted = mpsc::Sender<io::Result<Box<dyn Accepted>>>;
 
 async fn accept(listener: TcpListener, tls: Option<Tls>, limits: ConnectionLimits, admitted: Admitted) {
     let places = Places::new(limits.connections);
@@ -134,9 +134,8 @@ async fn admit(arrival: Arrival, tls: Option<Tls>, limits: ConnectionLimits, adm
             Err(_) => return tracing::warn!(%peer, "refused a connection: its handshake takes too long"),
         },
     };
-    let connection = Connection::new(bytes, caller.clone(), place, limits.silence);
     // Nobody takes it where the worker has stopped meanwhile.
-    let _ = admitted.send(Ok(Accepted::new(connection, caller))).await;
+    let _ = admitted.send(Ok(Box::new(Connection::new(bytes, caller, place, limits.silence)))).await;
 }
 
 /// Encrypts a connection with the certificates as their files have them now.

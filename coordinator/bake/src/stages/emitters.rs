@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 
 use glam::DVec3;
 use kernel::geometry::ConvexPolygon;
+use kernel::row::Shape;
 use rayon::prelude::*;
 
 use crate::mesh::{Mesh, PatchId};
@@ -53,7 +54,7 @@ pub fn emitters(scene: &Scene, mesh: &Mesh, joined: Option<f64>) -> Vec<Emitter>
             }));
             continue;
         }
-        // Of each facet its polygon, and what it is made of.
+        // Each facet as a whole, and its patches.
         let facets: Vec<(ConvexPolygon, Vec<Part>)> = (0..surface.facets.len())
             .into_par_iter()
             .map(|facet| {
@@ -78,6 +79,20 @@ pub fn emitters(scene: &Scene, mesh: &Mesh, joined: Option<f64>) -> Vec<Emitter>
         emitters.extend(shining.map(|(polygon, exitance)| Emitter { surface: index, polygon, exitance }));
     }
     emitters
+}
+
+/// Polygons with their exitances as one shape: each is weighted by its exitance in a channel, or in the strongest of several. With the
+/// exitance that a weight of 1 stands for; `None` where all are dark.
+pub fn weighted(
+    polygons: impl Iterator<Item = (ConvexPolygon, DVec3)>,
+    channels: DVec3,
+) -> Option<(Shape, f64)> {
+    let strength = |(polygon, exitance): (_, DVec3)| (polygon, (exitance * channels).max_element());
+    let mut lit: Vec<(ConvexPolygon, f64)> =
+        polygons.map(strength).filter(|(_, strength)| *strength > 0.0).collect();
+    let most = lit.iter().map(|(_, strength)| *strength).fold(0.0, f64::max);
+    lit.iter_mut().for_each(|(_, weight)| *weight /= most);
+    (most > 0.0).then_some((Shape::Weighted(lit), most))
 }
 
 /// A patch with what it emits.

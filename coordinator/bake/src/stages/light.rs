@@ -5,7 +5,7 @@ use kernel::geometry::area_vector;
 use kernel::row::{Row, Shape, Shooter};
 use kernel::visibility::MANY_POLYGONS;
 
-use super::emitters::{Emitter, emitters};
+use super::emitters::{Emitter, emitters, weighted};
 use super::sky;
 use crate::error::BakeError;
 use crate::jobs::{ReceiverSet, RowClient};
@@ -110,7 +110,7 @@ fn join(emitters: Vec<Emitter>) -> Vec<Shining> {
         if others.len() < least {
             joined.extend(others.into_iter().map(alone));
         } else {
-            joined.extend(parts_of(&others).flat_map(weighted));
+            joined.extend(parts_of(&others).flat_map(by_colour));
         }
     }
     joined
@@ -123,7 +123,7 @@ fn parts_of(emitters: &[Emitter]) -> impl Iterator<Item = &[Emitter]> {
 }
 
 /// Emitters of one surface as shapes with weights: one where all have about one colour, else one for each channel.
-fn weighted(emitters: &[Emitter]) -> Vec<Shining> {
+fn by_colour(emitters: &[Emitter]) -> Vec<Shining> {
     let origin = Origin::Surface(emitters[0].surface);
     let strongest = |emitter: &Emitter| emitter.exitance.max_element();
     let area = |emitter: &Emitter| area_vector(&emitter.polygon.corners).length();
@@ -141,11 +141,8 @@ fn weighted(emitters: &[Emitter]) -> Vec<Shining> {
     channels
         .into_iter()
         .filter_map(|(channel, colour)| {
-            let value = |emitter: &Emitter| (emitter.exitance * channel).max_element();
-            let most = emitters.iter().map(value).fold(0.0, f64::max);
-            let lit = emitters.iter().filter(|emitter| value(emitter) > 0.0);
-            let parts = lit.map(|emitter| (emitter.polygon.clone(), value(emitter) / most)).collect();
-            (most > 0.0).then_some((Shape::Weighted(parts), colour * most, origin))
+            let polygons = emitters.iter().map(|emitter| (emitter.polygon.clone(), emitter.exitance));
+            weighted(polygons, channel).map(|(shape, most)| (shape, colour * most, origin))
         })
         .collect()
 }

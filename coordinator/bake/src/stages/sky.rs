@@ -10,6 +10,7 @@ use glam::DVec3;
 use kernel::geometry::{ConvexPolygon, PlaneId};
 use kernel::row::Shape;
 
+use super::emitters::weighted;
 use scene::{Scene, SkyCell, SkyPattern};
 
 /// Half the edge of the box, in frame units: the scene ends at 1024 from its middle.
@@ -85,13 +86,8 @@ fn of_pattern(pattern: &SkyPattern, planes: u32, error: f64, joined: bool) -> Ve
         if pattern.has_one_colour() { vec![DVec3::ONE] } else { vec![DVec3::X, DVec3::Y, DVec3::Z] };
     for channel in channels {
         // Where all have one colour, relative radiance is that of any channel.
-        let value = |cell: &SkyCell| (cell.radiance * channel).max_element();
-        let most = others.iter().map(value).fold(0.0, f64::max);
-        if most > 0.0 {
-            let lit = others.iter().filter(|cell| value(cell) > 0.0);
-            let weighted = lit.map(|cell| (polygon(cell), value(cell) / most)).collect();
-            shapes.push((Shape::Weighted(weighted), channel * most));
-        }
+        let cells = others.iter().map(|cell| (polygon(cell), cell.radiance));
+        shapes.extend(weighted(cells, channel).map(|(shape, most)| (shape, channel * most)));
     }
     shapes
 }
