@@ -9,6 +9,7 @@
 //! | `planar` | cuts flat regions along lines, by constrained Delaunay triangulation |
 //! | `pieces` | cuts long pieces across |
 //! | `welding` | corners to vertices; T-vertices made corners |
+//! | `outline` | outlines that pass through a corner twice made simple |
 //! | `subdivision` | divides patches, keeping neighbours within one level of each other |
 //! | `leaves_at` | which leaves lie along an edge |
 //! | `order` | vertices in spatial order |
@@ -30,6 +31,7 @@ mod leaves_at;
 mod line;
 mod locate;
 mod order;
+mod outline;
 mod overlay;
 mod pieces;
 mod planar;

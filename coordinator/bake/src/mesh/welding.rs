@@ -9,6 +9,7 @@ use rayon::prelude::*;
 use smallvec::SmallVec;
 
 use super::line::{Contact, distance_to_line};
+use super::outline::make_simple;
 use super::{Vertex, VertexId, WELD};
 use scene::{Corner, Facet};
 
@@ -157,15 +158,13 @@ impl Welder {
     fn drop_flat_polygons(&mut self) {
         let points = &self.points;
         self.polygons.par_iter_mut().with_min_len(AT_ONCE).for_each(|polygon| {
+            make_simple(polygon, |id| points[id as usize].position);
             let positions: SmallVec<[DVec3; 8]> =
                 polygon.iter().map(|id| points[*id as usize].position).collect();
             let longest = edges(polygon)
                 .map(|(a, b)| points[a as usize].position.distance(points[b as usize].position));
             let least_area = WELD * longest.fold(0.0, f64::max);
-            let mut distinct: SmallVec<[PointId; 8]> = SmallVec::from_slice(polygon);
-            distinct.sort_unstable();
-            distinct.dedup();
-            if distinct.len() < polygon.len() || area_vector(&positions).length() <= least_area {
+            if area_vector(&positions).length() <= least_area {
                 polygon.clear();
             }
         });
