@@ -10,9 +10,10 @@ use glam::{DMat4, DQuat, DVec3};
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use scene::Scene;
 use scene::{ImportOptions, SkyImage, SkyPattern, import_slice};
-use serde_json::json;
+use serde_json::{Value, json};
 use tests::baking::{baked, mean_irradiance, vertices_of};
 use tests::builder::{Material, SceneBuilder, pack};
+use tests::painting::Painting;
 use tests::shapes::{self, Polygon};
 
 /// Reflectance at which reflected light does not count but radiosity still drives the mesh.
@@ -62,6 +63,28 @@ fn free_plates_get_pi_times_the_radiance() {
     assert!((balance.escaped[2] / balance.emitted[2] - 0.5).abs() <= 1e-4, "{balance:?}");
     assert!(balance.relative_imbalance().abs() <= 1e-6, "{balance:?}");
     assert!(baked.report.warnings.is_empty(), "{:?}", baked.report.warnings);
+}
+
+/// What a pane lets through falls on the ground, and counts once.
+#[test]
+fn light_through_a_pane_is_accounted_for() {
+    let builder = SceneBuilder::new().part("ground", &[plate(DVec3::ZERO, 1.0)], Material::grey(0.5)).part(
+        "pane",
+        &[plate(DVec3::new(0.2, 0.3, 0.0), 0.6)],
+        Material::grey(0.5).double_sided(),
+    );
+    let transparent = |material: &mut Value| {
+        material["alphaMode"] = json!("BLEND");
+        material["pbrMetallicRoughness"]["baseColorFactor"] = json!([0.5, 0.5, 0.5, 0.3]);
+    };
+    let glb = Painting::new(&builder).material(1, transparent).glb();
+    let options = ImportOptions { sky: RADIANCE, ..ImportOptions::default() };
+    let scene = import_slice(&glb, &options).unwrap_or_else(|error| panic!("{error}"));
+    let balance = baked(&scene, &BakeSettings::default()).report.balance;
+    assert!(balance.relative_imbalance().abs() <= 0.005, "{balance:?}");
+    // The ground and the upper side of the pane get most of the sky; the pane stops .3 of its part.
+    let falls_in = 4.0 * PI * RADIANCE.x;
+    assert!((1.0..1.1).contains(&(balance.emitted[0] / falls_in)), "{balance:?}");
 }
 
 /// Beside a long wall the ground sees what the wall leaves of the sky.

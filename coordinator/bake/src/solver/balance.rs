@@ -6,7 +6,7 @@ use serde::Serialize;
 /// Fluxes in W (or lumen), RGB. Emitted = absorbed + unshot + escaped + imbalance.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct EnergyBalance {
-    /// Emitted by the light sources; of directional lights and the sky, the part that falls on lit sides.
+    /// Emitted by the light sources; of directional lights and the sky, the part that lit sides stop.
     pub emitted: [f64; 3],
     /// Absorbed by surfaces.
     pub absorbed: [f64; 3],

@@ -18,7 +18,8 @@ impl Solved {
         let square_unit = cx.scene.frame.scale * cx.scene.frame.scale;
         let surfaces = &cx.scene.surfaces;
         let Self { mesh, solution, .. } = self;
-        let (mut emitted, mut absorbed, mut escaped) = (DVec3::ZERO, DVec3::ZERO, DVec3::ZERO);
+        let (mut emitted, mut received, mut absorbed, mut escaped) =
+            (DVec3::ZERO, DVec3::ZERO, DVec3::ZERO, DVec3::ZERO);
         for (id, patch) in mesh.mesh.leaves() {
             let surface = &surfaces[patch.surface as usize];
             let mean = solution.middles.mean(&mesh.mesh, id, mesh.mesh.mean(id, &solution.irradiance));
@@ -26,6 +27,8 @@ impl Solved {
             // The rest passes through.
             let material = mesh.patch_materials.of(cx.scene, &mesh.mesh, id);
             absorbed += (material.opacity - material.reflectance) * mean * patch.area;
+            let direct = solution.middles.mean_direct(&mesh.mesh, id, mesh.mesh.mean(id, &self.direct));
+            received += material.opacity * direct * patch.area;
         }
         for (index, share) in mesh.shares.iter().enumerate() {
             if self.row_sums[index] < ENCLOSED {
@@ -33,12 +36,19 @@ impl Solved {
                 escaped += leaving * share.area * (1.0 - self.row_sums[index]);
             }
         }
+        // What falls on the mesh of now: that of the first may have missed where the sun falls in.
+        let grown = DVec3::select(
+            self.sources.received.cmpgt(DVec3::ZERO),
+            received / self.sources.received,
+            DVec3::ONE,
+        );
+        let [from_lights, from_outside] =
+            [self.sources.from_lights, self.sources.from_outside].map(|flux| grown * flux * square_unit);
         let [emitted, absorbed, unshot, escaped] =
-            [emitted, absorbed, solution.unshot, escaped].map(|f| f * square_unit);
-        let from_lights: DVec3 = cx.scene.lights.iter().map(|light| light.flux(&cx.scene.frame)).sum();
-        let past =
-            if self.is_open() { from_lights - self.sources.from_lights * square_unit } else { DVec3::ZERO };
-        let emitted = emitted + from_lights + self.sources.from_outside * square_unit;
+            [emitted, absorbed, solution.unshot, escaped].map(|flux| flux * square_unit);
+        let of_lights: DVec3 = cx.scene.lights.iter().map(|light| light.flux(&cx.scene.frame)).sum();
+        let past = if self.is_open() { of_lights - from_lights } else { DVec3::ZERO };
+        let emitted = emitted + of_lights + from_outside;
         EnergyBalance::new(emitted, absorbed, unshot, escaped + past.max(DVec3::ZERO))
     }
 

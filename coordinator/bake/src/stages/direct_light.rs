@@ -32,9 +32,11 @@ pub struct Sources {
     pub all: Vec<LightSource>,
     /// Variance of the row of each over the refinement samples, summed over it.
     pub variances: Vec<f64>,
-    /// Flux that the shares get from lights within the scene that are no surfaces, in frame units.
+    /// Flux that the shares stop straight from all sources, in frame units.
+    pub received: DVec3,
+    /// The part of it that comes from lights within the scene that are no surfaces.
     pub from_lights: DVec3,
-    /// Flux that the shares get from outside of the scene, from directional lights and the sky, in frame units.
+    /// The part that comes from outside of the scene, from directional lights and the sky.
     pub from_outside: DVec3,
 }
 
@@ -62,6 +64,12 @@ impl Setup {
         let ids = [table.samples, table.middles, Some(COARSE)].into_iter().flatten();
         let sets: Vec<ReceiverSet> = ids.map(|id| table.set(id)).collect();
         let (of_samples, of_vertices) = (table.samples.map(|_| 0), sets.len() - 1);
+        let stopped_area: Vec<f64> = mesh
+            .energies
+            .iter()
+            .zip(&mesh.materials)
+            .map(|(share, material)| share.area * material.opacity)
+            .collect();
         let look = |set, source: &LightSource, row: &Row, variance| {
             if Some(set) == of_samples {
                 variances.push(variance);
@@ -71,8 +79,7 @@ impl Setup {
             }
             let factors: Vec<f64> = vertices.of_coarse(row.to_dense().into_iter().map(f64::from).collect());
             let of_shares = values.of(&mesh.energies, &factors);
-            let flux =
-                mesh.energies.iter().zip(of_shares).map(|(share, factor)| share.area * factor).sum::<f64>();
+            let flux = stopped_area.iter().zip(of_shares).map(|(area, factor)| area * factor).sum::<f64>();
             *if source.is_outside { &mut from_outside } else { &mut from_lights } += source.strength * flux;
         };
         let mut light = light::irradiance_of(&sources, &sets, cx.client, look)?.into_iter();
@@ -84,12 +91,14 @@ impl Setup {
         }
         let direct = light.next().unwrap_or_default();
         let direct = vertices.of_coarse(direct);
+        let of_shares = values.of(&mesh.energies, &direct);
+        let received = stopped_area.iter().zip(of_shares).map(|(area, light)| *area * light).sum();
         cx.end_step("light");
         mesh.preview(cx, &direct, || {
             let dark = vec![DVec3::ZERO; mesh.shares.len()];
             (direct.clone(), mesh.unshot(&values.of(&mesh.energies, &direct), &dark))
         });
-        let sources = Sources { all: sources, variances, from_lights, from_outside };
+        let sources = Sources { all: sources, variances, received, from_lights, from_outside };
         Ok(Lit { mesh, rows, sources, samples, middles, direct })
     }
 }

@@ -132,16 +132,9 @@ impl Measured {
             && self.rest_for_receivers(settings) > 0.0
     }
 
-    /// Whether emitted light is accounted for, where an error is asked for. What comes from outside is known from the first mesh alone,
-    /// whose vertices may miss where the sun falls in: where that is much, the balance tells nothing.
+    /// Whether emitted light is accounted for, where an error is asked for.
     fn is_balanced(&self, cx: &Context) -> bool {
-        if cx.settings.error.is_none() {
-            return true;
-        }
-        let balance = self.solved.balance(cx);
-        let outside = self.solved.sources.from_outside * cx.scene.frame.scale.powi(2);
-        let allowed = IMBALANCE * balance.emitted.iter().sum::<f64>();
-        balance.imbalance.iter().sum::<f64>().abs() <= allowed || outside.element_sum() > allowed
+        cx.settings.error.is_none() || self.solved.balance(cx).relative_imbalance().abs() <= IMBALANCE
     }
 
     /// The error of interpolation on the mesh.

@@ -199,10 +199,19 @@ impl SamplePoints {
     /// quadratic over a triangle, a parallelogram or a regular polygon (Simpson's rule). Corners of a room are darker than its walls.
     /// A middle inside of something else is not exposed, and does not count. Only of points made as middles, of leaves by rising number.
     pub fn mean(&self, mesh: &Mesh, leaf: PatchId, of_corners: DVec3) -> DVec3 {
+        self.mean_with(mesh, leaf, of_corners, &self.irradiance)
+    }
+
+    /// The same of light straight from the sources.
+    pub fn mean_direct(&self, mesh: &Mesh, leaf: PatchId, of_corners: DVec3) -> DVec3 {
+        self.mean_with(mesh, leaf, of_corners, &self.direct)
+    }
+
+    fn mean_with(&self, mesh: &Mesh, leaf: PatchId, of_corners: DVec3, middles: &[DVec3]) -> DVec3 {
         let Ok(found) = self.points.binary_search_by_key(&leaf, |point| point.patch) else {
             return of_corners;
         };
-        match (self.exposed.get(found), self.irradiance.get(found)) {
+        match (self.exposed.get(found), middles.get(found)) {
             (Some(true), Some(middle)) => {
                 of_corners.lerp(*middle, part_of_middle(mesh.patch(leaf).corners.len()))
             }
