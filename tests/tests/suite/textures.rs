@@ -226,6 +226,26 @@ fn masked_floor_reflects_what_is_there() {
     assert_balanced(&masked);
 }
 
+/// Of two solids with one material, whose emission is a picture, the one where it is black is dark inside, and needs no light there.
+#[test]
+fn bodies_are_sealed_where_their_emissive_texture_is_black() {
+    let (low, high) = (DVec3::splat(0.1), DVec3::splat(0.4));
+    let solids = [0.0, 1.0].map(|x| shapes::box_facing_out(low + DVec3::X * x, high + DVec3::X * x)).concat();
+    let builder =
+        SceneBuilder::new().part("solids", &solids, Material::grey(0.5).emitting(1.0).double_sided());
+    let painted = Painting::new(&builder)
+        .coordinates(0, |position| [if position.x < 0.5 { 0.25 } else { 0.75 }, 0.5])
+        .texture(0, &[BLACK, WHITE, BLACK, WHITE], |material, texture| material["emissiveTexture"] = texture);
+    let scene = imported(&painted.glb());
+    let of_sealed = |facet: &&scene::Facet| facet.is_sealed;
+    let sealed: Vec<usize> =
+        scene.surfaces.iter().map(|surface| surface.facets.iter().filter(of_sealed).count()).collect();
+    assert_eq!(sealed, [0, 6]);
+    assert!(
+        scene.surfaces[1].facets.iter().all(|facet| facet.is_sealed == (facet.corners[0].position.x < 0.0))
+    );
+}
+
 #[test]
 fn textured_bakes_have_the_same_bits_whatever_the_threads() {
     let texels: Vec<[u8; 4]> = (0..64).map(|i: u32| [(i * 4) as u8, 90, (255 - i * 3) as u8, 255]).collect();

@@ -11,6 +11,7 @@ use kernel::geometry::Bounds;
 use kernel::hierarchy::{Hierarchy, PaddedBox};
 use rayon::prelude::*;
 
+use crate::facet::Facet;
 use crate::light::Light;
 use crate::model::{Side, Surface};
 
@@ -135,11 +136,20 @@ struct Shining(Hierarchy<Bounds>);
 
 impl Shining {
     fn new(surfaces: &[Surface], lights: &[Light]) -> Self {
-        let surfaces = surfaces.iter().filter(|surface| surface.exitance != DVec3::ZERO);
-        let facets =
-            surfaces.flat_map(|surface| &surface.facets).map(|facet| Bounds::around(facet.positions()));
+        let emits = surfaces.par_iter().filter(|surface| surface.exitance != DVec3::ZERO);
+        // Of a surface whose emission is a picture, most facets are often black.
+        let shining = |surface: &Surface, (index, facet): (usize, &Facet)| -> Option<Bounds> {
+            let corners: Vec<DVec3> = facet.positions().collect();
+            let exitance = surface.mean_exitance(index as u32, &corners);
+            (exitance != DVec3::ZERO).then(|| Bounds::around(corners))
+        };
+        let facets: Vec<Bounds> = emits
+            .flat_map(|surface| {
+                surface.facets.par_iter().enumerate().filter_map(move |facet| shining(surface, facet))
+            })
+            .collect();
         let near = lights.iter().map(|light| light.kind.extremes()).filter(|extremes| !extremes.is_empty());
-        let boxes = facets.chain(near.map(Bounds::around)).collect();
+        let boxes = facets.into_iter().chain(near.map(Bounds::around)).collect();
         Self(Hierarchy::new(boxes, |bounds: &Bounds| PaddedBox::around([bounds.low, bounds.high], ROUNDING)))
     }
 
