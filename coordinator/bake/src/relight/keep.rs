@@ -16,7 +16,7 @@ use crate::rows::{Problem, Rows, ShareValues, Solution};
 use crate::settings::RowStrategy;
 use crate::solver::cache::ColumnCache;
 use crate::stages::{
-    LightSource, Lights, Measured, Origin, PART_TOLERANCE, Place, Solved, irradiance_at, names_of,
+    LightSource, Lights, Measured, Origin, PART_TOLERANCE, Place, Solved, glow, irradiance_at, names_of,
 };
 use scene::Scene;
 
@@ -153,8 +153,15 @@ impl Solved {
         } else {
             let direct = self.direct_of(cx, &sources)?;
             let tolerance = cx.settings.threshold * PART_TOLERANCE;
-            let problem = Problem { mesh: &self.mesh, values: means, direct: &direct, tolerance };
             let dark = self.dark(cx, &sources)?;
+            let glow = glow(&self.mesh, &sources);
+            let problem = Problem {
+                mesh: &self.mesh,
+                values: means,
+                direct: &direct,
+                glow: glow.as_deref(),
+                tolerance,
+            };
             let Rows { source, table } = &mut self.rows;
             let solution = source.solve(cx, table, &problem, columns, dark)?;
             (direct, solution)
@@ -221,9 +228,12 @@ impl Solved {
         if whole <= 0.0 {
             return 0.0;
         }
+        let key = |source: &LightSource| source.shooter.as_ref().map(|shooter| shooter.key);
         let strengths: HashMap<u64, DVec3> =
-            sources.iter().map(|source| (source.shooter.key, source.strength)).collect();
-        let strength = |source: &LightSource| strengths.get(&source.shooter.key).copied().unwrap_or_default();
+            sources.iter().filter_map(|source| Some((key(source)?, source.strength))).collect();
+        let strength = |source: &LightSource| {
+            key(source).and_then(|key| strengths.get(&key)).copied().unwrap_or_default()
+        };
         let noise = self.noise_of(solution, self.sources.all.iter().map(strength));
         noise * solution.samples.level() / whole
     }

@@ -158,6 +158,7 @@ impl RowSource for ExactRows {
         mesh: &ShareMesh,
         table: &mut RowTable,
         direct: &[DVec3],
+        _: Option<&[DVec3]>,
     ) -> Result<Vec<DVec3>> {
         match cx.channels {
             Channels::One(colour) => shoot::shoot::<f64>(cx, mesh, table, direct, colour),

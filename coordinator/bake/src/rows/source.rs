@@ -107,13 +107,14 @@ pub trait RowSource: Send {
     /// Where shares take their irradiance from before the mesh is refined. `exposed` tells which vertices see any surface.
     fn first_values(&self, mesh: &ShareMesh, exposed: &[bool]) -> ShareValues;
 
-    /// Radiosity to start the first solution from.
+    /// Radiosity to start the first solution from. `glow` is what the shares emit beside the direct light.
     fn shoot(
         &mut self,
         cx: &mut Context,
         mesh: &ShareMesh,
         table: &mut RowTable,
         direct: &[DVec3],
+        glow: Option<&[DVec3]>,
     ) -> Result<Vec<DVec3>>;
 
     /// Solves for the radiosity of the shares, starting from that of `solution`. Clears the irradiance of the solution unless
@@ -188,6 +189,8 @@ pub struct Problem<'a> {
     pub values: &'a ShareValues,
     /// Irradiance of the vertices from the light sources.
     pub direct: &'a [DVec3],
+    /// Exitance of the shares whose light is gathered, and is in `direct`.
+    pub glow: Option<&'a [DVec3]>,
     /// The bound of what is missing, relative to the reflected flux.
     pub tolerance: f64,
 }

@@ -3,6 +3,7 @@
 use glam::DVec3;
 use kernel::replica::Receivers;
 
+use super::glow::{add, glow};
 use super::light::{self, LightSource};
 use crate::context::Context;
 use crate::error::Result;
@@ -60,7 +61,9 @@ pub fn irradiance_at(
     for light in lights {
         direct.push(light::irradiance(light.sources, set, cx.client)?);
     }
-    let radiosities: Vec<&[DVec3]> = lights.iter().map(|light| light.radiosity).collect();
+    let glows: Vec<Option<Vec<DVec3>>> = lights.iter().map(|light| glow(mesh, light.sources)).collect();
+    let reflected = lights.iter().map(|light| light.radiosity);
+    let radiosities: Vec<&[DVec3]> = reflected.chain(glows.iter().flatten().map(Vec::as_slice)).collect();
     let Gathered { light, cover } = match place {
         Place::Kept(id) => {
             source.gather(cx, mesh, table, &[id], &radiosities, true)?.pop().unwrap_or_default()
@@ -76,7 +79,12 @@ pub fn irradiance_at(
             gathered
         }
     };
-    let light = direct.into_iter().zip(light).map(|(direct, light)| Irradiance {
+    let mut light = light.into_iter();
+    let reflected: Vec<Vec<DVec3>> = light.by_ref().take(lights.len()).collect();
+    for (direct, _) in direct.iter_mut().zip(&glows).filter(|(_, glow)| glow.is_some()) {
+        add(direct, &light.next().unwrap_or_default());
+    }
+    let light = direct.into_iter().zip(reflected).map(|(direct, light)| Irradiance {
         all: direct.iter().zip(light).map(|(direct, light)| *direct + light).collect(),
         direct,
     });

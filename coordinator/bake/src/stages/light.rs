@@ -17,10 +17,10 @@ use scene::{LightKind, Scene};
 /// A light source with a row of its own.
 #[derive(Clone)]
 pub struct LightSource {
-    /// What its row is made of.
-    pub shooter: Shooter,
+    /// What its row is made of; none where it glows, and its light is gathered with that which surfaces reflect.
+    pub shooter: Option<Shooter>,
     /// What one unit of the row is worth: exitance of a polygon, intensity of a point or spot light per squared frame unit,
-    /// irradiance across a directional light.
+    /// irradiance across a directional light. Of what glows, a factor of its exitance.
     pub strength: DVec3,
     /// What of the scene it is.
     pub origin: Origin,
@@ -43,7 +43,7 @@ pub enum Origin {
 const MOST_JOINED: usize = 1024;
 
 /// Emitters of a scene beyond which those of a surface are joined from [`FEW_POLYGONS`] on: an exact row for each takes too long.
-const MANY_EMITTERS: usize = 256;
+pub const MANY_EMITTERS: usize = 256;
 const FEW_POLYGONS: usize = 8;
 
 /// Colours that differ by less than this part of their strongest channel are one.
@@ -71,7 +71,7 @@ pub fn sources(
     all.into_iter()
         .enumerate()
         .map(|(index, (shape, strength, origin))| LightSource {
-            shooter: Shooter { key: first_key + index as u64, shape },
+            shooter: Some(Shooter { key: first_key + index as u64, shape }),
             strength,
             origin,
             is_outside: match origin {
@@ -190,8 +190,8 @@ impl SourceCounts {
     }
 }
 
-/// What the sources give some sets of receivers, in all. `look` sees each source with its row over the set of this index, and the
-/// row's variance.
+/// What the rows of the sources give some sets of receivers, in all. `look` sees each source with its row over the set of this index,
+/// and the row's variance.
 ///
 /// # Errors
 /// When a row cannot be had.
@@ -201,16 +201,17 @@ pub fn irradiance_of(
     client: &mut RowClient,
     mut look: impl FnMut(usize, &LightSource, &Row, f64),
 ) -> Result<Vec<Vec<DVec3>>, BakeError> {
-    let shooters: Vec<Shooter> = sources.iter().map(|source| source.shooter.clone()).collect();
+    let (sources, shooters): (Vec<&LightSource>, Vec<Shooter>) =
+        sources.iter().filter_map(|source| Some((source, source.shooter.clone()?))).unzip();
     let mut irradiance: Vec<_> = sets.iter().map(|set| vec![DVec3::ZERO; set.count()]).collect();
     client.each_row(&shooters, sets, |set, index, row, variance| {
-        look(set, &sources[index], row, variance);
+        look(set, sources[index], row, variance);
         add_row(&mut irradiance[set], row, sources[index].strength);
     })?;
     Ok(irradiance)
 }
 
-/// What the sources give a set of receivers, in all.
+/// What the rows of the sources give a set of receivers, in all.
 ///
 /// # Errors
 /// When a row cannot be had.

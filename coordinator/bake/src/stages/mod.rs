@@ -23,6 +23,7 @@ mod back_face_check;
 mod balance;
 mod direct_light;
 mod emitters;
+mod glow;
 mod irradiance;
 mod layers;
 mod light;
@@ -39,6 +40,7 @@ mod sky;
 mod solved;
 
 pub use asked::{AskedPoints, PointLight};
+pub use glow::glow;
 pub use irradiance::{Lights, Place, irradiance_at};
 pub use layers::{PART_TOLERANCE, SKY, check_groups, listed, names_of};
 pub use light::{LightSource, Origin};

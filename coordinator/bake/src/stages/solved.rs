@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use super::direct_light::{Lit, Sources};
+use super::glow::{add, glow};
 use super::irradiance::{Irradiance, Lights, Place, Received, irradiance_at};
 use super::light::{self, LightSource};
 use crate::context::Context;
@@ -10,7 +11,7 @@ use crate::error::Result;
 use crate::mesh::{PatchId, VertexId};
 use crate::observer::Phase;
 use crate::refinement::{MeshError, best_fit};
-use crate::rows::{COARSE, FIRST_TOLERANCE, Problem, Rows, ShareMesh, ShareValues, Solution};
+use crate::rows::{COARSE, FIRST_TOLERANCE, Problem, RowSource, Rows, ShareMesh, ShareValues, Solution};
 use crate::solver::cache::SetId;
 
 /// Measured interpolation error over the predicted one, to begin with: .6 to .75 in rooms of all sorts.
@@ -43,14 +44,36 @@ pub struct Solved {
     pub rounds_measured: u32,
 }
 
+/// Flux that the shares stop of this direct light of the vertices.
+fn stopped(source: &dyn RowSource, mesh: &ShareMesh, direct: &[DVec3]) -> DVec3 {
+    let values = source.first_values(mesh, &vec![true; direct.len()]);
+    let shares = mesh.energies.iter().zip(&mesh.materials);
+    let light = values.of(&mesh.energies, direct);
+    shares.zip(light).map(|((share, material), light)| share.area * material.opacity * light).sum()
+}
+
 impl Lit {
     /// Solves for the light on the shooting mesh, well enough to see where it must be refined.
     #[tracing::instrument(skip_all)]
     pub fn solve(self, cx: &mut Context) -> Result<Solved> {
-        let Self { mesh, mut rows, sources, samples, mut middles, mut direct } = self;
+        let Self { mesh, mut rows, mut sources, mut samples, mut middles, mut direct } = self;
         cx.client.monitor.enter(Phase::Shoot, mesh.mesh.vertices.len());
         let Rows { source, table } = &mut rows;
-        let mut radiosity = source.shoot(cx, &mesh, table, &direct)?;
+        let glow = glow(&mesh, &sources.all);
+        let mut radiosity = source.shoot(cx, &mesh, table, &direct, glow.as_deref())?;
+        if let Some(glow) = &glow {
+            let sets: Vec<SetId> =
+                [Some(COARSE), table.samples, table.middles].into_iter().flatten().collect();
+            let gathered = source.gather(cx, &mesh, table, &sets, &[glow], false)?;
+            let mut light = gathered.into_iter().flat_map(|gathered| gathered.light);
+            add(&mut direct, &table.vertices.of_coarse(light.next().unwrap_or_default()));
+            for (set, points) in [(table.samples, &mut samples), (table.middles, &mut middles)] {
+                if set.is_some() {
+                    points.add_direct(&light.next().unwrap_or_default());
+                }
+            }
+        }
+        sources.received = stopped(source.as_ref(), &mesh, &direct);
         // A first look at all rows, those too that no shot needed.
         let seen = source.gather(cx, &mesh, table, &[COARSE], &[], true)?.pop().unwrap_or_default();
         table.coarse_bytes = seen.cover.bytes;
@@ -69,7 +92,8 @@ impl Lit {
         let row_sums = source.row_sums(&mesh, &sums);
         let values = source.first_values(&mesh, &exposed);
         let tolerance = cx.settings.threshold.max(FIRST_TOLERANCE);
-        let problem = Problem { mesh: &mesh, values: &values, direct: &direct, tolerance };
+        let problem =
+            Problem { mesh: &mesh, values: &values, direct: &direct, glow: glow.as_deref(), tolerance };
         let solution = Solution { radiosity, samples, middles, ..Solution::default() };
         let solution = problem.solve(cx, source.as_mut(), table, solution)?;
         cx.end_step("shoot");
@@ -101,8 +125,10 @@ impl Solved {
         cx.client.monitor.enter(Phase::FinalSolve, self.mesh.mesh.vertices.len());
         self.takes_means = true;
         let means = self.means();
-        let Self { mesh, rows: Rows { source, table }, direct, solution, .. } = self;
-        let problem = Problem { mesh, values: &means, direct, tolerance: cx.settings.threshold };
+        let Self { mesh, rows: Rows { source, table }, direct, solution, sources, .. } = self;
+        let glow = glow(mesh, &sources.all);
+        let tolerance = cx.settings.threshold;
+        let problem = Problem { mesh, values: &means, direct, glow: glow.as_deref(), tolerance };
         let start = std::mem::take(solution);
         *solution = problem.solve(cx, source.as_mut(), table, start)?;
         self.preview(cx);
@@ -142,12 +168,44 @@ impl Solved {
             self.solution.irradiance.iter().zip(&self.direct).map(|(all, direct)| *all - *direct).collect();
         let expected = self.predict_for(cx, &reflected, found);
         let expected: Vec<f64> = expected.leaves().iter().map(|(_, square)| *square).collect();
+        let before = self.glowing_light(cx)?;
         let is_added = self.rows.source.add_points(cx, &self.mesh.mesh, &expected)?;
         if is_added {
+            let now = self.glowing_light(cx)?;
+            self.add_direct(
+                before.into_iter().map(|light| light.into_iter().map(|light| -light).collect()).collect(),
+            );
+            self.add_direct(now);
             self.look_at_cover(cx)?;
             self.final_solve(cx)?;
         }
         Ok(is_added)
+    }
+
+    /// Light of what glows, at the vertices set by set, and at refinement samples and middles; empty where nothing does.
+    fn glowing_light(&mut self, cx: &mut Context) -> Result<Vec<Vec<DVec3>>> {
+        let Some(glow) = glow(&self.mesh, &self.sources.all) else { return Ok(vec![]) };
+        let Rows { source, table } = &mut self.rows;
+        let sets: Vec<SetId> = table.vertices.sets().chain(table.samples).chain(table.middles).collect();
+        let gathered = source.gather(cx, &self.mesh, table, &sets, &[&glow], false)?;
+        Ok(gathered.into_iter().flat_map(|gathered| gathered.light).collect())
+    }
+
+    /// Adds direct light in the order of [`Self::glowing_light`].
+    fn add_direct(&mut self, light: Vec<Vec<DVec3>>) {
+        if light.is_empty() {
+            return;
+        }
+        let table = &self.rows.table;
+        let mut light = light.into_iter();
+        let by_set: Vec<Vec<DVec3>> = light.by_ref().take(table.vertices.sets().count()).collect();
+        add(&mut self.direct, &table.vertices.join(by_set));
+        let Solution { samples, middles, .. } = &mut self.solution;
+        for (set, points) in [(table.samples, samples), (table.middles, middles)] {
+            if set.is_some() {
+                points.add_direct(&light.next().unwrap_or_default());
+            }
+        }
     }
 
     /// Hands a preview to the observer, if it wants one.
@@ -214,11 +272,17 @@ impl Solved {
     }
 
     /// Irradiance of all vertices straight from these sources.
-    pub fn direct_of(&self, cx: &mut Context, sources: &[LightSource]) -> Result<Vec<DVec3>> {
-        let table = &self.rows.table;
+    pub fn direct_of(&mut self, cx: &mut Context, sources: &[LightSource]) -> Result<Vec<DVec3>> {
+        let Rows { source, table } = &mut self.rows;
         let mut by_set = vec![];
         for set in table.vertices.sets() {
             by_set.push(light::irradiance(sources, table.set(set), cx.client)?);
+        }
+        if let Some(glow) = glow(&self.mesh, sources) {
+            let sets: Vec<SetId> = table.vertices.sets().collect();
+            let gathered = source.gather(cx, &self.mesh, table, &sets, &[&glow], false)?;
+            let light = gathered.into_iter().flat_map(|gathered| gathered.light);
+            by_set.iter_mut().zip(light).for_each(|(direct, light)| add(direct, &light));
         }
         let mut direct = table.vertices.join(by_set);
         table.bounds.apply(0, &mut direct);
@@ -226,7 +290,7 @@ impl Solved {
     }
 
     /// A solution to start from for these sources alone.
-    pub fn dark(&self, cx: &mut Context, sources: &[LightSource]) -> Result<Solution> {
+    pub fn dark(&mut self, cx: &mut Context, sources: &[LightSource]) -> Result<Solution> {
         let mut solution = Solution {
             radiosity: vec![DVec3::ZERO; self.mesh.shares.len()],
             irradiance: vec![],
@@ -235,6 +299,14 @@ impl Solved {
         if let Some(id) = self.rows.table.middles {
             let set = self.rows.table.set(id);
             solution.middles.set_direct(light::irradiance(sources, set, cx.client)?);
+            if let Some(glow) = glow(&self.mesh, sources) {
+                let Rows { source, table } = &mut self.rows;
+                let gathered = source.gather(cx, &self.mesh, table, &[id], &[&glow], false)?;
+                gathered
+                    .iter()
+                    .flat_map(|gathered| &gathered.light)
+                    .for_each(|light| solution.middles.add_direct(light));
+            }
         }
         Ok(solution)
     }

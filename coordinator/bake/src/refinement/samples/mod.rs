@@ -141,6 +141,11 @@ impl SamplePoints {
         self.direct = direct;
     }
 
+    /// Adds to the direct irradiance.
+    pub fn add_direct(&mut self, light: &[DVec3]) {
+        self.direct.iter_mut().zip(light).for_each(|(direct, light)| *direct += *light);
+    }
+
     /// Sets the total irradiance, given that from the shares.
     pub fn set_gathered(&mut self, gathered: &[DVec3]) {
         self.set_irradiance(

@@ -27,6 +27,8 @@ mod points;
 mod set;
 mod weigh;
 
+use std::borrow::Cow;
+
 use glam::DVec3;
 use kernel::occluder::Occluder;
 use kernel::replica::Receivers;
@@ -66,6 +68,13 @@ const LARGEST_SMALL: f64 = 0.005;
 
 /// Fewest rays of a gather point: many receivers depend on it.
 const LEAST_RAYS: u32 = 256;
+
+/// What leaves shares that reflect and glow so much.
+fn leaving<'a>(radiosity: &'a [DVec3], glow: Option<&[DVec3]>) -> Cow<'a, [DVec3]> {
+    glow.map_or(Cow::Borrowed(radiosity), |glow| {
+        radiosity.iter().zip(glow).map(|(reflected, emitted)| *reflected + *emitted).collect()
+    })
+}
 
 /// Rays of a gather point. A power of two has the most even directions.
 pub fn rays(settings: &BakeSettings) -> u32 {
@@ -301,8 +310,9 @@ impl RowSource for GatherRows {
         mesh: &ShareMesh,
         _: &mut RowTable,
         direct: &[DVec3],
+        glow: Option<&[DVec3]>,
     ) -> Result<Vec<DVec3>> {
-        let radiosity = self.place(cx, mesh, direct)?;
+        let radiosity = self.place(cx, mesh, direct, glow)?;
         self.weigh_all(cx)?;
         Ok(radiosity)
     }
@@ -361,7 +371,8 @@ impl RowSource for GatherRows {
         self.light_vertices(table, problem.direct, &points, &mut solution)?;
         if let Some(set) = table.samples {
             solution.samples.set_gathered(&self.at_set(set, &points));
-            solution.ray_noise = self.noise(&solution.radiosity, solution.samples.level());
+            let leaving = leaving(&solution.radiosity, problem.glow);
+            solution.ray_noise = self.noise(&leaving, solution.samples.level());
         }
         Ok(solution)
     }

@@ -7,11 +7,11 @@ use kernel::replica::Receiver;
 use kernel::row::Shooter;
 use rayon::prelude::*;
 
-use super::GatherRows;
 use super::hemisphere::{View, gathered, hemispheres, views};
 use super::interpolation::{Neighbours, interpolated};
 use super::nearest::{Nearest, take_nearer};
 use super::noise::{TWINS, Twins};
+use super::{GatherRows, leaving};
 use crate::context::Context;
 use crate::error::Result;
 use crate::error_budget::{INTERPOLATED_NOISE, without_noise};
@@ -54,12 +54,13 @@ const PASSES: u32 = 8;
 
 impl GatherRows {
     /// Places gather points until the light between them is known as well as the asked error wants it. Returns a first radiosity of the
-    /// shares, given the direct light of the vertices.
+    /// shares, given the direct light of the vertices, and what the shares emit beside it.
     pub(super) fn place(
         &mut self,
         cx: &mut Context,
         mesh: &ShareMesh,
         direct: &[DVec3],
+        glow: Option<&[DVec3]>,
     ) -> Result<Vec<DVec3>> {
         let asked = cx.settings.asked_error();
         let values = ShareValues::means(mesh, &vec![true; direct.len()]);
@@ -81,7 +82,8 @@ impl GatherRows {
             let (drawn, looking, seen) = self.look_around(cx, &mesh.mesh, &expected, count)?;
             let fresh = drawn.receivers(count);
             let known = if round > 0 { self.neighbours(cx) } else { None };
-            let at_fresh = known.map(|known| self.errors_at(&fresh.receivers, &seen, &radiosity, &known));
+            let at_fresh = known
+                .map(|known| self.errors_at(&fresh.receivers, &seen, &leaving(&radiosity, glow), &known));
             let known_points = self.points.receivers.len() as u32;
             self.points.add_placed(looking, seen);
             if round == 0 {
@@ -91,20 +93,21 @@ impl GatherRows {
             // Near enough to tell where points are needed.
             take_nearer(&mut nearest, &middles, &self.points.receivers, known_points, cx.extent());
             for _ in 0..PASSES {
-                let light = self.points.gather(&radiosity);
+                let light = self.points.gather(&leaving(&radiosity, glow));
                 let of_share = |((share, direct), nearest): ((&ShareEnergy, &DVec3), &Nearest)| {
                     share.reflectance * (*direct + light[nearest.point as usize])
                 };
                 let all = mesh.energies.par_iter().zip(&direct).zip(&nearest).with_min_len(1024);
                 radiosity = all.map(of_share).collect();
             }
-            let left_out = self.errors_left_out(&radiosity, &neighbours);
+            let all_light = leaving(&radiosity, glow);
+            let left_out = self.errors_left_out(&all_light, &neighbours);
             let errors = at_fresh.as_ref().unwrap_or(&left_out);
             let all: f64 =
                 mesh.energies.iter().zip(&radiosity).map(|(share, b)| share.area * b.length_squared()).sum();
             let relative = |square: f64| if all > 0.0 { (square * area / all).sqrt() } else { 0.0 };
             // The fresh light is noisy, and so is that between the points, less.
-            let square_noise = self.twins.square_noise(&self.points, &radiosity);
+            let square_noise = self.twins.square_noise(&self.points, &all_light);
             let noise = relative(square_noise * (1.0 + INTERPOLATED_NOISE));
             let error = without_noise(relative(drawn.mean_square_error(errors)), noise);
             tracing::debug!(points = self.points.placed, error, noise, "gather points placed");

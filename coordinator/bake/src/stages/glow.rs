@@ -1,0 +1,180 @@
+//! Surfaces that glow: their light is gathered with that which surfaces reflect.
+//!
+//! An emissive texture over a whole scene is thousands of light sources. A row for each, or rays to them from each vertex, take
+//! minutes. Where they are about as bright as what is lit, and fill much of what is seen, the rays of the gather points meet them as
+//! often as they meet reflected light: then these rays are enough.
+
+use std::collections::{BTreeMap, HashSet};
+
+use glam::DVec3;
+use kernel::geometry::area_vector;
+use kernel::row::Shape;
+
+use super::light::{LightSource, MANY_EMITTERS, Origin};
+use crate::error_budget::INTERPOLATED_NOISE;
+use crate::rows::ShareMesh;
+
+/// Largest exitance of what glows, relative to the mean irradiance: brighter things would leave spots in dark places.
+const BRIGHTEST: f64 = 2.0;
+
+/// Part of the asked error that the noise of glowing light may have.
+const PART_OF_ERROR: f64 = 0.5;
+
+/// What a surface emits.
+#[derive(Default)]
+struct Emission {
+    polygons: usize,
+    /// Sums over its area of the exitance and of its square, and the largest exitance, by channel.
+    flux: DVec3,
+    square: DVec3,
+    largest: DVec3,
+}
+
+/// The emitting surfaces of sources.
+#[derive(Default)]
+pub struct Emissions(BTreeMap<usize, Emission>);
+
+impl Emissions {
+    /// Of surfaces that have rows; none where these are few enough.
+    pub fn of_many(sources: &[LightSource]) -> Self {
+        let mut surfaces: BTreeMap<usize, Emission> = BTreeMap::new();
+        for source in sources {
+            let (Origin::Surface(surface), Some(shooter)) = (source.origin, &source.shooter) else {
+                continue;
+            };
+            let own = surfaces.entry(surface).or_default();
+            let mut add = |corners: &[DVec3], weight: f64| {
+                let (area, exitance) = (area_vector(corners).length(), weight * source.strength);
+                own.polygons += 1;
+                own.flux += area * exitance;
+                own.square += area * exitance * exitance;
+                own.largest = own.largest.max(exitance);
+            };
+            match &shooter.shape {
+                Shape::Polygons(polygons) => polygons.iter().for_each(|polygon| add(&polygon.corners, 1.0)),
+                Shape::Weighted(polygons) => {
+                    polygons.iter().for_each(|(polygon, weight)| add(&polygon.corners, *weight));
+                }
+                _ => {}
+            }
+        }
+        let polygons: usize = surfaces.values().map(|own| own.polygons).sum();
+        Self(if polygons > MANY_EMITTERS { surfaces } else { BTreeMap::new() })
+    }
+
+    /// Whether one of these surfaces is the source.
+    pub fn has(&self, source: &LightSource) -> bool {
+        matches!(source.origin, Origin::Surface(surface) if self.0.contains_key(&surface))
+    }
+
+    /// The surfaces that glow, where all others give a mean irradiance of `level` to a scene of this area: as many of the dimmest as
+    /// stay under [`BRIGHTEST`], and whose noise with this number of rays the asked error allows.
+    pub fn glowing(&self, level: f64, area: f64, rays: u32, error: f64) -> HashSet<usize> {
+        let mut dimmest: Vec<(usize, &Emission)> =
+            self.0.iter().map(|(surface, own)| (*surface, own)).collect();
+        dimmest.sort_by(|a, b| a.1.largest.max_element().total_cmp(&b.1.largest.max_element()));
+        let all: DVec3 = self.0.values().map(|own| own.flux).sum();
+        let level = level + (all / area).element_sum() / 3.0;
+        let (mut flux, mut square, mut count) = (DVec3::ZERO, DVec3::ZERO, 0);
+        for (index, (_, own)) in dimmest.iter().enumerate() {
+            flux += own.flux;
+            square += own.square;
+            // Of rays that meet a surface as often as its part of the area is.
+            let mean = flux / area;
+            let variance = (square / area - mean * mean).max_element() / f64::from(rays) * INTERPOLATED_NOISE;
+            let is_dim = own.largest.max_element() <= BRIGHTEST * level;
+            if is_dim && variance <= (PART_OF_ERROR * error * level).powi(2) {
+                count = index + 1;
+            }
+        }
+        dimmest[..count].iter().map(|(surface, _)| *surface).collect()
+    }
+}
+
+/// Whether a source is one of these surfaces.
+pub fn is_of(source: &LightSource, surfaces: &HashSet<usize>) -> bool {
+    matches!(source.origin, Origin::Surface(surface) if surfaces.contains(&surface))
+}
+
+/// Takes the rows from the sources that these surfaces are: one is left of each.
+pub fn make_glow(sources: &mut Vec<LightSource>, surfaces: &HashSet<usize>) {
+    for source in sources.iter_mut().filter(|source| is_of(source, surfaces)) {
+        (source.shooter, source.strength) = (None, DVec3::ONE);
+    }
+    sources.dedup_by(|one, other| {
+        one.shooter.is_none() && other.shooter.is_none() && one.origin == other.origin
+    });
+}
+
+/// Exitance of the shares that glow with these sources; `None` where none does.
+pub fn glow(mesh: &ShareMesh, sources: &[LightSource]) -> Option<Vec<DVec3>> {
+    let glows = sources.iter().filter(|source| source.shooter.is_none());
+    let factors: BTreeMap<usize, DVec3> = glows
+        .filter_map(|source| match source.origin {
+            Origin::Surface(surface) => Some((surface, source.strength)),
+            _ => None,
+        })
+        .collect();
+    if factors.is_empty() {
+        return None;
+    }
+    let shares = mesh.shares.iter().zip(&mesh.materials);
+    let of_share = |surface: u32| factors.get(&(surface as usize)).copied().unwrap_or(DVec3::ZERO);
+    Some(shares.map(|(share, material)| material.exitance * of_share(share.surface)).collect())
+}
+
+/// Adds light to other light of the same receivers.
+pub fn add(light: &mut [DVec3], other: &[DVec3]) {
+    light.iter_mut().zip(other).for_each(|(light, other)| *light += *other);
+}
+
+#[cfg(test)]
+mod tests {
+    use kernel::geometry::{ConvexPolygon, PlaneId};
+    use kernel::row::Shooter;
+
+    use super::*;
+
+    const AREA: f64 = 4000.0;
+
+    /// Unit squares of one surface that emit so much.
+    fn squares(surface: usize, count: usize, exitance: f64) -> LightSource {
+        let corners = [DVec3::ZERO, DVec3::X, DVec3::new(1.0, 1.0, 0.0), DVec3::Y].to_vec();
+        let polygon = ConvexPolygon { plane: PlaneId(0), corners };
+        LightSource {
+            shooter: Some(Shooter { key: surface as u64, shape: Shape::Polygons(vec![polygon; count]) }),
+            strength: DVec3::splat(exitance),
+            origin: Origin::Surface(surface),
+            is_outside: false,
+        }
+    }
+
+    fn glowing(sources: &[LightSource], level: f64) -> Vec<usize> {
+        let mut glowing: Vec<usize> =
+            Emissions::of_many(sources).glowing(level, AREA, 256, 0.1).into_iter().collect();
+        glowing.sort_unstable();
+        glowing
+    }
+
+    #[test]
+    fn what_is_dim_and_large_glows() {
+        let (dim, bright) = (squares(0, 1000, 1.0), squares(1, 300, 100.0));
+        // The light of both, or of others, makes the one dim and never the other.
+        assert_eq!(glowing(&[dim.clone(), bright.clone()], 1.0), [0]);
+        assert_eq!(glowing(&[bright], 1.0), [0; 0]);
+        assert_eq!(glowing(&[dim], 10.0), [0]);
+        // Alone in the dark, a part of the scene that rays seldom meet is no even light.
+        assert_eq!(glowing(&[squares(0, 300, 1.0)], 0.0), [0; 0]);
+        assert_eq!(glowing(&[squares(0, 3500, 1.0)], 0.0), [0]);
+        // A few sources are no reason.
+        assert_eq!(glowing(&[squares(0, MANY_EMITTERS, 1.0)], 10.0), [0; 0]);
+    }
+
+    #[test]
+    fn one_source_is_left_of_a_surface_that_glows() {
+        let mut sources = vec![squares(0, 200, 1.0), squares(0, 200, 2.0), squares(1, 3, 100.0)];
+        make_glow(&mut sources, &HashSet::from([0]));
+        let shooters: Vec<bool> = sources.iter().map(|source| source.shooter.is_some()).collect();
+        assert_eq!(shooters, [false, true]);
+    }
+}
