@@ -51,6 +51,7 @@ mod error_budget;
 mod faults;
 mod form_factors;
 mod furnace;
+mod glow;
 mod layers;
 mod layout;
 mod leaks;

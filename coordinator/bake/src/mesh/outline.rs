@@ -2,7 +2,7 @@ use glam::DVec3;
 use kernel::geometry::area_vector;
 use smallvec::SmallVec;
 
-/// Makes an outline simple that passes through a corner more than once: of the two parts that such a corner divides it into, the
+/// Makes an outline simple where it passes through a corner more than once: of the two parts that the corner divides it into, the
 /// larger one is kept. Welding makes such outlines where a corner is sharp: a vertex close to it lies on both edges, and what is
 /// beyond it is a spike, thinner than the welding distance.
 pub fn make_simple<Id: Copy + Ord>(outline: &mut Vec<Id>, position: impl Fn(Id) -> DVec3) {
@@ -18,7 +18,7 @@ pub fn make_simple<Id: Copy + Ord>(outline: &mut Vec<Id>, position: impl Fn(Id) 
     }
 }
 
-/// Where the first corner that comes again lies, both times.
+/// Places of the first corner that comes twice.
 fn repeated<Id: Copy + Ord>(outline: &[Id]) -> Option<(usize, usize)> {
     let mut sorted: SmallVec<[(Id, usize); 8]> =
         outline.iter().enumerate().map(|(place, id)| (*id, place)).collect();

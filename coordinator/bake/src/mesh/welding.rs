@@ -137,7 +137,7 @@ impl Welder {
     #[must_use]
     pub fn weld<'a>(mut self, contacts: impl Fn(usize) -> &'a [Contact] + Sync) -> Welded {
         self.insert_t_vertices();
-        self.drop_flat_polygons();
+        self.simplify_polygons();
         let points = &self.points;
         let on_contact = |(index, polygon): (usize, &Vec<PointId>)| {
             let contacts = contacts(index);
@@ -154,8 +154,8 @@ impl Welder {
         self.vertices()
     }
 
-    /// A needle thinner than the welding distance folds onto itself, and is removed.
-    fn drop_flat_polygons(&mut self) {
+    /// Cuts spikes off. A needle thinner than the welding distance folds onto itself, and is removed.
+    fn simplify_polygons(&mut self) {
         let points = &self.points;
         self.polygons.par_iter_mut().with_min_len(AT_ONCE).for_each(|polygon| {
             make_simple(polygon, |id| points[id as usize].position);

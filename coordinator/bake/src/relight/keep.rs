@@ -16,7 +16,7 @@ use crate::rows::{Problem, Rows, ShareValues, Solution};
 use crate::settings::RowStrategy;
 use crate::solver::cache::ColumnCache;
 use crate::stages::{
-    LightSource, Lights, Measured, Origin, PART_TOLERANCE, Place, Solved, glow, irradiance_at, names_of,
+    LightSource, Lights, Measured, Origin, PART_TOLERANCE, Place, Solved, irradiance_at, names_of,
 };
 use scene::Scene;
 
@@ -154,14 +154,7 @@ impl Solved {
             let direct = self.direct_of(cx, &sources)?;
             let tolerance = cx.settings.threshold * PART_TOLERANCE;
             let dark = self.dark(cx, &sources)?;
-            let glow = glow(&self.mesh, &sources);
-            let problem = Problem {
-                mesh: &self.mesh,
-                values: means,
-                direct: &direct,
-                glow: glow.as_deref(),
-                tolerance,
-            };
+            let problem = Problem { mesh: &self.mesh, values: means, direct: &direct, tolerance };
             let Rows { source, table } = &mut self.rows;
             let solution = source.solve(cx, table, &problem, columns, dark)?;
             (direct, solution)
@@ -234,7 +227,7 @@ impl Solved {
         let strength = |source: &LightSource| {
             key(source).and_then(|key| strengths.get(&key)).copied().unwrap_or_default()
         };
-        let noise = self.noise_of(solution, self.sources.all.iter().map(strength));
+        let noise = self.noise_of(solution, sources, self.sources.all.iter().map(strength));
         noise * solution.samples.level() / whole
     }
 }

@@ -221,6 +221,10 @@ impl RowSource for ExactRows {
         })
     }
 
+    fn ray_noise(&self, _: &[DVec3], _: f64) -> f64 {
+        0.0
+    }
+
     fn follow_mesh(&mut self, _: &mut Context, _: &mut ShareMesh) -> Result<()> {
         Ok(())
     }

@@ -14,8 +14,6 @@ pub struct Solution {
     pub samples: SamplePoints,
     /// Middles of large leaves, with the light there; none where each would cost a row.
     pub middles: SamplePoints,
-    /// Relative standard error of the irradiance at a point from the rays of hemispheres.
-    pub ray_noise: f64,
     /// Flux not yet shot.
     pub unshot: DVec3,
     /// Bound of what is missing, relative to the reflected flux.

@@ -33,7 +33,7 @@ pub trait RowSource: Send {
     /// Deals the surface of the shooting mesh out among shares. `longest_edge` is that of its patches, in frame units.
     fn shares(&self, cx: &Context, mesh: &Mesh, longest_edge: f64) -> Vec<Share>;
 
-    /// Whether neighbouring light sources share a row.
+    /// Whether neighbouring light sources share a row, and those that are dim and many are gathered with what surfaces reflect.
     fn joins_sources(&self) -> bool;
 
     /// Publishes what rows are made from, and makes a table for them. The key of a share as a shooter is its index.
@@ -107,7 +107,8 @@ pub trait RowSource: Send {
     /// Where shares take their irradiance from before the mesh is refined. `exposed` tells which vertices see any surface.
     fn first_values(&self, mesh: &ShareMesh, exposed: &[bool]) -> ShareValues;
 
-    /// Radiosity to start the first solution from. `glow` is what the shares emit beside the direct light.
+    /// Radiosity to start the first solution from. `glow` is what shares emit beside the direct light; none where sources are not
+    /// [joined](Self::joins_sources).
     fn shoot(
         &mut self,
         cx: &mut Context,
@@ -127,6 +128,10 @@ pub trait RowSource: Send {
         columns: &mut Option<ColumnCache>,
         solution: Solution,
     ) -> Result<Solution>;
+
+    /// Relative standard error of the irradiance at a point from the rays of hemispheres, of shares with this radiosity, exitance
+    /// included, where irradiance is of this level.
+    fn ray_noise(&self, leaving: &[DVec3], level: f64) -> f64;
 
     /// Makes the leaves of the refined mesh the shares, where [these cost no rows](Self::leaves_cost_rows).
     fn follow_mesh(&mut self, cx: &mut Context, mesh: &mut ShareMesh) -> Result<()>;
@@ -189,8 +194,6 @@ pub struct Problem<'a> {
     pub values: &'a ShareValues,
     /// Irradiance of the vertices from the light sources.
     pub direct: &'a [DVec3],
-    /// Exitance of the shares whose light is gathered, and is in `direct`.
-    pub glow: Option<&'a [DVec3]>,
     /// The bound of what is missing, relative to the reflected flux.
     pub tolerance: f64,
 }

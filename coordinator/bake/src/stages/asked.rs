@@ -90,10 +90,10 @@ impl Solved {
                 irradiance_at(cx, &self.mesh, &mut self.rows, place, &lights)?;
             let mut bounds = Bounds::default();
             bounds.add(&cover.sums);
-            for (light, Irradiance { mut direct, mut all }) in light.iter_mut().zip(found) {
-                bounds.apply(0, &mut direct);
+            for (light, Irradiance { mut direct, mut all, .. }) in light.iter_mut().zip(found) {
+                bounds.apply(0, &mut direct.all);
                 bounds.apply(0, &mut all);
-                let wanted = cx.settings.only.of_all(&all, &direct);
+                let wanted = cx.settings.only.of_all(&all, &direct.all);
                 some.iter().zip(wanted).for_each(|(point, wanted)| light[*point] = wanted);
             }
         }

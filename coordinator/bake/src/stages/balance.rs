@@ -16,19 +16,28 @@ impl Solved {
     /// The energy balance.
     pub fn balance(&self, cx: &Context) -> EnergyBalance {
         let square_unit = cx.scene.frame.scale * cx.scene.frame.scale;
-        let surfaces = &cx.scene.surfaces;
         let Self { mesh, solution, .. } = self;
-        let (mut emitted, mut received, mut absorbed, mut escaped) =
-            (DVec3::ZERO, DVec3::ZERO, DVec3::ZERO, DVec3::ZERO);
+        let (mut emitted, mut absorbed, mut escaped) = (DVec3::ZERO, DVec3::ZERO, DVec3::ZERO);
+        let (mut received, mut from_lights, mut from_outside) = (DVec3::ZERO, DVec3::ZERO, DVec3::ZERO);
+        // Of leaves with light in their middle alone it is not known where it comes from: as that of the others.
+        let mut in_middles = DVec3::ZERO;
         for (id, patch) in mesh.mesh.leaves() {
-            let surface = &surfaces[patch.surface as usize];
-            let mean = solution.middles.mean(&mesh.mesh, id, mesh.mesh.mean(id, &solution.irradiance));
-            emitted += surface.exitance * patch.area;
-            // The rest passes through.
             let material = mesh.patch_materials.of(cx.scene, &mesh.mesh, id);
+            emitted += material.exitance * patch.area;
+            let mean = solution.middles.mean(&mesh.mesh, id, mesh.mesh.mean(id, &solution.irradiance));
+            // The rest passes through.
             absorbed += (material.opacity - material.reflectance) * mean * patch.area;
-            let direct = solution.middles.mean_direct(&mesh.mesh, id, mesh.mesh.mean(id, &self.direct));
-            received += material.opacity * direct * patch.area;
+            let of_corners = mesh.mesh.mean(id, &self.direct);
+            let all =
+                solution.middles.mean_direct(&mesh.mesh, id, of_corners) * material.opacity * patch.area;
+            let is_known = of_corners.cmpgt(DVec3::ZERO);
+            let part = |light: &[DVec3]| {
+                DVec3::select(is_known, all * mesh.mesh.mean(id, light) / of_corners, DVec3::ZERO)
+            };
+            received += all;
+            in_middles += DVec3::select(is_known, DVec3::ZERO, all);
+            from_lights += part(&self.from_lights);
+            from_outside += part(&self.from_outside);
         }
         for (index, share) in mesh.shares.iter().enumerate() {
             if self.row_sums[index] < ENCLOSED {
@@ -36,14 +45,9 @@ impl Solved {
                 escaped += leaving * share.area * (1.0 - self.row_sums[index]);
             }
         }
-        // What falls on the mesh of now: that of the first may have missed where the sun falls in.
-        let grown = DVec3::select(
-            self.sources.received.cmpgt(DVec3::ZERO),
-            received / self.sources.received,
-            DVec3::ONE,
-        );
-        let [from_lights, from_outside] =
-            [self.sources.from_lights, self.sources.from_outside].map(|flux| grown * flux * square_unit);
+        let known = received - in_middles;
+        let grown = DVec3::select(known.cmpgt(DVec3::ZERO), received / known, DVec3::ONE);
+        let [from_lights, from_outside] = [from_lights, from_outside].map(|flux| grown * flux * square_unit);
         let [emitted, absorbed, unshot, escaped] =
             [emitted, absorbed, solution.unshot, escaped].map(|flux| flux * square_unit);
         let of_lights: DVec3 = cx.scene.lights.iter().map(|light| light.flux(&cx.scene.frame)).sum();

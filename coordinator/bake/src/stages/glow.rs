@@ -11,11 +11,17 @@ use kernel::geometry::area_vector;
 use kernel::row::Shape;
 
 use super::light::{LightSource, MANY_EMITTERS, Origin};
+use crate::context::Context;
+use crate::error::Result;
 use crate::error_budget::INTERPOLATED_NOISE;
-use crate::rows::ShareMesh;
+use crate::rows::{Rows, ShareMesh};
+use crate::solver::cache::SetId;
 
 /// Largest exitance of what glows, relative to the mean irradiance: brighter things would leave spots in dark places.
 const BRIGHTEST: f64 = 2.0;
+
+/// Rays that meet what glows from a place, at least, in the mean: of a small lamp they would tell too little to those near it.
+const LEAST_RAYS: f64 = 8.0;
 
 /// Part of the asked error that the noise of glowing light may have.
 const PART_OF_ERROR: f64 = 0.5;
@@ -23,7 +29,10 @@ const PART_OF_ERROR: f64 = 0.5;
 /// What a surface emits.
 #[derive(Default)]
 struct Emission {
-    polygons: usize,
+    /// Polygons that emit in each channel.
+    polygons: [usize; 3],
+    /// Area, counted in each channel that it emits in.
+    area: DVec3,
     /// Sums over its area of the exitance and of its square, and the largest exitance, by channel.
     flux: DVec3,
     square: DVec3,
@@ -35,7 +44,7 @@ struct Emission {
 pub struct Emissions(BTreeMap<usize, Emission>);
 
 impl Emissions {
-    /// Of surfaces that have rows; none where these are few enough.
+    /// Of surfaces that have rows; none unless their polygons are many.
     pub fn of_many(sources: &[LightSource]) -> Self {
         let mut surfaces: BTreeMap<usize, Emission> = BTreeMap::new();
         for source in sources {
@@ -45,7 +54,10 @@ impl Emissions {
             let own = surfaces.entry(surface).or_default();
             let mut add = |corners: &[DVec3], weight: f64| {
                 let (area, exitance) = (area_vector(corners).length(), weight * source.strength);
-                own.polygons += 1;
+                for channel in (0..3).filter(|channel| exitance[*channel] > 0.0) {
+                    own.polygons[channel] += 1;
+                    own.area[channel] += area;
+                }
                 own.flux += area * exitance;
                 own.square += area * exitance * exitance;
                 own.largest = own.largest.max(exitance);
@@ -58,8 +70,14 @@ impl Emissions {
                 _ => {}
             }
         }
-        let polygons: usize = surfaces.values().map(|own| own.polygons).sum();
+        // A surface of many colours has a row, and its polygons, for each channel.
+        let polygons: usize = surfaces.values().filter_map(|own| own.polygons.into_iter().max()).sum();
         Self(if polygons > MANY_EMITTERS { surfaces } else { BTreeMap::new() })
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
     }
 
     /// Whether one of these surfaces is the source.
@@ -68,22 +86,24 @@ impl Emissions {
     }
 
     /// The surfaces that glow, where all others give a mean irradiance of `level` to a scene of this area: as many of the dimmest as
-    /// stay under [`BRIGHTEST`], and whose noise with this number of rays the asked error allows.
+    /// stay under [`BRIGHTEST`], which this number of rays meets often enough for the asked error.
     pub fn glowing(&self, level: f64, area: f64, rays: u32, error: f64) -> HashSet<usize> {
         let mut dimmest: Vec<(usize, &Emission)> =
             self.0.iter().map(|(surface, own)| (*surface, own)).collect();
         dimmest.sort_by(|a, b| a.1.largest.max_element().total_cmp(&b.1.largest.max_element()));
         let all: DVec3 = self.0.values().map(|own| own.flux).sum();
         let level = level + (all / area).element_sum() / 3.0;
-        let (mut flux, mut square, mut count) = (DVec3::ZERO, DVec3::ZERO, 0);
+        let (mut flux, mut square, mut emitting, mut count) = (DVec3::ZERO, DVec3::ZERO, 0.0, 0);
         for (index, (_, own)) in dimmest.iter().enumerate() {
             flux += own.flux;
             square += own.square;
+            emitting += own.area.max_element();
             // Of rays that meet a surface as often as its part of the area is.
             let mean = flux / area;
             let variance = (square / area - mean * mean).max_element() / f64::from(rays) * INTERPOLATED_NOISE;
             let is_dim = own.largest.max_element() <= BRIGHTEST * level;
-            if is_dim && variance <= (PART_OF_ERROR * error * level).powi(2) {
+            let is_met = emitting / area * f64::from(rays) >= LEAST_RAYS;
+            if is_dim && is_met && variance <= (PART_OF_ERROR * error * level).powi(2) {
                 count = index + 1;
             }
         }
@@ -92,7 +112,7 @@ impl Emissions {
 }
 
 /// Whether a source is one of these surfaces.
-pub fn is_of(source: &LightSource, surfaces: &HashSet<usize>) -> bool {
+fn is_of(source: &LightSource, surfaces: &HashSet<usize>) -> bool {
     matches!(source.origin, Origin::Surface(surface) if surfaces.contains(&surface))
 }
 
@@ -121,6 +141,20 @@ pub fn glow(mesh: &ShareMesh, sources: &[LightSource]) -> Option<Vec<DVec3>> {
     let shares = mesh.shares.iter().zip(&mesh.materials);
     let of_share = |surface: u32| factors.get(&(surface as usize)).copied().unwrap_or(DVec3::ZERO);
     Some(shares.map(|(share, material)| material.exitance * of_share(share.surface)).collect())
+}
+
+/// What these sources that glow give the receivers of some sets; nothing where none glows.
+pub fn light_at(
+    cx: &mut Context,
+    mesh: &ShareMesh,
+    rows: &mut Rows,
+    sources: &[LightSource],
+    sets: &[SetId],
+) -> Result<Vec<Vec<DVec3>>> {
+    let Some(glow) = glow(mesh, sources) else { return Ok(vec![]) };
+    let Rows { source, table } = rows;
+    let gathered = source.gather(cx, mesh, table, sets, &[&glow], false)?;
+    Ok(gathered.into_iter().flat_map(|gathered| gathered.light).collect())
 }
 
 /// Adds light to other light of the same receivers.
@@ -163,11 +197,18 @@ mod tests {
         assert_eq!(glowing(&[dim.clone(), bright.clone()], 1.0), [0]);
         assert_eq!(glowing(&[bright], 1.0), [0; 0]);
         assert_eq!(glowing(&[dim], 10.0), [0]);
+        // Few rays meet what is small.
+        let small = [(); 3].map(|()| squares(0, 100, 0.1));
+        assert_eq!(glowing(&small.clone(), 1.0), [0]);
+        assert_eq!(Emissions::of_many(&small).glowing(1.0, 100.0 * AREA, 256, 0.1), HashSet::new());
         // Alone in the dark, a part of the scene that rays seldom meet is no even light.
         assert_eq!(glowing(&[squares(0, 300, 1.0)], 0.0), [0; 0]);
         assert_eq!(glowing(&[squares(0, 3500, 1.0)], 0.0), [0]);
         // A few sources are no reason.
         assert_eq!(glowing(&[squares(0, MANY_EMITTERS, 1.0)], 10.0), [0; 0]);
+        let in_channels = [DVec3::X, DVec3::Y, DVec3::Z]
+            .map(|strength| LightSource { strength, ..squares(0, MANY_EMITTERS, 1.0) });
+        assert_eq!(glowing(&in_channels, 10.0), [0; 0]);
     }
 
     #[test]

@@ -4,7 +4,7 @@ use glam::DVec3;
 use kernel::replica::Receivers;
 
 use super::glow::{add, glow};
-use super::light::{self, LightSource};
+use super::light::{self, Direct, LightSource};
 use crate::context::Context;
 use crate::error::Result;
 use crate::rows::{Cover, Gathered, Rows, ShareMesh};
@@ -32,7 +32,9 @@ pub struct Lights<'a> {
 /// Irradiance of some receivers.
 pub struct Irradiance {
     /// Straight from the sources.
-    pub direct: Vec<DVec3>,
+    pub direct: Direct,
+    /// The part of it that comes from what glows; empty where nothing does.
+    pub glow: Vec<DVec3>,
     /// In all.
     pub all: Vec<DVec3>,
 }
@@ -59,7 +61,7 @@ pub fn irradiance_at(
     };
     let mut direct = vec![];
     for light in lights {
-        direct.push(light::irradiance(light.sources, set, cx.client)?);
+        direct.push(light::direct(light.sources, set, cx.client)?);
     }
     let glows: Vec<Option<Vec<DVec3>>> = lights.iter().map(|light| glow(mesh, light.sources)).collect();
     let reflected = lights.iter().map(|light| light.radiosity);
@@ -81,12 +83,11 @@ pub fn irradiance_at(
     };
     let mut light = light.into_iter();
     let reflected: Vec<Vec<DVec3>> = light.by_ref().take(lights.len()).collect();
-    for (direct, _) in direct.iter_mut().zip(&glows).filter(|(_, glow)| glow.is_some()) {
-        add(direct, &light.next().unwrap_or_default());
-    }
-    let light = direct.into_iter().zip(reflected).map(|(direct, light)| Irradiance {
-        all: direct.iter().zip(light).map(|(direct, light)| *direct + light).collect(),
-        direct,
+    let light = direct.into_iter().zip(reflected).zip(&glows).map(|((mut direct, reflected), glows)| {
+        let glow = if glows.is_some() { light.next().unwrap_or_default() } else { vec![] };
+        add(&mut direct.all, &glow);
+        let all = direct.all.iter().zip(reflected).map(|(direct, light)| *direct + light).collect();
+        Irradiance { direct, glow, all }
     });
     Ok(Received { light: light.collect(), cover })
 }

@@ -7,7 +7,6 @@ use std::collections::HashSet;
 
 use glam::DVec3;
 
-use super::glow::glow;
 use super::light::{LightSource, Origin};
 use super::solved::Solved;
 use crate::context::Context;
@@ -127,14 +126,7 @@ impl Solved {
             } else {
                 let tolerance = cx.settings.threshold * PART_TOLERANCE;
                 let dark = self.dark(cx, &sources)?;
-                let glow = glow(&self.mesh, &sources);
-                let problem = Problem {
-                    mesh: &self.mesh,
-                    values: &means,
-                    direct: &direct,
-                    glow: glow.as_deref(),
-                    tolerance,
-                };
+                let problem = Problem { mesh: &self.mesh, values: &means, direct: &direct, tolerance };
                 let Rows { source, table } = &mut self.rows;
                 let solution = problem.solve(cx, source.as_mut(), table, dark)?;
                 (cx.settings.only.of_all(&solution.irradiance, &direct), solution.radiosity)

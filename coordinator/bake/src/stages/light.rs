@@ -14,7 +14,7 @@ use crate::settings::BakeSettings;
 use crate::solver::add_row;
 use scene::{LightKind, Scene};
 
-/// A light source with a row of its own.
+/// A light source. It has a row of its own, or glows.
 #[derive(Clone)]
 pub struct LightSource {
     /// What its row is made of; none where it glows, and its light is gathered with that which surfaces reflect.
@@ -190,37 +190,76 @@ impl SourceCounts {
     }
 }
 
-/// What the rows of the sources give some sets of receivers, in all. `look` sees each source with its row over the set of this index,
-/// and the row's variance.
-///
-/// # Errors
-/// When a row cannot be had.
-pub fn irradiance_of(
-    sources: &[LightSource],
-    sets: &[ReceiverSet],
-    client: &mut RowClient,
-    mut look: impl FnMut(usize, &LightSource, &Row, f64),
-) -> Result<Vec<Vec<DVec3>>, BakeError> {
-    let (sources, shooters): (Vec<&LightSource>, Vec<Shooter>) =
-        sources.iter().filter_map(|source| Some((source, source.shooter.clone()?))).unzip();
-    let mut irradiance: Vec<_> = sets.iter().map(|set| vec![DVec3::ZERO; set.count()]).collect();
-    client.each_row(&shooters, sets, |set, index, row, variance| {
-        look(set, sources[index], row, variance);
-        add_row(&mut irradiance[set], row, sources[index].strength);
-    })?;
-    Ok(irradiance)
+/// Irradiance of some receivers straight from sources.
+#[derive(Clone, Default)]
+pub struct Direct {
+    /// From all of them.
+    pub all: Vec<DVec3>,
+    /// The part that comes from lights within the scene that are no surfaces.
+    pub from_lights: Vec<DVec3>,
+    /// The part that comes from outside of the scene, from directional lights and the sky.
+    pub from_outside: Vec<DVec3>,
 }
 
-/// What the rows of the sources give a set of receivers, in all.
+impl Direct {
+    fn dark(receivers: usize) -> Self {
+        let [all, from_lights, from_outside] = [(); 3].map(|()| vec![DVec3::ZERO; receivers]);
+        Self { all, from_lights, from_outside }
+    }
+
+    fn add_row(&mut self, row: &Row, source: &LightSource) {
+        add_row(&mut self.all, row, source.strength);
+        if source.is_outside {
+            add_row(&mut self.from_outside, row, source.strength);
+        } else if let Origin::Light(_) = source.origin {
+            add_row(&mut self.from_lights, row, source.strength);
+        }
+    }
+
+    /// Each part by itself changed.
+    pub fn map(self, mut change: impl FnMut(Vec<DVec3>) -> Vec<DVec3>) -> Self {
+        let Self { all, from_lights, from_outside } = self;
+        Self { all: change(all), from_lights: change(from_lights), from_outside: change(from_outside) }
+    }
+}
+
+/// Adds to the light of some sets of receivers what the rows of the sources give them. `look` sees each source with its row over the
+/// set of this index, and the row's variance.
 ///
 /// # Errors
 /// When a row cannot be had.
-pub fn irradiance(
+pub fn add_direct<'a>(
+    light: &mut [Direct],
+    sources: impl Iterator<Item = &'a LightSource>,
+    sets: &[ReceiverSet],
+    client: &mut RowClient,
+    mut look: impl FnMut(usize, u64, f64),
+) -> Result<(), BakeError> {
+    let (sources, shooters): (Vec<&LightSource>, Vec<Shooter>) =
+        sources.filter_map(|source| Some((source, source.shooter.clone()?))).unzip();
+    client.each_row(&shooters, sets, |set, index, row, variance| {
+        look(set, shooters[index].key, variance);
+        light[set].add_row(row, sources[index]);
+    })
+}
+
+/// No light at the receivers of some sets.
+pub fn no_light(sets: &[ReceiverSet]) -> Vec<Direct> {
+    sets.iter().map(|set| Direct::dark(set.count())).collect()
+}
+
+/// What the rows of the sources give a set of receivers.
+///
+/// # Errors
+/// When a row cannot be had.
+pub fn direct(
     sources: &[LightSource],
     set: ReceiverSet,
     client: &mut RowClient,
-) -> Result<Vec<DVec3>, BakeError> {
-    Ok(irradiance_of(sources, &[set], client, |_, _, _, _| ())?.pop().unwrap_or_default())
+) -> Result<Direct, BakeError> {
+    let mut light = no_light(&[set]);
+    add_direct(&mut light, sources.iter(), &[set], client, |_, _, _| ())?;
+    Ok(light.pop().unwrap_or_default())
 }
 
 #[cfg(test)]

@@ -4,7 +4,6 @@ use glam::DVec3;
 
 use super::glow::{add, glow};
 use super::irradiance::{Irradiance, Lights, Place, Received, irradiance_at};
-use super::light::LightSource;
 use super::refine::Refined;
 use super::solved::Solved;
 use crate::context::Context;
@@ -118,27 +117,22 @@ impl Solved {
             return Ok(vec![]);
         }
         let receivers = samples.receivers(samples.count());
-        let reflected = &self.solution.radiosity;
-        let dark = vec![DVec3::ZERO; reflected.len()];
-        let glows: Vec<LightSource> =
-            self.sources.all.iter().filter(|source| source.shooter.is_none()).cloned().collect();
-        let whole = Lights { sources: &self.sources.all, radiosity: reflected };
-        let glowing = Lights { sources: &glows, radiosity: &dark };
-        let lights = if glows.is_empty() { vec![whole] } else { vec![whole, glowing] };
+        let lights = Lights { sources: &self.sources.all, radiosity: &self.solution.radiosity };
         let Received { light, cover } =
-            irradiance_at(cx, &self.mesh, &mut self.rows, Place::Once(&receivers), &lights)?;
+            irradiance_at(cx, &self.mesh, &mut self.rows, Place::Once(&receivers), &[lights])?;
         samples.set_row_sums(&cover.sums);
-        let mut light = light.into_iter();
-        for Irradiance { direct, all } in light.by_ref().take(1) {
-            samples.set_direct(direct);
+        let mut glowing = vec![];
+        for Irradiance { direct, glow, all } in light {
+            samples.set_direct(direct.all);
             samples.set_irradiance(all);
+            glowing = glow;
         }
-        // What glows counts as interpolated, too.
-        let mut leaving = reflected.clone();
-        glow(&self.mesh, &glows).iter().for_each(|glow| add(&mut leaving, glow));
+        // What glows is interpolated between them, too.
+        let mut leaving = self.solution.radiosity.clone();
+        glow(&self.mesh, &self.sources.all).iter().for_each(|glow| add(&mut leaving, glow));
         let mut between = self.rows.source.interpolated(cx, &receivers, &leaving)?;
-        if let (Some(between), Some(Irradiance { direct, .. })) = (&mut between, light.next()) {
-            between.iter_mut().zip(direct).for_each(|(light, glowing)| *light -= glowing);
+        if let Some(between) = &mut between {
+            between.iter_mut().zip(glowing).for_each(|(light, glowing)| *light -= glowing);
         }
         Ok(between.map_or(vec![], |light| samples.on_leaves(&self.mesh.mesh, samples.differences(&light))))
     }

@@ -40,7 +40,6 @@ mod sky;
 mod solved;
 
 pub use asked::{AskedPoints, PointLight};
-pub use glow::glow;
 pub use irradiance::{Lights, Place, irradiance_at};
 pub use layers::{PART_TOLERANCE, SKY, check_groups, listed, names_of};
 pub use light::{LightSource, Origin};

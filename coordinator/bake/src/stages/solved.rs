@@ -3,15 +3,15 @@
 use glam::DVec3;
 
 use super::direct_light::{Lit, Sources};
-use super::glow::{add, glow};
+use super::glow::{add, glow, light_at};
 use super::irradiance::{Irradiance, Lights, Place, Received, irradiance_at};
-use super::light::{self, LightSource};
+use super::light::{self, Direct, LightSource};
 use crate::context::Context;
 use crate::error::Result;
 use crate::mesh::{PatchId, VertexId};
 use crate::observer::Phase;
-use crate::refinement::{MeshError, best_fit};
-use crate::rows::{COARSE, FIRST_TOLERANCE, Problem, RowSource, Rows, ShareMesh, ShareValues, Solution};
+use crate::refinement::{MeshError, SamplePoints, best_fit};
+use crate::rows::{COARSE, FIRST_TOLERANCE, Problem, Rows, ShareMesh, ShareValues, Solution};
 use crate::solver::cache::SetId;
 
 /// Measured interpolation error over the predicted one, to begin with: .6 to .75 in rooms of all sorts.
@@ -25,8 +25,12 @@ pub struct Solved {
     pub mesh: ShareMesh,
     pub rows: Rows,
     pub sources: Sources,
-    /// Irradiance of the vertices from the light sources.
+    /// Irradiance of the vertices from the light sources,
     pub direct: Vec<DVec3>,
+    /// from those within the scene that are no surfaces, where no row is bounded,
+    pub from_lights: Vec<DVec3>,
+    /// and from outside of the scene.
+    pub from_outside: Vec<DVec3>,
     pub solution: Solution,
     /// Whether each vertex sees any surface.
     pub exposed: Vec<bool>,
@@ -44,36 +48,38 @@ pub struct Solved {
     pub rounds_measured: u32,
 }
 
-/// Flux that the shares stop of this direct light of the vertices.
-fn stopped(source: &dyn RowSource, mesh: &ShareMesh, direct: &[DVec3]) -> DVec3 {
-    let values = source.first_values(mesh, &vec![true; direct.len()]);
-    let shares = mesh.energies.iter().zip(&mesh.materials);
-    let light = values.of(&mesh.energies, direct);
-    shares.zip(light).map(|((share, material), light)| share.area * material.opacity * light).sum()
+/// Adds direct light to refinement samples and middles, where rows are over them.
+fn add_to_points(
+    light: impl Iterator<Item = Vec<DVec3>>,
+    sets: [Option<SetId>; 2],
+    samples: &mut SamplePoints,
+    middles: &mut SamplePoints,
+) {
+    let points = sets.into_iter().zip([samples, middles]);
+    let there = points.filter_map(|(set, points)| set.map(|_| points));
+    there.zip(light).for_each(|(points, light)| points.add_direct(&light));
 }
 
 impl Lit {
     /// Solves for the light on the shooting mesh, well enough to see where it must be refined.
     #[tracing::instrument(skip_all)]
     pub fn solve(self, cx: &mut Context) -> Result<Solved> {
-        let Self { mesh, mut rows, mut sources, mut samples, mut middles, mut direct } = self;
+        let Self { mesh, mut rows, sources, mut samples, mut middles, direct } = self;
         cx.client.monitor.enter(Phase::Shoot, mesh.mesh.vertices.len());
+        let Direct { all: mut direct, from_lights, from_outside } = direct;
+        let mut radiosity = {
+            let Rows { source, table } = &mut rows;
+            let glow = glow(&mesh, &sources.all);
+            source.shoot(cx, &mesh, table, &direct, glow.as_deref())?
+        };
+        let sets: Vec<SetId> =
+            [Some(COARSE), rows.table.samples, rows.table.middles].into_iter().flatten().collect();
+        let mut glowing = light_at(cx, &mesh, &mut rows, &sources.all, &sets)?.into_iter();
         let Rows { source, table } = &mut rows;
-        let glow = glow(&mesh, &sources.all);
-        let mut radiosity = source.shoot(cx, &mesh, table, &direct, glow.as_deref())?;
-        if let Some(glow) = &glow {
-            let sets: Vec<SetId> =
-                [Some(COARSE), table.samples, table.middles].into_iter().flatten().collect();
-            let gathered = source.gather(cx, &mesh, table, &sets, &[glow], false)?;
-            let mut light = gathered.into_iter().flat_map(|gathered| gathered.light);
-            add(&mut direct, &table.vertices.of_coarse(light.next().unwrap_or_default()));
-            for (set, points) in [(table.samples, &mut samples), (table.middles, &mut middles)] {
-                if set.is_some() {
-                    points.add_direct(&light.next().unwrap_or_default());
-                }
-            }
+        if let Some(light) = glowing.next() {
+            add(&mut direct, &table.vertices.of_coarse(light));
+            add_to_points(glowing, [table.samples, table.middles], &mut samples, &mut middles);
         }
-        sources.received = stopped(source.as_ref(), &mesh, &direct);
         // A first look at all rows, those too that no shot needed.
         let seen = source.gather(cx, &mesh, table, &[COARSE], &[], true)?.pop().unwrap_or_default();
         table.coarse_bytes = seen.cover.bytes;
@@ -92,8 +98,7 @@ impl Lit {
         let row_sums = source.row_sums(&mesh, &sums);
         let values = source.first_values(&mesh, &exposed);
         let tolerance = cx.settings.threshold.max(FIRST_TOLERANCE);
-        let problem =
-            Problem { mesh: &mesh, values: &values, direct: &direct, glow: glow.as_deref(), tolerance };
+        let problem = Problem { mesh: &mesh, values: &values, direct: &direct, tolerance };
         let solution = Solution { radiosity, samples, middles, ..Solution::default() };
         let solution = problem.solve(cx, source.as_mut(), table, solution)?;
         cx.end_step("shoot");
@@ -102,6 +107,8 @@ impl Lit {
             rows,
             sources,
             direct,
+            from_lights,
+            from_outside,
             solution,
             exposed,
             row_sums,
@@ -125,10 +132,8 @@ impl Solved {
         cx.client.monitor.enter(Phase::FinalSolve, self.mesh.mesh.vertices.len());
         self.takes_means = true;
         let means = self.means();
-        let Self { mesh, rows: Rows { source, table }, direct, solution, sources, .. } = self;
-        let glow = glow(mesh, &sources.all);
-        let tolerance = cx.settings.threshold;
-        let problem = Problem { mesh, values: &means, direct, glow: glow.as_deref(), tolerance };
+        let Self { mesh, rows: Rows { source, table }, direct, solution, .. } = self;
+        let problem = Problem { mesh, values: &means, direct, tolerance: cx.settings.threshold };
         let start = std::mem::take(solution);
         *solution = problem.solve(cx, source.as_mut(), table, start)?;
         self.preview(cx);
@@ -145,7 +150,9 @@ impl Solved {
     /// Makes the leaves of the refined mesh the shares, and solves again.
     #[tracing::instrument(skip_all)]
     pub fn follow_mesh(&mut self, cx: &mut Context) -> Result<()> {
+        let before = self.glowing_light(cx)?;
         self.rows.source.follow_mesh(cx, &mut self.mesh)?;
+        self.exchange_glow(cx, before)?;
         self.look_at_cover(cx)?;
         let incident = self.means().of(&self.mesh.energies, &self.solution.irradiance);
         self.solution.radiosity = self.mesh.reflected(&incident);
@@ -164,48 +171,41 @@ impl Solved {
 
     /// Adds gather points where light between them was found wrong, or changes, and solves again. False where there may be no more.
     pub fn add_gather_points(&mut self, cx: &mut Context, found: &[(PatchId, DVec3)]) -> Result<bool> {
-        let reflected: Vec<DVec3> =
-            self.solution.irradiance.iter().zip(&self.direct).map(|(all, direct)| *all - *direct).collect();
-        let expected = self.predict_for(cx, &reflected, found);
-        let expected: Vec<f64> = expected.leaves().iter().map(|(_, square)| *square).collect();
         let before = self.glowing_light(cx)?;
+        let mut gathered: Vec<DVec3> =
+            self.solution.irradiance.iter().zip(&self.direct).map(|(all, direct)| *all - *direct).collect();
+        add(&mut gathered, &self.rows.table.vertices.join(before.iter().cloned()));
+        let expected = self.predict_for(cx, &gathered, found);
+        let expected: Vec<f64> = expected.leaves().iter().map(|(_, square)| *square).collect();
         let is_added = self.rows.source.add_points(cx, &self.mesh.mesh, &expected)?;
         if is_added {
-            let now = self.glowing_light(cx)?;
-            self.add_direct(
-                before.into_iter().map(|light| light.into_iter().map(|light| -light).collect()).collect(),
-            );
-            self.add_direct(now);
+            self.exchange_glow(cx, before)?;
             self.look_at_cover(cx)?;
             self.final_solve(cx)?;
         }
         Ok(is_added)
     }
 
-    /// Light of what glows, at the vertices set by set, and at refinement samples and middles; empty where nothing does.
+    /// Light of what glows, at the vertices set by set, and at refinement samples and middles; nothing where nothing glows.
     fn glowing_light(&mut self, cx: &mut Context) -> Result<Vec<Vec<DVec3>>> {
-        let Some(glow) = glow(&self.mesh, &self.sources.all) else { return Ok(vec![]) };
-        let Rows { source, table } = &mut self.rows;
+        let table = &self.rows.table;
         let sets: Vec<SetId> = table.vertices.sets().chain(table.samples).chain(table.middles).collect();
-        let gathered = source.gather(cx, &self.mesh, table, &sets, &[&glow], false)?;
-        Ok(gathered.into_iter().flat_map(|gathered| gathered.light).collect())
+        light_at(cx, &self.mesh, &mut self.rows, &self.sources.all, &sets)
     }
 
-    /// Adds direct light in the order of [`Self::glowing_light`].
-    fn add_direct(&mut self, light: Vec<Vec<DVec3>>) {
-        if light.is_empty() {
-            return;
+    /// Takes this light of what glows from the direct light, and adds that of now: it changes with the gather points and the shares.
+    fn exchange_glow(&mut self, cx: &mut Context, before: Vec<Vec<DVec3>>) -> Result<()> {
+        let negated = |light: Vec<DVec3>| light.into_iter().map(|light| -light).collect();
+        let now = self.glowing_light(cx)?;
+        for light in [before.into_iter().map(negated).collect(), now] {
+            let table = &self.rows.table;
+            let mut light: std::vec::IntoIter<Vec<DVec3>> = light.into_iter();
+            let by_set: Vec<Vec<DVec3>> = light.by_ref().take(table.vertices.sets().count()).collect();
+            add(&mut self.direct, &table.vertices.join(by_set));
+            let Solution { samples, middles, .. } = &mut self.solution;
+            add_to_points(light, [table.samples, table.middles], samples, middles);
         }
-        let table = &self.rows.table;
-        let mut light = light.into_iter();
-        let by_set: Vec<Vec<DVec3>> = light.by_ref().take(table.vertices.sets().count()).collect();
-        add(&mut self.direct, &table.vertices.join(by_set));
-        let Solution { samples, middles, .. } = &mut self.solution;
-        for (set, points) in [(table.samples, samples), (table.middles, middles)] {
-            if set.is_some() {
-                points.add_direct(&light.next().unwrap_or_default());
-            }
-        }
+        Ok(())
     }
 
     /// Hands a preview to the observer, if it wants one.
@@ -232,10 +232,12 @@ impl Solved {
         let bounds = &mut self.rows.table.bounds;
         bounds.add(&cover.sums);
         self.exposed.extend(cover.exposed);
-        for Irradiance { mut direct, mut all } in light {
-            bounds.apply(self.direct.len(), &mut direct);
+        for Irradiance { mut direct, mut all, .. } in light {
+            bounds.apply(self.direct.len(), &mut direct.all);
             bounds.apply(self.direct.len(), &mut all);
-            self.direct.extend(direct);
+            self.direct.extend(direct.all);
+            self.from_lights.extend(direct.from_lights);
+            self.from_outside.extend(direct.from_outside);
             self.solution.irradiance.extend(all);
         }
         Ok(())
@@ -258,32 +260,38 @@ impl Solved {
 
     /// Relative standard error of irradiance at a point, from the rays that sampled visibility.
     pub fn noise(&self) -> f64 {
-        let sources = self.sources.all.iter().map(|source| source.strength);
-        self.noise_of(&self.solution, sources)
+        let strengths = self.sources.all.iter().map(|source| source.strength);
+        self.noise_of(&self.solution, &self.sources.all, strengths)
     }
 
-    /// The same of another solution, for light sources of these strengths.
-    pub fn noise_of(&self, solution: &Solution, strengths: impl Iterator<Item = DVec3>) -> f64 {
-        let Some(set) = self.rows.table.samples else { return 0.0 };
-        let sources = strengths.zip(self.sources.variances.iter().copied());
-        let shares = solution.radiosity.iter().copied().zip(self.rows.table.variances(set));
-        let samples = &solution.samples;
-        samples.noise(shares.chain(sources), samples.count()).hypot(solution.ray_noise)
+    /// The same of another solution, for some light sources, and these strengths of all.
+    pub fn noise_of(
+        &self,
+        solution: &Solution,
+        sources: &[LightSource],
+        strengths: impl Iterator<Item = DVec3>,
+    ) -> f64 {
+        let Rows { source, table } = &self.rows;
+        let Some(set) = table.samples else { return 0.0 };
+        let Solution { samples, radiosity, .. } = solution;
+        let lights = strengths.zip(self.sources.variances.iter().copied());
+        let shares = radiosity.iter().copied().zip(table.variances(set));
+        let mut leaving = radiosity.clone();
+        glow(&self.mesh, sources).iter().for_each(|glow| add(&mut leaving, glow));
+        let of_rays = source.ray_noise(&leaving, samples.level());
+        samples.noise(shares.chain(lights), samples.count()).hypot(of_rays)
     }
 
     /// Irradiance of all vertices straight from these sources.
     pub fn direct_of(&mut self, cx: &mut Context, sources: &[LightSource]) -> Result<Vec<DVec3>> {
-        let Rows { source, table } = &mut self.rows;
+        let sets: Vec<SetId> = self.rows.table.vertices.sets().collect();
         let mut by_set = vec![];
-        for set in table.vertices.sets() {
-            by_set.push(light::irradiance(sources, table.set(set), cx.client)?);
+        for set in &sets {
+            by_set.push(light::direct(sources, self.rows.table.set(*set), cx.client)?.all);
         }
-        if let Some(glow) = glow(&self.mesh, sources) {
-            let sets: Vec<SetId> = table.vertices.sets().collect();
-            let gathered = source.gather(cx, &self.mesh, table, &sets, &[&glow], false)?;
-            let light = gathered.into_iter().flat_map(|gathered| gathered.light);
-            by_set.iter_mut().zip(light).for_each(|(direct, light)| add(direct, &light));
-        }
+        let glowing = light_at(cx, &self.mesh, &mut self.rows, sources, &sets)?;
+        by_set.iter_mut().zip(&glowing).for_each(|(direct, light)| add(direct, light));
+        let table = &self.rows.table;
         let mut direct = table.vertices.join(by_set);
         table.bounds.apply(0, &mut direct);
         Ok(direct)
@@ -298,15 +306,9 @@ impl Solved {
         };
         if let Some(id) = self.rows.table.middles {
             let set = self.rows.table.set(id);
-            solution.middles.set_direct(light::irradiance(sources, set, cx.client)?);
-            if let Some(glow) = glow(&self.mesh, sources) {
-                let Rows { source, table } = &mut self.rows;
-                let gathered = source.gather(cx, &self.mesh, table, &[id], &[&glow], false)?;
-                gathered
-                    .iter()
-                    .flat_map(|gathered| &gathered.light)
-                    .for_each(|light| solution.middles.add_direct(light));
-            }
+            solution.middles.set_direct(light::direct(sources, set, cx.client)?.all);
+            let glowing = light_at(cx, &self.mesh, &mut self.rows, sources, &[id])?;
+            glowing.iter().for_each(|light| solution.middles.add_direct(light));
         }
         Ok(solution)
     }

@@ -136,7 +136,10 @@ struct Shining(Hierarchy<Bounds>);
 
 impl Shining {
     fn new(surfaces: &[Surface], lights: &[Light]) -> Self {
-        let emits = surfaces.par_iter().filter(|surface| surface.exitance != DVec3::ZERO);
+        // Backs lie where their fronts do.
+        let emits = surfaces
+            .par_iter()
+            .filter(|surface| surface.exitance != DVec3::ZERO && surface.side == Side::Front);
         // Of a surface whose emission is a picture, most facets are often black.
         let shining = |surface: &Surface, (index, facet): (usize, &Facet)| -> Option<Bounds> {
             let corners: Vec<DVec3> = facet.positions().collect();

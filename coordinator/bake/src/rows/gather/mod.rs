@@ -6,6 +6,7 @@
 //! receivers take it from the points around them. So the rays follow the light, whatever the number of vertices.
 //!
 //! Light sources keep their exact rows at every receiver: a small bright lamp would be found by few rays, and its shadows are sharp.
+//! But what is dim and large is gathered, too.
 //!
 //! | file | what it does |
 //! |---|---|
@@ -129,13 +130,6 @@ impl GatherRows {
     /// Irradiance of the receivers of a set, given that of the gather points.
     fn at_set(&self, set: SetId, points: &[DVec3]) -> Vec<DVec3> {
         self.sets[set.index()].weights.of(points)
-    }
-
-    /// Relative standard error of the irradiance at the receivers of the shooting mesh, from rays.
-    fn noise(&self, radiosity: &[DVec3], level: f64) -> f64 {
-        let part = self.sets.get(COARSE.index()).map_or(1.0, |set| set.weights.variance_part());
-        let square = self.twins.square_noise(&self.points, radiosity) * part;
-        if level > 0.0 { square.sqrt() / level } else { 0.0 }
     }
 
     /// Sets the irradiance of the vertices, given that of the gather points.
@@ -371,10 +365,14 @@ impl RowSource for GatherRows {
         self.light_vertices(table, problem.direct, &points, &mut solution)?;
         if let Some(set) = table.samples {
             solution.samples.set_gathered(&self.at_set(set, &points));
-            let leaving = leaving(&solution.radiosity, problem.glow);
-            solution.ray_noise = self.noise(&leaving, solution.samples.level());
         }
         Ok(solution)
+    }
+
+    fn ray_noise(&self, leaving: &[DVec3], level: f64) -> f64 {
+        let part = self.sets.get(COARSE.index()).map_or(1.0, |set| set.weights.variance_part());
+        let square = self.twins.square_noise(&self.points, leaving) * part;
+        if level > 0.0 { square.sqrt() / level } else { 0.0 }
     }
 
     fn follow_mesh(&mut self, cx: &mut Context, mesh: &mut ShareMesh) -> Result<()> {
