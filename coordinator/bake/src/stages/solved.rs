@@ -174,7 +174,9 @@ impl Solved {
         let before = self.glowing_light(cx)?;
         let mut gathered: Vec<DVec3> =
             self.solution.irradiance.iter().zip(&self.direct).map(|(all, direct)| *all - *direct).collect();
-        add(&mut gathered, &self.rows.table.vertices.join(before.iter().cloned()));
+        if !before.is_empty() {
+            add(&mut gathered, &self.rows.table.vertices.join(before.iter().cloned()));
+        }
         let expected = self.predict_for(cx, &gathered, found);
         let expected: Vec<f64> = expected.leaves().iter().map(|(_, square)| *square).collect();
         let is_added = self.rows.source.add_points(cx, &self.mesh.mesh, &expected)?;
@@ -195,6 +197,9 @@ impl Solved {
 
     /// Takes this light of what glows from the direct light, and adds that of now: it changes with the gather points and the shares.
     fn exchange_glow(&mut self, cx: &mut Context, before: Vec<Vec<DVec3>>) -> Result<()> {
+        if before.is_empty() {
+            return Ok(());
+        }
         let negated = |light: Vec<DVec3>| light.into_iter().map(|light| -light).collect();
         let now = self.glowing_light(cx)?;
         for light in [before.into_iter().map(negated).collect(), now] {
