@@ -39,7 +39,7 @@ pub use means::ShareValues;
 pub use share_mesh::ShareMesh;
 pub use shoot::FIRST_TOLERANCE;
 pub use solution::Solution;
-pub use source::{Cover, Gathered, Problem, RowSource, Rows};
+pub use source::{Cover, Gathered, Problem, RowSource, Rows, leaving};
 pub use vertices::COARSE;
 
 /// The rows of a strategy, where it is not to be chosen.

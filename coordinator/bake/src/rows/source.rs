@@ -1,3 +1,5 @@
+use std::borrow::Cow;
+
 use glam::DVec3;
 use kernel::replica::Receivers;
 
@@ -184,6 +186,13 @@ impl Cover {
         });
         add_slab_to_sums(slab, opacity, &mut self.sums);
     }
+}
+
+/// What leaves shares that reflect and glow so much.
+pub fn leaving<'a>(radiosity: &'a [DVec3], glow: Option<&[DVec3]>) -> Cow<'a, [DVec3]> {
+    glow.map_or(Cow::Borrowed(radiosity), |glow| {
+        radiosity.iter().zip(glow).map(|(reflected, emitted)| *reflected + *emitted).collect()
+    })
 }
 
 /// What a solution is to solve.

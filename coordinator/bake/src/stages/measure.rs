@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::glow::{add, glow};
+use super::glow::glow;
 use super::irradiance::{Irradiance, Lights, Place, Received, irradiance_at};
 use super::refine::Refined;
 use super::solved::Solved;
@@ -14,6 +14,7 @@ use crate::error_budget::{
 use crate::mesh::PatchId;
 use crate::observer::Phase;
 use crate::refinement::{FIRST, Obstacle, SamplePoints, best_fit};
+use crate::rows::leaving;
 
 /// Part of the error of the shooters that is left when the leaves of the refined mesh, with edges half as long where light changes,
 /// become the shares. The error falls with the square of the edge, next to contacts with the edge.
@@ -128,8 +129,8 @@ impl Solved {
             glowing = glow;
         }
         // What glows is interpolated between them, too.
-        let mut leaving = self.solution.radiosity.clone();
-        glow(&self.mesh, &self.sources.all).iter().for_each(|glow| add(&mut leaving, glow));
+        let glow = glow(&self.mesh, &self.sources.all);
+        let leaving = leaving(&self.solution.radiosity, glow.as_deref());
         let mut between = self.rows.source.interpolated(cx, &receivers, &leaving)?;
         if let Some(between) = &mut between {
             between.iter_mut().zip(glowing).for_each(|(light, glowing)| *light -= glowing);

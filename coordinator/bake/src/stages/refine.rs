@@ -40,13 +40,15 @@ impl Solved {
         let before = self.mesh.mesh.vertices.len();
         let mut steps_left = if must_divide { MOST_UNSEEN_STEPS } else { 0 };
         let mut prediction = self.predict(cx);
+        // New vertices only receive: neither rows nor radiosity change here.
+        let noise = self.noise();
         let obstacle = loop {
             // The corners of others would keep the light of the middle.
             let has_own_receivers = |id: PatchId| {
                 let corners = &self.mesh.mesh.patch(id).corners;
                 !self.rows.table.vertices.is_one(corners)
             };
-            match plan.next(&self.mesh.mesh, &prediction, self.noise(), has_own_receivers) {
+            match plan.next(&self.mesh.mesh, &prediction, noise, has_own_receivers) {
                 Step::Done if steps_left > 0 && self.mesh.mesh.vertices.len() == before => {
                     steps_left -= 1;
                     plan.limit *= UNSEEN_STEP;

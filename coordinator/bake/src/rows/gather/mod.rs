@@ -28,8 +28,6 @@ mod points;
 mod set;
 mod weigh;
 
-use std::borrow::Cow;
-
 use glam::DVec3;
 use kernel::occluder::Occluder;
 use kernel::replica::Receivers;
@@ -69,13 +67,6 @@ const LARGEST_SMALL: f64 = 0.005;
 
 /// Fewest rays of a gather point: many receivers depend on it.
 const LEAST_RAYS: u32 = 256;
-
-/// What leaves shares that reflect and glow so much.
-fn leaving<'a>(radiosity: &'a [DVec3], glow: Option<&[DVec3]>) -> Cow<'a, [DVec3]> {
-    glow.map_or(Cow::Borrowed(radiosity), |glow| {
-        radiosity.iter().zip(glow).map(|(reflected, emitted)| *reflected + *emitted).collect()
-    })
-}
 
 /// Rays of a gather point. A power of two has the most even directions.
 pub fn rays(settings: &BakeSettings) -> u32 {

@@ -7,20 +7,20 @@ use kernel::replica::Receiver;
 use kernel::row::Shooter;
 use rayon::prelude::*;
 
+use super::GatherRows;
 use super::hemisphere::{View, gathered, hemispheres, views};
 use super::interpolation::{Neighbours, interpolated};
 use super::nearest::{Nearest, take_nearer};
 use super::noise::{TWINS, Twins};
-use super::{GatherRows, leaving};
 use crate::context::Context;
 use crate::error::Result;
 use crate::error_budget::{INTERPOLATED_NOISE, without_noise};
 use crate::jobs::ReceiverSet;
 use crate::mesh::{Mesh, PatchId, Share};
 use crate::refinement::{MOST_DRAWN, SamplePoints};
-use crate::rows::COARSE;
 use crate::rows::means::ShareValues;
 use crate::rows::share_mesh::ShareMesh;
+use crate::rows::{COARSE, leaving};
 use crate::solver::ShareEnergy;
 use scene::{Facet, Scene};
 
