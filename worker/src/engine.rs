@@ -11,6 +11,7 @@ use kernel::replica::{Receiver, Receivers, ScenePolygons};
 use kernel::row::{Hemisphere, Precision, Rounding, Row, Shape, Shooter};
 use kernel::visibility::{
     MANY_POLYGONS, ManyPolygons, ReceiverGroups, Stop, TransparentOccluders, VisibilityKernel, pair_seed,
+    sky_factor,
 };
 use protocol::worker::RowStatistics;
 
@@ -188,6 +189,13 @@ pub fn compute_row_until(
         }
         Shape::Directional(along) => {
             wanted().map(|(_, r)| directional_factor(scene, r, *along, &mut statistics)).collect()
+        }
+        Shape::Sky => {
+            let (occluder, transparent) = (scene.occluder(), scene.transparent());
+            let factor = |(index, receiver)| {
+                sky_factor(receiver, occluder, transparent, precision, seed(index), &mut statistics)
+            };
+            wanted().map(factor).collect()
         }
         // Its row is over polygons, not over receivers: a job that mixes both is refused.
         Shape::Hemisphere(_) => vec![0.0; receivers.len()],

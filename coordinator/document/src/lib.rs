@@ -32,6 +32,7 @@ mod prepare;
 mod scene_choice;
 pub mod sky;
 pub mod texture;
+mod warnings;
 
 use std::path::Path;
 
@@ -44,6 +45,7 @@ pub use error::{ImportError, ImportProblem};
 use parse::Parsed;
 pub use parse::{EXT_LIGHTS_AREA, require_again, warn_ignored_extensions};
 use prepare::{Extensions, Limits};
+pub use warnings::joined as joined_warnings;
 
 /// Unit of a file's light intensities.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]

@@ -10,7 +10,7 @@ use worker::engine::{Scene, compute_hemisphere, compute_row};
 use crate::room::{block, polygon, wall_receivers};
 
 /// [`ROW_VERSION`] of the digests below.
-const VERSION: u32 = 5;
+const VERSION: u32 = 6;
 
 /// First 6 bytes of the BLAKE3 digest of each kind of rows, encoded.
 const DIGESTS: &[(&str, &str)] = &[
@@ -22,9 +22,11 @@ const DIGESTS: &[(&str, &str)] = &[
     ("many occluders, computed", "9e2b2c0a050b"),
     ("many occluders, sampled", "5c8e2a0d635c"),
     ("transparent occluders", "af35443a2928"),
-    ("shooter of many polygons", "d80da06d5676"),
-    ("shooter of many polygons, transparent occluders", "34982a62f4be"),
-    ("shooter of weighted polygons", "a5540c767248"),
+    ("shooter of many polygons", "ba2be9389543"),
+    ("shooter of many polygons, transparent occluders", "f95aabf22ab1"),
+    ("shooter of weighted polygons", "263f6c6f6830"),
+    ("sky", "6a8aba0715df"),
+    ("sky, transparent occluders", "b735ab19953e"),
     ("lights without an area", "62ff3ebc5dd4"),
     ("lights without an area, transparent occluders", "9f806b3c9838"),
     ("hemispheres", "f4ec9193559b"),
@@ -165,6 +167,8 @@ fn rows_have_the_bits_of_their_version() {
         ("shooter of many polygons", rows(few(), vec![ceiling()], &EXACT)),
         ("shooter of many polygons, transparent occluders", rows(transparent(), vec![ceiling()], &EXACT)),
         ("shooter of weighted polygons", rows(few(), vec![weighted_ceiling(|i| i as f64 / 63.0)], &EXACT)),
+        ("sky", rows(few(), vec![Shape::Sky], &EXACT)),
+        ("sky, transparent occluders", rows(transparent(), vec![Shape::Sky], &EXACT)),
         ("lights without an area", rows(many(), lights(), &EXACT)),
         ("lights without an area, transparent occluders", rows(transparent(), lights(), &EXACT)),
         ("hemispheres", hemispheres(opaque(squares()))),

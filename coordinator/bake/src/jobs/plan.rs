@@ -57,11 +57,12 @@ impl ReceiverSet {
     }
 }
 
-/// Polygons of a shooter where they are many enough to compute their rows together.
+/// Polygons of a shooter where they are many enough to compute their rows together. A sky takes as long as the least of those.
 fn many_polygons(shooter: &Shooter) -> Option<usize> {
     match &shooter.shape {
         Shape::Polygons(polygons) => Some(polygons.len()).filter(|count| *count >= MANY_POLYGONS),
         Shape::Weighted(polygons) => Some(polygons.len()),
+        Shape::Sky => Some(MANY_POLYGONS),
         _ => None,
     }
 }

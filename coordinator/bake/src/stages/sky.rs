@@ -2,7 +2,7 @@
 //!
 //! Inside a closed surface of the same radiance everywhere, that radiance comes from every direction that is not blocked, whatever
 //! the surface's form and size. So a box does for a sphere infinitely far, its form factors are those of polygons, and what stands
-//! before it is cut out of it as of any other. A sky that differs by direction is cut into squares of one radiance each.
+//! before it is cut out of it as of any other. Where rays sample it, no polygon is needed. A sky that differs by direction is cut into squares of one radiance each.
 
 use std::f64::consts::PI;
 
@@ -54,15 +54,14 @@ pub fn shapes(scene: &Scene, error: f64, joined: bool) -> Vec<(Shape, DVec3)> {
             .map(|(shape, radiance)| (shape, exitance * radiance))
             .collect();
     }
+    if joined {
+        return vec![(Shape::Sky, exitance)];
+    }
     let squares = || (0..DIVISION).flat_map(|row| (0..DIVISION).map(move |column| (row, column)));
     let polygons = (0..6).flat_map(|face| {
         squares().map(move |(row, column)| square(scene.plane_count, HALF, face, [DIVISION, row, column]))
     });
-    if joined {
-        vec![(Shape::Polygons(polygons.collect()), exitance)]
-    } else {
-        polygons.map(|polygon| (Shape::Polygons(vec![polygon]), exitance)).collect()
-    }
+    polygons.map(|polygon| (Shape::Polygons(vec![polygon]), exitance)).collect()
 }
 
 /// The cells of a sky that differs by direction, each with its radiance relative to the mean. Joined, they have a row for each channel, but suns.

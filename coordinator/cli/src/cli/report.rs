@@ -70,7 +70,7 @@ impl Tables for Summary {
                     (model.point_lights, "point", true),
                     (model.spot_lights, "spot", false),
                     (model.directional_lights, "directional", false),
-                    (model.sky, "polygons of sky", false),
+                    (model.sky, "sky", false),
                 ]),
                 if model.channels == 1 { "all grey: one channel of light" } else { "three channels" }
             ),

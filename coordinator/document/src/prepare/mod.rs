@@ -1,4 +1,4 @@
-//! Makes a plain document out of one that compresses, quantizes, instances or poses its geometry, before the `gltf` crate
+//! Makes a plain document out of one that compresses, quantizes, instances, leaves out or poses its geometry, before the `gltf` crate
 //! looks at it: everything downstream, export included, sees valid glTF without these extensions.
 //!
 //! | module | what it does |
@@ -9,6 +9,7 @@
 //! | `meshopt` | EXT_meshopt_compression, KHR_meshopt_compression: buffer views decoded |
 //! | `draco` | KHR_draco_mesh_compression: primitives decoded |
 //! | `quantization` | KHR_mesh_quantization: integers become floats |
+//! | `zeros` | accessors without data get their zeros |
 //! | `instances` | EXT_mesh_gpu_instancing: instances become nodes |
 //! | `pose` | morph targets and skins as the file shows them without animation |
 //!
@@ -22,6 +23,7 @@ mod pose;
 mod quantization;
 mod storage;
 mod values;
+mod zeros;
 
 use gltf::Document;
 use gltf::json::Root;
@@ -74,6 +76,7 @@ pub(crate) fn undo(
         quantization::undo(&mut storage)?;
     }
     instances::place(&mut storage, extensions)?;
+    zeros::fill(&mut storage)?;
     storage.finish();
     extensions::remove(root);
     root.extensions_used.retain(|name| !UNDONE.contains(&name.as_str()));

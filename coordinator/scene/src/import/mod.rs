@@ -275,6 +275,7 @@ impl Content {
         let plane_count = planes::assign(&mut surfaces, &mut lights, rounding);
         // Before layers are cut: where one hides a part of a body, it closes the body in its stead.
         sealed::mark(&mut surfaces, &lights);
+        let mut warnings = document::joined_warnings(warnings);
         warnings.extend(layers::cut(&mut surfaces, plane_count, planes::tolerance(rounding), &frame));
         let vertex_count = surfaces.par_iter().map(Surface::vertex_count).sum();
         let lit_vertices: usize = surfaces.par_iter().map(Surface::lit_vertex_count).sum();

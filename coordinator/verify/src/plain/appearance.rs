@@ -19,7 +19,7 @@ pub(super) const MAX_REFLECTANCE: f64 = 0.999;
 /// The material of a primitive, or of a point of it; linear RGB.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlainMaterial {
-    /// Diffuse reflectance, base colour x (1 - metallic), under 1.
+    /// Diffuse reflectance, base colour without what is mirrored, under 1.
     pub reflectance: DVec3,
     /// Emitted exitance, pi x emissive factor x strength, W/m^2.
     pub exitance: DVec3,
@@ -33,16 +33,37 @@ pub struct PlainMaterial {
 #[derive(Debug, Clone)]
 pub struct PlainAppearance {
     base: DVec4,
-    metallic: f64,
+    mirrored: Mirrored,
     /// Exitance where the emissive texture is white.
     pub(super) exitance: DVec3,
     alpha: Alpha,
     double_sided: bool,
     base_texture: Option<Layer>,
-    metallic_texture: Option<Layer>,
+    mirrored_texture: Option<Layer>,
     emissive_texture: Option<Layer>,
     /// COLOR_0 of each vertex; empty where there is none.
     colours: Vec<DVec4>,
+}
+
+/// The part of the light that is not reflected diffusely, where its texture is white.
+#[derive(Debug, Clone, Copy)]
+enum Mirrored {
+    /// Metal, by metallic-roughness.
+    Metal(f64),
+    /// The largest channel, by KHR_materials_pbrSpecularGlossiness.
+    Specular(DVec3),
+    /// None: KHR_materials_unlit.
+    Nothing,
+}
+
+impl Mirrored {
+    fn part(self, texel: DVec4) -> f64 {
+        match self {
+            Self::Metal(metal) => metal * texel.z,
+            Self::Specular(specular) => (specular * texel.truncate()).max_element(),
+            Self::Nothing => 0.0,
+        }
+    }
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -81,7 +102,7 @@ impl Layer {
 impl PlainAppearance {
     /// Whether all points have the same material.
     pub(super) fn is_uniform(&self) -> bool {
-        let textures = [&self.base_texture, &self.metallic_texture, &self.emissive_texture];
+        let textures = [&self.base_texture, &self.mirrored_texture, &self.emissive_texture];
         self.colours.is_empty() && textures.iter().all(|texture| texture.is_none())
     }
 
@@ -92,9 +113,9 @@ impl PlainAppearance {
         let colour =
             if self.colours.is_empty() { DVec4::ONE } else { between(&self.colours, vertices, weights) };
         let base = self.base * white(&self.base_texture) * colour;
-        let metallic = self.metallic * white(&self.metallic_texture).z;
+        let mirrored = self.mirrored.part(white(&self.mirrored_texture));
         PlainMaterial {
-            reflectance: (base.truncate() * (1.0 - metallic))
+            reflectance: (base.truncate() * (1.0 - mirrored))
                 .clamp(DVec3::ZERO, DVec3::splat(MAX_REFLECTANCE)),
             exitance: self.exitance * white(&self.emissive_texture).truncate(),
             double_sided: self.double_sided,
@@ -106,11 +127,16 @@ impl PlainAppearance {
         }
     }
 
+    /// Reflectance by factors alone, as the file has it: it may be out of range.
+    pub(super) fn reflectance(&self) -> DVec3 {
+        self.base.truncate() * (1.0 - self.mirrored.part(DVec4::ONE))
+    }
+
     /// The material by its factors alone.
     pub(super) fn plain(&self) -> PlainMaterial {
         let bare = Self {
             base_texture: None,
-            metallic_texture: None,
+            mirrored_texture: None,
             emissive_texture: None,
             colours: vec![],
             ..self.clone()
@@ -137,12 +163,13 @@ impl Appearances {
     ) -> Result<PlainAppearance, PlainError> {
         let material = primitive.material();
         let name = material_name(&material);
-        let pbr = material.pbr_metallic_roughness();
+        let is_unlit = material.unlit();
+        let (factor, textures, mirrored) = base_and_mirrored(&material);
         let strength = f64::from(material.emissive_strength().unwrap_or(1.0));
         if material.normal_texture().is_some() || material.occlusion_texture().is_some() {
             warnings.insert(format!("{name}: normal and occlusion textures ignored"));
         }
-        let mut layer = |texture: Option<(Texture<'_>, Mapping)>, encoding| -> Result<_, PlainError> {
+        let mut layer = |texture: Option<Mapped<'_>>, encoding| -> Result<_, PlainError> {
             let Some((texture, mapping)) = texture else { return Ok(None) };
             let semantic = Semantic::TexCoords(mapping.set);
             let found = primitive.get(&semantic).zip(self.image(document, &texture));
@@ -164,9 +191,13 @@ impl Appearances {
             });
             Ok(places.map(|places| Layer { image, sampler: mapping.sampler, encoding, places }))
         };
-        let base_texture = layer(mapped(pbr.base_color_texture()), Encoding::Srgb)?;
-        let metallic_texture = layer(mapped(pbr.metallic_roughness_texture()), Encoding::Linear)?;
+        let [base_texture, mirrored_texture] = textures;
+        let base_texture = layer(base_texture, Encoding::Srgb)?;
+        let encoding =
+            if matches!(mirrored, Mirrored::Specular(_)) { Encoding::Srgb } else { Encoding::Linear };
+        let mirrored_texture = layer(mirrored_texture, encoding)?;
         let emissive_texture = layer(mapped(material.emissive_texture()), Encoding::Srgb)?;
+        let emissive_factor = if is_unlit { [0.0; 3] } else { material.emissive_factor() };
         let colours = match primitive.get(&Semantic::Colors(0)) {
             None => vec![],
             Some(accessor) => {
@@ -185,9 +216,9 @@ impl Appearances {
             }
         };
         Ok(PlainAppearance {
-            base: DVec4::from_array(pbr.base_color_factor().map(f64::from)),
-            metallic: f64::from(pbr.metallic_factor()),
-            exitance: DVec3::from_array(material.emissive_factor().map(f64::from)) * strength * PI,
+            base: DVec4::from_array(factor.map(f64::from)),
+            mirrored,
+            exitance: DVec3::from_array(emissive_factor.map(f64::from)) * strength * PI,
             alpha: match material.alpha_mode() {
                 AlphaMode::Opaque => Alpha::Opaque,
                 AlphaMode::Mask => Alpha::Mask(material.alpha_cutoff().map_or(0.5, f64::from)),
@@ -195,7 +226,7 @@ impl Appearances {
             },
             double_sided: material.double_sided(),
             base_texture,
-            metallic_texture,
+            mirrored_texture,
             emissive_texture,
             colours,
         })
@@ -211,8 +242,25 @@ impl Appearances {
     }
 }
 
+/// Base colour, its texture and that of what is mirrored, and how that is told.
+fn base_and_mirrored<'a>(material: &Material<'a>) -> ([f32; 4], [Option<Mapped<'a>>; 2], Mirrored) {
+    if let Some(glossy) = material.pbr_specular_glossiness().filter(|_| !material.unlit()) {
+        let specular = DVec3::from_array(glossy.specular_factor().map(f64::from));
+        let textures = [glossy.diffuse_texture(), glossy.specular_glossiness_texture()].map(mapped);
+        return (glossy.diffuse_factor(), textures, Mirrored::Specular(specular));
+    }
+    let pbr = material.pbr_metallic_roughness();
+    let [base, metal] = [pbr.base_color_texture(), pbr.metallic_roughness_texture()].map(mapped);
+    if material.unlit() {
+        return (pbr.base_color_factor(), [base, None], Mirrored::Nothing);
+    }
+    (pbr.base_color_factor(), [base, metal], Mirrored::Metal(f64::from(pbr.metallic_factor())))
+}
+
 /// A texture with its mapping.
-fn mapped<'a>(info: Option<gltf::texture::Info<'a>>) -> Option<(Texture<'a>, Mapping)> {
+type Mapped<'a> = (Texture<'a>, Mapping);
+
+fn mapped<'a>(info: Option<gltf::texture::Info<'a>>) -> Option<Mapped<'a>> {
     info.map(|info| (info.texture(), Mapping::new(&info)))
 }
 

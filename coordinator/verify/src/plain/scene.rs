@@ -125,7 +125,7 @@ impl PlainScene {
         }
         scene.read_lights(&document, options.light_unit, &mut warnings)?;
         warn_unmodelled(&document, &mut warnings);
-        scene.warnings = warnings.into_iter().collect();
+        scene.warnings = document::joined_warnings(warnings.into_iter().collect());
         if scene.triangles.is_empty() {
             return Err(PlainError::NoTriangles(path.to_owned()));
         }
@@ -185,9 +185,7 @@ fn read_material(
     warnings: &mut BTreeSet<String>,
 ) -> Result<PlainMaterial, PlainError> {
     let name = material_name(material);
-    let pbr = material.pbr_metallic_roughness();
-    let [r, g, b, _] = pbr.base_color_factor().map(f64::from);
-    let reflectance = DVec3::new(r, g, b) * (1.0 - f64::from(pbr.metallic_factor()));
+    let reflectance = appearance.reflectance();
     check(document, name.clone(), "reflectance", reflectance)?;
     check(document, name.clone(), "emission", appearance.exitance)?;
     if reflectance.max_element() >= 1.0 {

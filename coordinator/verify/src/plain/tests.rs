@@ -51,6 +51,21 @@ fn materials_and_triangles_are_those_of_the_file() {
 }
 
 #[test]
+fn what_is_mirrored_is_told_by_specular_too_and_unlit_materials_mirror_nothing() {
+    let material = |extensions: &Value| {
+        let scene = opened(|root| root["materials"][0]["extensions"] = extensions.clone()).unwrap();
+        scene.materials[0]
+    };
+    let glossy = material(&json!({ "KHR_materials_pbrSpecularGlossiness": {
+        "diffuseFactor": [0.5, 0.25, 0.75, 1.0], "specularFactor": [0.5, 0.25, 0.0],
+    } }));
+    assert_eq!(glossy.reflectance, DVec3::new(0.25, 0.125, 0.375));
+    let unlit = material(&json!({ "KHR_materials_unlit": {} }));
+    assert_eq!(unlit.reflectance, DVec3::new(0.5, 0.25, 0.999));
+    assert_eq!(unlit.exitance, DVec3::ZERO);
+}
+
+#[test]
 fn mirrored_nodes_keep_their_front() {
     // A mirror across x turns the winding, not the side that faces +z.
     let scene = opened(|root| root["nodes"][0]["scale"] = json!([-2.0, 1.0, 1.0])).unwrap();

@@ -26,10 +26,13 @@ pub(super) struct LitTriangles {
 pub(super) fn read(path: &Path) -> Result<LitTriangles, ScoreError> {
     let document = PlainDocument::open(path, &ReadOptions::default())?;
     let mut lit = LitTriangles::default();
+    let mut unlit = None;
     for (node, primitive) in document.primitives() {
         let accessor = primitive.get(&Semantic::Extras("IRRADIANCE".into()));
         if accessor.is_none() {
-            return Err(ScoreError::NotLit { path: path.to_owned(), node: label(&node) });
+            // One that is too small to be lit has none.
+            unlit.get_or_insert_with(|| label(&node));
+            continue;
         }
         let irradiances = document.vectors(&node, accessor, "_IRRADIANCE")?;
         let geometry = document.geometry(&node, &primitive)?;
@@ -43,5 +46,8 @@ pub(super) fn read(path: &Path) -> Result<LitTriangles, ScoreError> {
         }
         lit.vertices += geometry.positions.len();
     }
-    Ok(lit)
+    match unlit {
+        Some(node) if lit.triangles.is_empty() => Err(ScoreError::NotLit { path: path.to_owned(), node }),
+        _ => Ok(lit),
+    }
 }

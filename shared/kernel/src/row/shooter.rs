@@ -32,6 +32,8 @@ pub enum Shape {
     Spot(Spot),
     /// Light that travels along this unit vector everywhere, from infinitely far; rows hold V cos.
     Directional(DVec3),
+    /// A sky of one radiance all around; rows hold its visible form factor, the part of its light that nothing stops, by rays.
+    Sky,
     /// A receiver that sends rays all over its hemisphere; rows hold its visible form factors to the polygons of the scene, which take
     /// the receivers' place: the request names the scene for both, and asks for all of them.
     Hemisphere(Hemisphere),
@@ -62,6 +64,7 @@ impl Shape {
             | Self::PlanarPoint(_)
             | Self::Spot(_)
             | Self::Directional(_)
+            | Self::Sky
             | Self::Hemisphere(_) => 1,
         }
     }
@@ -123,6 +126,7 @@ impl Shooter {
                 outer_cosine: spot.outer_cosine,
             }),
             Shape::Directional(along) => shooter::Shape::Directional(direction(along)),
+            Shape::Sky => shooter::Shape::Sky(messages::Sky {}),
             Shape::Hemisphere(Hemisphere { receiver, rays }) => {
                 shooter::Shape::Hemisphere(messages::Hemisphere {
                     rays: *rays,
@@ -154,6 +158,7 @@ impl Shooter {
             shooter::Shape::PlanarPoint(position) => Shape::PlanarPoint(position_of(position)?),
             shooter::Shape::Spot(spot) => Shape::Spot(spot_of(spot)?),
             shooter::Shape::Directional(direction) => Shape::Directional(direction_of(direction)?),
+            shooter::Shape::Sky(messages::Sky {}) => Shape::Sky,
             shooter::Shape::Hemisphere(hemisphere) => Shape::Hemisphere(hemisphere_of(hemisphere)?),
         };
         Ok(Self { key: message.key, shape })
@@ -255,6 +260,7 @@ mod tests {
             Shape::PlanarPoint(DVec3::NEG_ONE),
             Shape::Spot(SPOT),
             Shape::Directional(DVec3::new(0.6, -0.8, 0.0)),
+            Shape::Sky,
             Shape::Hemisphere(HEMISPHERE),
         ];
         for shape in shapes {

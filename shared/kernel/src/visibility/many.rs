@@ -1,4 +1,4 @@
-//! Shooters of very many polygons: a lamp's fine mesh, all of a sky.
+//! Shooters of very many polygons: a lamp's fine mesh, a sky that differs by direction.
 //!
 //! The unoccluded form factor is summed exactly, each polygon's times its weight. Visibility is sampled for the shooter as a whole: rays
 //! choose among its polygons in proportion to their part of that sum.
@@ -19,11 +19,17 @@ pub const MANY_POLYGONS: usize = 32;
 
 /// Part of the rays per hemisphere that goes to a shooter that covers all of it. With half as many, the noise of a
 /// sky is more than a small error allows.
-const PART: f64 = 0.5;
+pub(super) const PART: f64 = 2.0 / 3.0;
 
 /// Rays of a receiver to such a shooter, at least and at most; powers of two.
-const LEAST_RAYS: u32 = 64;
-const MOST_RAYS: u32 = 4096;
+pub(super) const LEAST_RAYS: u32 = 32;
+pub(super) const MOST_RAYS: u32 = 4096;
+
+/// The power of two that is nearest to a number of rays: only those are spread evenly.
+pub(super) fn nearest_power_of_two(rays: f64) -> u32 {
+    let above = (rays as u32).next_power_of_two();
+    if rays < 0.75 * f64::from(above) { above / 2 } else { above }
+}
 
 /// A polygon of a shooter.
 struct Part {
@@ -84,7 +90,7 @@ impl<'a> ManyPolygons<'a> {
             return all;
         }
         let wanted = PART * covered * f64::from(self.precision.rays_per_hemisphere);
-        let rays = (wanted as u32).next_power_of_two().clamp(LEAST_RAYS, MOST_RAYS);
+        let rays = nearest_power_of_two(wanted).clamp(LEAST_RAYS, MOST_RAYS);
         let mut ratio = RayRatio::default();
         for ray in 0..rays {
             let [choice, x, y, _] = sample_4d(ray, 0, seed).map(f64::from);

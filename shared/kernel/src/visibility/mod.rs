@@ -12,6 +12,7 @@ mod many;
 mod partial;
 mod ratio;
 mod sample;
+mod sky;
 #[cfg(test)]
 mod tests;
 mod transparent;
@@ -29,6 +30,7 @@ pub use groups::{Node, ReceiverGroups, ReceiverLanes};
 pub use many::{MANY_POLYGONS, ManyPolygons};
 use partial::PartialView;
 pub use sample::pair_seed;
+pub use sky::sky_factor;
 pub use transparent::{Transmitted, TransparentOccluders};
 
 /// A group that crosses a polygon's plane by less than this part of its size does so by rounding.

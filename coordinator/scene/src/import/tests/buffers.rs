@@ -194,3 +194,17 @@ fn limit_counts_the_file_and_what_is_beside_it() {
         test_document::limited(ReadOptions { max_bytes: glb.len() as u64 - 1, ..ReadOptions::default() });
     assert!(matches!(*import_slice(&glb, &options).unwrap_err().problem, ImportProblem::TooLarge { .. }));
 }
+
+#[test]
+fn accessors_without_data_are_zeros() {
+    let with = |count: u64| {
+        let mut document = TestDocument::square();
+        document.push("accessors", json!({ "type": "VEC2", "componentType": 5126, "count": count }));
+        import_slice(&document.glb(), &test_document::limited(ReadOptions::default())).map_err(|error| *error.problem)
+    };
+    // Compressors leave some that nothing uses.
+    with(16).unwrap();
+    assert!(
+        matches!(with(1 << 40), Err(ImportProblem::Undecodable { place, .. }) if place.starts_with("accessor"))
+    );
+}
