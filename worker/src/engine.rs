@@ -190,10 +190,10 @@ pub fn compute_row_until(
         Shape::Directional(along) => {
             wanted().map(|(_, r)| directional_factor(scene, r, *along, &mut statistics)).collect()
         }
-        Shape::Sky => {
+        Shape::Sky(rays) => {
             let (occluder, transparent) = (scene.occluder(), scene.transparent());
             let factor = |(index, receiver)| {
-                sky_factor(receiver, occluder, transparent, precision, seed(index), &mut statistics)
+                sky_factor(receiver, occluder, transparent, *rays, seed(index), &mut statistics)
             };
             wanted().map(factor).collect()
         }

@@ -36,7 +36,7 @@ fuzz_target!(|input: (bool, &[u8])| {
     }
     let set = ReceiverSet::new(receivers);
     let scene = Scene::new(&polygons);
-    let mut shapes = vec![Shape::Point(DVec3::Y * 0.5), Shape::Directional(DVec3::NEG_Y)];
+    let mut shapes = vec![Shape::Point(DVec3::Y * 0.5), Shape::Directional(DVec3::NEG_Y), Shape::Sky(16)];
     shapes.extend(polygons.first().map(|polygon| Shape::Polygons(vec![polygon.clone()])));
     for shape in shapes {
         let shooter = Shooter { key: 3, shape };

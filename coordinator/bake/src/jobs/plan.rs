@@ -62,7 +62,7 @@ fn many_polygons(shooter: &Shooter) -> Option<usize> {
     match &shooter.shape {
         Shape::Polygons(polygons) => Some(polygons.len()).filter(|count| *count >= MANY_POLYGONS),
         Shape::Weighted(polygons) => Some(polygons.len()),
-        Shape::Sky => Some(MANY_POLYGONS),
+        Shape::Sky(_) => Some(MANY_POLYGONS),
         _ => None,
     }
 }

@@ -65,8 +65,9 @@ pub fn sources(
         let (shape, strength) = shooter(&light.kind, light.intensity, scene.frame.scale, settings);
         (shape, strength, Origin::Light(index))
     });
-    let sky =
-        sky::shapes(scene, error, joined).into_iter().map(|(shape, exitance)| (shape, exitance, Origin::Sky));
+    let sky = sky::shapes(scene, settings, joined)
+        .into_iter()
+        .map(|(shape, exitance)| (shape, exitance, Origin::Sky));
     let all: Vec<_> = facets.into_iter().chain(lights).chain(sky).collect();
     all.into_iter()
         .enumerate()

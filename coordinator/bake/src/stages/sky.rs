@@ -11,6 +11,7 @@ use kernel::geometry::{ConvexPolygon, PlaneId};
 use kernel::row::Shape;
 
 use super::emitters::weighted;
+use crate::settings::BakeSettings;
 use scene::{Scene, SkyCell, SkyPattern};
 
 /// Half the edge of the box, in frame units: the scene ends at 1024 from its middle.
@@ -30,6 +31,12 @@ const LEAST_CELLS: f64 = 128.0;
 const SUN_PART: f64 = 1.0 / 64.0;
 const SUN_CELLS: usize = 32;
 
+/// Rays of a receiver to an even sky, relative to those of a hemisphere at the error asked. With a quarter, the noise of a sky is more
+/// than a small error allows.
+const RAYS_PART: f64 = 2.0 / 3.0;
+const LEAST_RAYS: f64 = 32.0;
+const MOST_RAYS: f64 = 4096.0;
+
 /// Each edge of a face is divided into this number of parts: a smaller polygon is more often wholly hidden by one wall, and fewer
 /// occluders stand before it.
 const DIVISION: u32 = 4;
@@ -43,25 +50,31 @@ pub fn corners(scene: &Scene) -> impl Iterator<Item = DVec3> {
 }
 
 /// What the sky shoots from, and the exitance of each. Where `joined`, rays tell what stands between a receiver and all of it.
-pub fn shapes(scene: &Scene, error: f64, joined: bool) -> Vec<(Shape, DVec3)> {
+pub fn shapes(scene: &Scene, settings: &BakeSettings, joined: bool) -> Vec<(Shape, DVec3)> {
     if scene.sky == DVec3::ZERO {
         return vec![];
     }
     let exitance = PI * scene.sky;
     if let Some(pattern) = &scene.sky_pattern {
-        return of_pattern(pattern, scene.plane_count, error, joined)
+        return of_pattern(pattern, scene.plane_count, settings.asked_error(), joined)
             .into_iter()
             .map(|(shape, radiance)| (shape, exitance * radiance))
             .collect();
     }
     if joined {
-        return vec![(Shape::Sky, exitance)];
+        return vec![(Shape::Sky(rays(settings)), exitance)];
     }
     let squares = || (0..DIVISION).flat_map(|row| (0..DIVISION).map(move |column| (row, column)));
     let polygons = (0..6).flat_map(|face| {
         squares().map(move |(row, column)| square(scene.plane_count, HALF, face, [DIVISION, row, column]))
     });
     polygons.map(|polygon| (Shape::Polygons(vec![polygon]), exitance)).collect()
+}
+
+/// Rays of a receiver to an even sky. A power of two has the most even directions.
+fn rays(settings: &BakeSettings) -> u32 {
+    let wanted = RAYS_PART * f64::from(settings.rays_per_hemisphere);
+    wanted.log2().round().exp2().clamp(LEAST_RAYS, MOST_RAYS) as u32
 }
 
 /// The cells of a sky that differs by direction, each with its radiance relative to the mean. Joined, they have a row for each channel, but suns.

@@ -32,8 +32,9 @@ pub enum Shape {
     Spot(Spot),
     /// Light that travels along this unit vector everywhere, from infinitely far; rows hold V cos.
     Directional(DVec3),
-    /// A sky of one radiance all around; rows hold its visible form factor, the part of its light that nothing stops, by rays.
-    Sky,
+    /// A sky of one radiance all around; rows hold its visible form factor, the part of its light that nothing stops, by this number
+    /// of rays, from 1 to [`Hemisphere::MOST_RAYS`].
+    Sky(u32),
     /// A receiver that sends rays all over its hemisphere; rows hold its visible form factors to the polygons of the scene, which take
     /// the receivers' place: the request names the scene for both, and asks for all of them.
     Hemisphere(Hemisphere),
@@ -64,7 +65,7 @@ impl Shape {
             | Self::PlanarPoint(_)
             | Self::Spot(_)
             | Self::Directional(_)
-            | Self::Sky
+            | Self::Sky(_)
             | Self::Hemisphere(_) => 1,
         }
     }
@@ -126,7 +127,7 @@ impl Shooter {
                 outer_cosine: spot.outer_cosine,
             }),
             Shape::Directional(along) => shooter::Shape::Directional(direction(along)),
-            Shape::Sky => shooter::Shape::Sky(messages::Sky {}),
+            Shape::Sky(rays) => shooter::Shape::Sky(messages::Sky { rays: *rays }),
             Shape::Hemisphere(Hemisphere { receiver, rays }) => {
                 shooter::Shape::Hemisphere(messages::Hemisphere {
                     rays: *rays,
@@ -158,7 +159,7 @@ impl Shooter {
             shooter::Shape::PlanarPoint(position) => Shape::PlanarPoint(position_of(position)?),
             shooter::Shape::Spot(spot) => Shape::Spot(spot_of(spot)?),
             shooter::Shape::Directional(direction) => Shape::Directional(direction_of(direction)?),
-            shooter::Shape::Sky(messages::Sky {}) => Shape::Sky,
+            shooter::Shape::Sky(messages::Sky { rays }) => Shape::Sky(rays_of(*rays)?),
             shooter::Shape::Hemisphere(hemisphere) => Shape::Hemisphere(hemisphere_of(hemisphere)?),
         };
         Ok(Self { key: message.key, shape })
@@ -210,15 +211,19 @@ fn spot_of(message: &messages::Spot) -> Result<Spot, RequestError> {
 }
 
 fn hemisphere_of(message: &messages::Hemisphere) -> Result<Hemisphere, RequestError> {
-    if !(1..=Hemisphere::MOST_RAYS).contains(&message.rays) {
-        return Err(RequestError::Invalid("a hemisphere has 1 to 65536 rays"));
-    }
     let (Some(position), Some(normal)) = (&message.position, &message.normal) else {
         return Err(RequestError::Invalid("a hemisphere has a position and a normal"));
     };
     let (position, normal) = (position_of(position)?, direction_of(normal)?);
     let receiver = Receiver { position, normal, plane: PlaneId(message.plane) };
-    Ok(Hemisphere { receiver, rays: message.rays })
+    Ok(Hemisphere { receiver, rays: rays_of(message.rays)? })
+}
+
+fn rays_of(rays: u32) -> Result<u32, RequestError> {
+    if !(1..=Hemisphere::MOST_RAYS).contains(&rays) {
+        return Err(RequestError::Invalid("a hemisphere has 1 to 65536 rays"));
+    }
+    Ok(rays)
 }
 
 #[cfg(test)]
@@ -260,7 +265,7 @@ mod tests {
             Shape::PlanarPoint(DVec3::NEG_ONE),
             Shape::Spot(SPOT),
             Shape::Directional(DVec3::new(0.6, -0.8, 0.0)),
-            Shape::Sky,
+            Shape::Sky(64),
             Shape::Hemisphere(HEMISPHERE),
         ];
         for shape in shapes {

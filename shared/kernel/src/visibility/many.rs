@@ -19,17 +19,11 @@ pub const MANY_POLYGONS: usize = 32;
 
 /// Part of the rays per hemisphere that goes to a shooter that covers all of it. With half as many, the noise of a
 /// sky is more than a small error allows.
-pub(super) const PART: f64 = 2.0 / 3.0;
+const PART: f64 = 0.5;
 
 /// Rays of a receiver to such a shooter, at least and at most; powers of two.
-pub(super) const LEAST_RAYS: u32 = 32;
-pub(super) const MOST_RAYS: u32 = 4096;
-
-/// The power of two that is nearest to a number of rays: only those are spread evenly.
-pub(super) fn nearest_power_of_two(rays: f64) -> u32 {
-    let above = (rays as u32).next_power_of_two();
-    if rays < 0.75 * f64::from(above) { above / 2 } else { above }
-}
+const LEAST_RAYS: u32 = 64;
+const MOST_RAYS: u32 = 4096;
 
 /// A polygon of a shooter.
 struct Part {
@@ -90,7 +84,7 @@ impl<'a> ManyPolygons<'a> {
             return all;
         }
         let wanted = PART * covered * f64::from(self.precision.rays_per_hemisphere);
-        let rays = nearest_power_of_two(wanted).clamp(LEAST_RAYS, MOST_RAYS);
+        let rays = (wanted as u32).next_power_of_two().clamp(LEAST_RAYS, MOST_RAYS);
         let mut ratio = RayRatio::default();
         for ray in 0..rays {
             let [choice, x, y, _] = sample_4d(ray, 0, seed).map(f64::from);

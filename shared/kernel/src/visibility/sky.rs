@@ -4,21 +4,19 @@
 //! stands for the sky, and each ray counts the same.
 
 use super::TransparentOccluders;
-use super::many::{LEAST_RAYS, MOST_RAYS, PART, nearest_power_of_two};
 use super::ratio::RayRatio;
 use crate::hemisphere::directions;
 use crate::messages::RowStatistics;
 use crate::occluder::Occluder;
 use crate::replica::Receiver;
-use crate::row::Precision;
 
-/// The visible form factor from a receiver to the sky, among these occluders.
+/// The visible form factor from a receiver to the sky, among these occluders, by so many rays.
 #[must_use]
 pub fn sky_factor(
     receiver: &Receiver,
     occluder: &Occluder,
     transparent: Option<&TransparentOccluders>,
-    precision: &Precision,
+    rays: u32,
     seed: u32,
     statistics: &mut RowStatistics,
 ) -> f64 {
@@ -28,8 +26,6 @@ pub fn sky_factor(
     if occluder.is_empty() && transparent.is_none() {
         return 1.0;
     }
-    let wanted = PART * f64::from(precision.rays_per_hemisphere);
-    let rays = nearest_power_of_two(wanted).clamp(LEAST_RAYS, MOST_RAYS);
     let mut ratio = RayRatio::default();
     let Receiver { position, normal, plane } = *receiver;
     for (number, direction) in directions(normal, rays, seed) {
@@ -44,9 +40,11 @@ pub fn sky_factor(
     statistics.rays += u64::from(rays);
     statistics.sampled_pairs += 1;
     statistics.occluded_pairs += 1;
-    let Some((factor, difference)) = ratio.estimate() else { return 1.0 };
-    statistics.sampling_variance += difference * difference / 4.0;
-    factor
+    if let Some((_, difference)) = ratio.estimate() {
+        statistics.sampling_variance += difference * difference / 4.0;
+    }
+    let (arrived, cast) = ratio.sums();
+    arrived / cast
 }
 
 #[cfg(test)]
@@ -67,7 +65,6 @@ mod tests {
     #[test]
     fn what_a_panel_leaves_of_the_sky_is_what_it_does_not_cover() {
         let receiver = Receiver { position: DVec3::new(0.2, 0.0, -0.1), normal: DVec3::Y, plane: PlaneId(0) };
-        let precision = Precision { rays_per_hemisphere: 1536, ..Precision::DEFAULT };
         for (half, height) in [(0.5, 2.0), (1.0, 1.0), (3.0, 0.5)] {
             let panel = panel(half, height);
             let prepared = PreparedPolygon::new(&panel);
@@ -76,20 +73,14 @@ mod tests {
             assert!(covered > 0.03, "{covered}");
             let occluder = Occluder::new(&[panel]);
             let mut statistics = RowStatistics::default();
-            let factor = sky_factor(&receiver, &occluder, None, &precision, 7, &mut statistics);
+            let factor = sky_factor(&receiver, &occluder, None, 1024, 7, &mut statistics);
             assert_eq!(statistics.rays, 1024);
             assert!((factor + covered - 1.0).abs() <= 0.01, "{factor} beside {covered}");
             assert!(statistics.sampling_variance.sqrt() <= 0.01);
         }
         let nothing = Occluder::new(&[]);
         let mut statistics = RowStatistics::default();
-        assert_eq!(sky_factor(&receiver, &nothing, None, &precision, 7, &mut statistics), 1.0);
+        assert_eq!(sky_factor(&receiver, &nothing, None, 1024, 7, &mut statistics), 1.0);
         assert_eq!(statistics.rays, 0);
-    }
-
-    #[test]
-    fn rays_are_the_nearest_power_of_two() {
-        let found = [30.0, 47.0, 48.0, 64.0, 95.9, 96.0, 120.0].map(nearest_power_of_two);
-        assert_eq!(found, [32, 32, 64, 64, 64, 128, 128]);
     }
 }

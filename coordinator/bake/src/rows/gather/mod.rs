@@ -165,6 +165,7 @@ impl RowSource for GatherRows {
     fn open(&mut self, cx: &mut Context, mesh: &ShareMesh) -> RowTable {
         self.polygons = Some(publish_leaves(cx, &mesh.mesh));
         self.rays = self.rays(cx.settings);
+        cx.set_precision(cx.settings.clone().with_rays(f64::from(self.rays)).precision());
         // No shooter has a row of its own.
         RowTable::new(vec![], 0)
     }

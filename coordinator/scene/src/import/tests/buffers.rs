@@ -200,7 +200,8 @@ fn accessors_without_data_are_zeros() {
     let with = |count: u64| {
         let mut document = TestDocument::square();
         document.push("accessors", json!({ "type": "VEC2", "componentType": 5126, "count": count }));
-        import_slice(&document.glb(), &test_document::limited(ReadOptions::default())).map_err(|error| *error.problem)
+        import_slice(&document.glb(), &test_document::limited(ReadOptions::default()))
+            .map_err(|error| *error.problem)
     };
     // Compressors leave some that nothing uses.
     with(16).unwrap();
