@@ -192,12 +192,15 @@ impl Job {
         if bytes > MAX_MESSAGE_BYTES as u64 - 1024 {
             return Err(JobError::TooLarge { bytes });
         }
-        let polygons: usize = request.shooters.iter().map(|shooter| shooter.shape.polygons()).sum();
+        let most_rays_of = |shooter: &Shooter| match &shooter.shape {
+            Shape::Hemisphere(_) => u64::from(most_rays),
+            Shape::Sky(rays) => u64::from(*rays),
+            shape => (shape.polygons() as u64).saturating_mul(request.precision.maximum_rays.into()),
+        };
+        let rays = request.shooters.iter().map(most_rays_of).fold(0, u64::saturating_add);
         let rays = match &receivers {
-            Over::Receivers { .. } => u64::from(request.receiver_count)
-                .saturating_mul(polygons as u64)
-                .saturating_mul(request.precision.maximum_rays.into()),
-            Over::Polygons => (polygons as u64).saturating_mul(most_rays.into()),
+            Over::Receivers { .. } => rays.saturating_mul(request.receiver_count.into()),
+            Over::Polygons => rays,
         };
         if rays > MOST_RAYS {
             return Err(JobError::TooLong { rays });

@@ -15,6 +15,7 @@
 //! | [`accessors`] | vertex data checked before it is read |
 //! | [`images`], [`texture`] | its images decoded and sampled |
 //! | [`sky`] | skies as images, of their own files or within it |
+//! | `warnings` | what the user should know, each once |
 //! | `error` | why a file cannot be read |
 //!
 //! Files are not trusted: whatever the bytes, the answer is a document or an [`ImportProblem`].

@@ -1,5 +1,7 @@
 //! Warnings that a person can read, however large the file is.
 
+use std::collections::{HashMap, HashSet};
+
 /// Places that a warning names.
 const NAMED: usize = 3;
 
@@ -7,25 +9,20 @@ const NAMED: usize = 3;
 /// The others stay as they are, in their order.
 #[must_use]
 pub fn joined(warnings: Vec<String>) -> Vec<String> {
-    let places_of = |text: &str| -> Vec<&str> {
-        let parts = warnings.iter().filter_map(|warning| warning.split_once(": "));
-        parts.filter(|(_, own)| *own == text).map(|(place, _)| place).collect()
-    };
-    let mut told = std::collections::HashMap::new();
-    for (_, text) in warnings.iter().filter_map(|warning| warning.split_once(": ")) {
-        *told.entry(text).or_insert(0usize) += 1;
+    let mut places: HashMap<&str, Vec<&str>> = HashMap::new();
+    for (place, text) in warnings.iter().filter_map(|warning| warning.split_once(": ")) {
+        places.entry(text).or_default().push(place);
     }
-    told.retain(|_, count| *count > NAMED);
+    places.retain(|_, places| places.len() > NAMED);
+    let mut told = HashSet::new();
     let mut joined = vec![];
     for warning in &warnings {
-        let text = warning.split_once(": ").map(|(_, text)| text);
-        match text.filter(|text| told.contains_key(text)) {
+        let of_many = warning.split_once(": ").and_then(|(_, text)| places.get_key_value(text));
+        match of_many {
             None => joined.push(warning.clone()),
-            Some(text) if told[text] > 0 => {
-                let places = places_of(text);
+            Some((text, places)) if told.insert(text) => {
                 let more = places.len() - NAMED;
                 joined.push(format!("{} and {more} more: {text}", places[..NAMED].join(", ")));
-                told.insert(text, 0);
             }
             Some(_) => {}
         }
@@ -48,5 +45,7 @@ mod tests {
         many.push("material 1: black".to_owned());
         let expected = ["node 1, node 2, node 3 and 2 more: lines left out", "no light", "material 1: black"];
         assert_eq!(joined(many), expected);
+        // Even if their names are the same.
+        assert_eq!(joined(vec!["a: b".to_owned(); 4]), ["a, a, a and 1 more: b"]);
     }
 }

@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 use glam::DVec3;
 use kernel::geometry::{ConvexPolygon, PlaneId};
 use kernel::replica::{EncodedReplica, Receiver, Receivers, encode_receivers, encode_scene};
-use kernel::row::decode_row;
+use kernel::row::{Shape, Shooter, decode_row};
 use libfuzzer_sys::fuzz_target;
 use prost::Message;
 use protocol::worker::RowJob;
@@ -49,7 +49,11 @@ fuzz_target!(|bytes: &[u8]| {
     drop(as_it_came);
     let request = job.request();
     let polygons: usize = request.shooters.iter().map(|shooter| shooter.shape.polygons()).sum();
-    if polygons * request.receiver_count as usize > MOST_PAIRS || request.precision.maximum_rays > MOST_RAYS {
+    let is_long = |shooter: &Shooter| matches!(shooter.shape, Shape::Sky(rays) if rays > MOST_RAYS);
+    if polygons * request.receiver_count as usize > MOST_PAIRS
+        || request.precision.maximum_rays > MOST_RAYS
+        || request.shooters.iter().any(is_long)
+    {
         return;
     }
     let finished = job.compute();

@@ -126,4 +126,7 @@ fn spot_light_sun_and_sky() {
     let model = &assert_deterministic(&scene, &knobs)["bake"]["model"];
     assert_eq!((&model["spot_lights"], &model["directional_lights"]), (&1.into(), &1.into()), "{model}");
     assert!(model["sky"].as_u64().unwrap() > 0, "{model}");
+    // By rays the sky is one shooter.
+    let model = &assert_deterministic(&scene, &[&knobs[..], &["--rows", "gather"]].concat())["bake"]["model"];
+    assert_eq!(model["sky"], 1, "{model}");
 }

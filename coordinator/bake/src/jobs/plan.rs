@@ -12,8 +12,11 @@ const PAIRS_PER_RAY: usize = 4;
 /// Receivers of a part of a row, where there are few rows: a multiple of the groups that receivers and factors come in.
 const RANGE: usize = 1 << 14;
 
-/// The same where a shooter has many polygons, like a sky: receivers times polygons, each of which takes as long as some pairs.
+/// The same where a shooter has many polygons, or is a sky: receivers times polygons, each of which takes as long as some pairs.
 const RANGE_OF_MANY: usize = 12 << 10;
+
+/// Rays to a sky that take about as long as one of those polygons.
+const RAYS_PER_POLYGON: usize = 4;
 
 /// Bounds of the receivers then: a message has all polygons of the shooter.
 const LEAST_RANGE_OF_MANY: usize = 1 << 6;
@@ -57,12 +60,12 @@ impl ReceiverSet {
     }
 }
 
-/// Polygons of a shooter where they are many enough to compute their rows together. A sky takes as long as the least of those.
+/// Polygons of a shooter where they are many enough to compute their rows together, or as many as take as long as a sky.
 fn many_polygons(shooter: &Shooter) -> Option<usize> {
     match &shooter.shape {
         Shape::Polygons(polygons) => Some(polygons.len()).filter(|count| *count >= MANY_POLYGONS),
         Shape::Weighted(polygons) => Some(polygons.len()),
-        Shape::Sky(_) => Some(MANY_POLYGONS),
+        Shape::Sky(rays) => Some(*rays as usize / RAYS_PER_POLYGON),
         _ => None,
     }
 }

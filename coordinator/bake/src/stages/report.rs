@@ -84,7 +84,7 @@ pub struct Model {
     pub spot_lights: usize,
     /// Directional lights, each with a row of cosines.
     pub directional_lights: usize,
-    /// Polygons of the sky, each with a row; 0 without a sky.
+    /// Rows of the sky; 0 without a sky.
     pub sky: usize,
     /// All pairs.
     pub pairs: u64,

@@ -1,8 +1,9 @@
 //! The sky: a box around the scene, whose faces emit inward.
 //!
-//! Inside a closed surface of the same radiance everywhere, that radiance comes from every direction that is not blocked, whatever
-//! the surface's form and size. So a box does for a sphere infinitely far, its form factors are those of polygons, and what stands
-//! before it is cut out of it as of any other. Where rays sample it, no polygon is needed. A sky that differs by direction is cut into squares of one radiance each.
+//! Inside a closed surface of the same radiance everywhere, that radiance comes from every direction that is not blocked,
+//! whatever the surface's form and size. So a box does for a sphere infinitely far, its form factors are those of polygons, and
+//! what stands before it is cut out of it as of any other. Where rays sample it, no polygon is needed. A sky that differs by
+//! direction is cut into squares of one radiance each.
 
 use std::f64::consts::PI;
 
@@ -31,8 +32,8 @@ const LEAST_CELLS: f64 = 128.0;
 const SUN_PART: f64 = 1.0 / 64.0;
 const SUN_CELLS: usize = 32;
 
-/// Rays of a receiver to an even sky, relative to those of a hemisphere at the error asked. With a quarter, the noise of a sky is more
-/// than a small error allows.
+/// Rays of a receiver to an even sky, relative to those of a hemisphere at the error asked. With a quarter, the noise is more than a
+/// small error allows.
 const RAYS_PART: f64 = 2.0 / 3.0;
 const LEAST_RAYS: f64 = 32.0;
 const MOST_RAYS: f64 = 4096.0;
@@ -77,7 +78,8 @@ fn rays(settings: &BakeSettings) -> u32 {
     wanted.log2().round().exp2().clamp(LEAST_RAYS, MOST_RAYS) as u32
 }
 
-/// The cells of a sky that differs by direction, each with its radiance relative to the mean. Joined, they have a row for each channel, but suns.
+/// The cells of a sky that differs by direction, each with its radiance relative to the mean. Joined, they have a row for each
+/// channel, but suns.
 fn of_pattern(pattern: &SkyPattern, planes: u32, error: f64, joined: bool) -> Vec<(Shape, DVec3)> {
     let most = (CELLS_TIMES_ERROR / error).clamp(LEAST_CELLS, MOST_CELLS);
     // Half: the rest of what was asked is for the mesh.

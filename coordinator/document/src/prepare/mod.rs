@@ -1,5 +1,5 @@
-//! Makes a plain document out of one that compresses, quantizes, instances, leaves out or poses its geometry, before the `gltf` crate
-//! looks at it: everything downstream, export included, sees valid glTF without these extensions.
+//! Makes a plain document out of one that compresses, quantizes, instances, leaves out or poses its geometry, before the `gltf`
+//! crate looks at it: everything downstream, export included, sees valid glTF without these extensions.
 //!
 //! | module | what it does |
 //! |---|---|
@@ -9,8 +9,8 @@
 //! | `meshopt` | EXT_meshopt_compression, KHR_meshopt_compression: buffer views decoded |
 //! | `draco` | KHR_draco_mesh_compression: primitives decoded |
 //! | `quantization` | KHR_mesh_quantization: integers become floats |
-//! | `zeros` | accessors without data get their zeros |
 //! | `instances` | EXT_mesh_gpu_instancing: instances become nodes |
+//! | `zeros` | accessors without data get their zeros |
 //! | `pose` | morph targets and skins as the file shows them without animation |
 //!
 //! Files that need none of it are left as they are.

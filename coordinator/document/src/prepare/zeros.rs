@@ -1,39 +1,43 @@
 //! Accessors without data: all zeros, by the specification. The crate asks each for a buffer view, and compressors leave some that
 //! nothing uses.
 
-use gltf::json::Index;
 use gltf::json::accessor::Type;
+use gltf::json::buffer::View;
 use gltf::json::validation::Checked::Valid;
 
 use super::storage::Storage;
 use crate::error::ImportProblem;
 
-/// Gives such accessors one view of zeros, as long as the longest needs it.
+/// Gives each such accessor a view of zeros. They have the same bytes, as many as the longest needs.
 pub(super) fn fill(storage: &mut Storage) -> Result<(), ImportProblem> {
     let most = storage.most_zeros();
     let mut empty = vec![];
     let mut longest = 0;
     for (index, accessor) in storage.root.accessors.iter().enumerate() {
         let (Valid(component), Valid(shape)) = (accessor.component_type, accessor.type_) else { continue };
-        if accessor.buffer_view.is_some() || accessor.sparse.is_some() {
+        if accessor.buffer_view.is_some() || accessor.sparse.is_some() || accessor.count.0 == 0 {
             continue;
         }
-        if accessor.count.0 > most {
+        let bytes = usize::try_from(accessor.count.0)
+            .ok()
+            .and_then(|count| count.checked_mul(components_of(shape) * component.0.size()));
+        let Some(bytes) = bytes.filter(|bytes| *bytes as u64 <= most) else {
             return Err(ImportProblem::Undecodable {
                 place: format!("accessor {index}"),
-                detail: "it has no data, and more elements than the file has bytes".to_owned(),
+                detail: "it has no data, and claims more than the rest of the file has".to_owned(),
             });
-        }
-        longest = longest.max(accessor.count.0 as usize * components_of(shape) * component.0.size());
-        empty.push(index);
+        };
+        longest = longest.max(bytes);
+        empty.push((index, bytes));
     }
     if empty.is_empty() {
         return Ok(());
     }
     storage.charge(Some(longest))?;
-    let view = storage.store(&vec![0; longest], None, None);
-    let view: Index<_> = storage.root.push(view);
-    for index in empty {
+    let zeros = storage.store(&vec![0; longest], None, None);
+    for (index, bytes) in empty {
+        // Vertex attributes may share a view only where it has a stride.
+        let view = storage.root.push(View { byte_length: bytes.into(), ..zeros.clone() });
         let accessor = &mut storage.root.accessors[index];
         (accessor.buffer_view, accessor.byte_offset) = (Some(view), None);
     }

@@ -60,7 +60,7 @@ impl Mirrored {
     fn part(self, texel: DVec4) -> f64 {
         match self {
             Self::Metal(metal) => metal * texel.z,
-            Self::Specular(specular) => (specular * texel.truncate()).max_element(),
+            Self::Specular(specular) => (specular * texel.truncate()).max_element().min(1.0),
             Self::Nothing => 0.0,
         }
     }
@@ -196,7 +196,8 @@ impl Appearances {
         let encoding =
             if matches!(mirrored, Mirrored::Specular(_)) { Encoding::Srgb } else { Encoding::Linear };
         let mirrored_texture = layer(mirrored_texture, encoding)?;
-        let emissive_texture = layer(mapped(material.emissive_texture()), Encoding::Srgb)?;
+        let emissive_texture = material.emissive_texture().filter(|_| !is_unlit);
+        let emissive_texture = layer(mapped(emissive_texture), Encoding::Srgb)?;
         let emissive_factor = if is_unlit { [0.0; 3] } else { material.emissive_factor() };
         let colours = match primitive.get(&Semantic::Colors(0)) {
             None => vec![],

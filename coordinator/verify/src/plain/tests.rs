@@ -60,6 +60,9 @@ fn what_is_mirrored_is_told_by_specular_too_and_unlit_materials_mirror_nothing()
         "diffuseFactor": [0.5, 0.25, 0.75, 1.0], "specularFactor": [0.5, 0.25, 0.0],
     } }));
     assert_eq!(glossy.reflectance, DVec3::new(0.25, 0.125, 0.375));
+    let bright =
+        material(&json!({ "KHR_materials_pbrSpecularGlossiness": { "specularFactor": [2.0, 0.0, 0.0] } }));
+    assert_eq!(bright.reflectance, DVec3::ZERO);
     let unlit = material(&json!({ "KHR_materials_unlit": {} }));
     assert_eq!(unlit.reflectance, DVec3::new(0.5, 0.25, 0.999));
     assert_eq!(unlit.exitance, DVec3::ZERO);

@@ -9,7 +9,10 @@ use document::ReadOptions;
 
 use super::ScoreError;
 use crate::plain::PlainError;
-use crate::plain::source::{PlainDocument, label};
+use crate::plain::source::{Geometry, PlainDocument, label};
+
+/// Area of a primitive that may be without light, relative to the square of the scene's extent.
+const LEAST_AREA: f64 = 1e-12;
 
 /// The triangles of a lit scene, in the world.
 #[derive(Default)]
@@ -26,12 +29,11 @@ pub(super) struct LitTriangles {
 pub(super) fn read(path: &Path) -> Result<LitTriangles, ScoreError> {
     let document = PlainDocument::open(path, &ReadOptions::default())?;
     let mut lit = LitTriangles::default();
-    let mut unlit = None;
+    let mut unlit = vec![];
     for (node, primitive) in document.primitives() {
         let accessor = primitive.get(&Semantic::Extras("IRRADIANCE".into()));
         if accessor.is_none() {
-            // One that is too small to be lit has none.
-            unlit.get_or_insert_with(|| label(&node));
+            unlit.push((label(&node), area(&document.geometry(&node, &primitive)?)));
             continue;
         }
         let irradiances = document.vectors(&node, accessor, "_IRRADIANCE")?;
@@ -46,8 +48,21 @@ pub(super) fn read(path: &Path) -> Result<LitTriangles, ScoreError> {
         }
         lit.vertices += geometry.positions.len();
     }
-    match unlit {
-        Some(node) if lit.triangles.is_empty() => Err(ScoreError::NotLit { path: path.to_owned(), node }),
-        _ => Ok(lit),
+    let corners = || lit.triangles.iter().flatten();
+    let [low, high] =
+        [DVec3::min, DVec3::max].map(|end| corners().copied().reduce(end).unwrap_or(DVec3::ZERO));
+    let least = LEAST_AREA * (high - low).length_squared();
+    // One that is too small to be lit has no light.
+    match unlit.into_iter().find(|(_, area)| lit.triangles.is_empty() || *area > least) {
+        Some((node, _)) => Err(ScoreError::NotLit { path: path.to_owned(), node }),
+        None => Ok(lit),
     }
+}
+
+fn area(geometry: &Geometry) -> f64 {
+    let of = |corners: &[usize; 3]| {
+        let [a, b, c] = corners.map(|corner| geometry.positions[corner]);
+        (b - a).cross(c - a).length() / 2.0
+    };
+    geometry.triangles.iter().map(of).sum()
 }

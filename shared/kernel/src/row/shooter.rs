@@ -221,7 +221,7 @@ fn hemisphere_of(message: &messages::Hemisphere) -> Result<Hemisphere, RequestEr
 
 fn rays_of(rays: u32) -> Result<u32, RequestError> {
     if !(1..=Hemisphere::MOST_RAYS).contains(&rays) {
-        return Err(RequestError::Invalid("a hemisphere has 1 to 65536 rays"));
+        return Err(RequestError::Invalid("a hemisphere or a sky has 1 to 65536 rays"));
     }
     Ok(rays)
 }
@@ -251,6 +251,10 @@ mod tests {
             Hemisphere { receiver: tilted, ..HEMISPHERE },
         ] {
             let message = Shooter { key: 0, shape: Shape::Hemisphere(hemisphere) }.to_message();
+            assert!(Shooter::from_message(&message).is_err(), "{message:?}");
+        }
+        for rays in [0, Hemisphere::MOST_RAYS + 1] {
+            let message = Shooter { key: 0, shape: Shape::Sky(rays) }.to_message();
             assert!(Shooter::from_message(&message).is_err(), "{message:?}");
         }
     }

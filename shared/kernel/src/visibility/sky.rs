@@ -71,6 +71,11 @@ mod tests {
             let covered =
                 prepared.view(receiver.position, receiver.normal, 0.0).map_or(0.0, |view| view.factor);
             assert!(covered > 0.03, "{covered}");
+            let pane = TransparentOccluders::new(std::slice::from_ref(&panel), &[0.5]);
+            let nothing = Occluder::new(&[]);
+            let mut statistics = RowStatistics::default();
+            let factor = sky_factor(&receiver, &nothing, Some(&pane), 1024, 7, &mut statistics);
+            assert!((factor + covered / 2.0 - 1.0).abs() <= 0.01, "{factor} behind {covered}");
             let occluder = Occluder::new(&[panel]);
             let mut statistics = RowStatistics::default();
             let factor = sky_factor(&receiver, &occluder, None, 1024, 7, &mut statistics);

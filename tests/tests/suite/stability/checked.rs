@@ -220,6 +220,9 @@ impl CheckedRows {
             "row {}: {row:?}",
             shooter.key
         );
+        if matches!(shooter.shape, Shape::Sky(_)) {
+            assert!(row.iter().all(|factor| *factor <= 1.0 + FACTOR as f32), "row {}: {row:?}", shooter.key);
+        }
         let Shape::Polygons(polygons) = &shooter.shape else { return };
         let receivers = &self.receivers[&request.receivers].receivers;
         for (index, (factor, receiver)) in row.iter().zip(receivers).enumerate() {

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use base64::Engine;
 use base64::engine::general_purpose::{STANDARD, STANDARD_NO_PAD};
+use glam::DVec3;
 use serde_json::json;
 
 use crate::import::test_document::{self, TestDocument};
@@ -199,12 +200,19 @@ fn limit_counts_the_file_and_what_is_beside_it() {
 fn accessors_without_data_are_zeros() {
     let with = |count: u64| {
         let mut document = TestDocument::square();
+        let colours = json!({ "type": "VEC3", "componentType": 5126, "count": count });
+        let colours = document.push("accessors", colours);
+        // Compressors leave some that nothing uses.
         document.push("accessors", json!({ "type": "VEC2", "componentType": 5126, "count": count }));
+        document.root["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = colours.into();
         import_slice(&document.glb(), &test_document::limited(ReadOptions::default()))
             .map_err(|error| *error.problem)
     };
-    // Compressors leave some that nothing uses.
-    with(16).unwrap();
+    let scene = with(4).unwrap();
+    assert_eq!(
+        scene.surfaces[0].mean_reflectance(0, &[scene.surfaces[0].facets[0].corners[0].position]),
+        DVec3::ZERO
+    );
     assert!(
         matches!(with(1 << 40), Err(ImportProblem::Undecodable { place, .. }) if place.starts_with("accessor"))
     );
