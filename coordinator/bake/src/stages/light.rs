@@ -17,7 +17,7 @@ use scene::{LightKind, Scene};
 /// A light source. It has a row of its own, or glows.
 #[derive(Clone)]
 pub struct LightSource {
-    /// What its row is made of; none where it glows: then its light is gathered, as reflected light is.
+    /// What its row is made of. None where it glows: its light is then gathered like reflected light.
     pub shooter: Option<Shooter>,
     /// What one unit of the row is worth: exitance of a polygon, intensity of a point or spot light per squared frame unit,
     /// irradiance across a directional light. Of what glows, a factor of its exitance.

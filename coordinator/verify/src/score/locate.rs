@@ -85,9 +85,9 @@ impl<'a> TriangleGrid<'a> {
         let depth = (start - a).dot(face) / slope;
         // NaN, of triangles without area or edge-on, is within no range. Nearly without area, not all weights are numbers.
         let near = (0.0..4.0 * self.distance).contains(&depth);
-        let weights = barycentric(corners, start - normal * depth);
-        let inside = weights.is_finite() && weights.min_element() >= -EDGE;
-        (near && inside).then_some(Hit { triangle, depth, front: slope > 0.0 })
+        let is_inside = |weights: DVec3| weights.is_finite() && weights.min_element() >= -EDGE;
+        let is_met = near && is_inside(barycentric(corners, start - normal * depth));
+        is_met.then_some(Hit { triangle, depth, front: slope > 0.0 })
     }
 
     /// The cell that holds the point; where it lies beside the grid, a cell that does not exist, or the nearest.

@@ -10,7 +10,7 @@ use crate::messages::RowStatistics;
 use crate::occluder::Occluder;
 use crate::replica::Receiver;
 
-/// The visible form factor from a receiver to the sky, among these occluders, by so many rays.
+/// The visible form factor of the sky at a receiver: the part of its rays that no occluder stops.
 #[must_use]
 pub fn sky_factor(
     receiver: &Receiver,
