@@ -17,6 +17,7 @@
 //! | `overlay` | lays the shares of one mesh over another |
 //! | `triangulation` | the leaves as triangles without cracks |
 //! | `locate` | the leaf and the triangle under a point |
+//! | `clusters` | vertices of small things that see the same light |
 //! | `receivers` | vertices as receivers |
 //!
 //! Vertices are points with one normal: facets that meet at a crease have separate vertices there. They are only ever
@@ -26,6 +27,7 @@
 //! rest of the bake uses.
 
 mod base;
+mod clusters;
 mod contact;
 mod leaves_at;
 mod line;
@@ -54,6 +56,7 @@ use order::FacetPlaces;
 pub use order::along_curve;
 
 pub use base::MeshLimits;
+pub use clusters::Alike;
 pub use line::Contact;
 pub use locate::{Interpolation, interpolation};
 pub use overlay::overlap;

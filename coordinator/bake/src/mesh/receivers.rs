@@ -1,7 +1,8 @@
 use glam::DVec3;
 use kernel::replica::{Receiver, Receivers};
 
-use super::{Mesh, PatchId, Surroundings, Vertex, VertexId, surroundings};
+use super::clusters::{Alike, Middle, clusters};
+use super::{Mesh, Surroundings, Vertex, VertexId, surroundings};
 
 /// How far a receiver is moved from its vertex into the surface around it, relative to that surface's width. A vertex on a
 /// room's edge lies in the planes of both walls and sees nothing of the other; a hair inside, half of its hemisphere is the
@@ -33,51 +34,37 @@ pub fn receivers(mesh: &Mesh, first: VertexId) -> VertexReceivers {
     VertexReceivers { receivers: Receivers { first_key: u64::from(first.0), receivers }, around }
 }
 
-/// All vertices as receivers, and the index of the receiver of each; `None` where each has its own. The corners of a flat leaf no
-/// longer than `small`, in frame units, share one at its centre, where no other leaf has any of them: light hardly varies over it.
+/// All vertices as receivers, and the index of the receiver of each; `None` where each has its own. The vertices of a cluster in a small
+/// thing share one in its middle: light hardly varies over it.
 #[must_use]
-pub fn shared_receivers(mesh: &Mesh, small: f64) -> (VertexReceivers, Option<Vec<u32>>) {
+pub fn shared_receivers(mesh: &Mesh, alike: Option<Alike>) -> (VertexReceivers, Option<Vec<u32>>) {
     let own = receivers(mesh, VertexId(0));
-    if small <= 0.0 {
-        return (own, None);
-    }
-    let only_leaf = small_lone_leaves(mesh, small);
-    let mut of_vertices = Vec::with_capacity(only_leaf.len());
-    // Of each leaf, where there is one.
+    let Some(alike) = alike else { return (own, None) };
+    let mut of_vertices = Vec::with_capacity(mesh.vertices.len());
+    // Of the cluster with each leaf in its middle.
     let mut first_of: Vec<Option<u32>> = vec![None; mesh.patches.len()];
     let (mut receivers, mut around) = (vec![], vec![]);
-    for ((own, surroundings), leaf) in own.receivers.receivers.iter().zip(own.around).zip(only_leaf) {
+    let own = own.receivers.receivers.iter().zip(own.around);
+    for ((own, surroundings), middle) in own.zip(clusters(mesh, alike)) {
         let next = around.len() as u32;
-        let receiver = leaf.map_or(next, |leaf| *first_of[leaf.index()].get_or_insert(next));
+        let receiver = middle.map_or(next, |middle| *first_of[middle.leaf.index()].get_or_insert(next));
         of_vertices.push(receiver);
         if receiver < next {
             let shared: &mut Surroundings = &mut around[receiver as usize];
             shared.area += surroundings.area;
         } else {
             around.push(surroundings);
-            receivers
-                .push(Receiver { position: leaf.map_or(own.position, |leaf| mesh.centre(leaf)), ..*own });
+            receivers.push(middle.map_or(*own, |middle| receiver_in(mesh, middle)));
         }
     }
     let shared = VertexReceivers { receivers: Receivers { first_key: 0, receivers }, around };
     (shared, first_of.iter().any(Option::is_some).then_some(of_vertices))
 }
 
-/// The leaf of each vertex, where it is no longer than `small` and has all of its corners for itself.
-fn small_lone_leaves(mesh: &Mesh, small: f64) -> Vec<Option<PatchId>> {
-    let mut leaves_around = vec![0_u32; mesh.vertices.len()];
-    for (_, patch) in mesh.leaves() {
-        patch.corners.iter().for_each(|corner| leaves_around[corner.index()] += 1);
-    }
-    let is_lone =
-        |corner: &VertexId| leaves_around[corner.index()] == 1 && !mesh.vertices[corner.index()].smooth;
-    let mut only_leaf = vec![None; leaves_around.len()];
-    for (id, patch) in mesh.leaves() {
-        if patch.corners.iter().all(is_lone) && mesh.size(id) <= small {
-            patch.corners.iter().for_each(|corner| only_leaf[corner.index()] = Some(id));
-        }
-    }
-    only_leaf
+/// The middle of a cluster as a receiver.
+fn receiver_in(mesh: &Mesh, middle: Middle) -> Receiver {
+    let Vertex { normal, plane, .. } = mesh.vertices[middle.corner.index()];
+    Receiver { position: mesh.centre(middle.leaf), normal, plane }
 }
 
 fn receiver_at(vertex: &Vertex, around: &Surroundings) -> Receiver {
@@ -103,43 +90,34 @@ mod tests {
     const EXTENT: f64 = 1000.0;
 
     #[test]
-    fn corners_of_a_small_leaf_share_a_receiver_where_it_has_them_alone() {
+    fn corners_of_a_small_leaf_share_a_receiver() {
         let floor =
             facet(0, &[[0.0, 0.0, 0.0], [0.0, 0.0, EXTENT], [EXTENT, 0.0, EXTENT], [EXTENT, 0.0, 0.0]]);
         let crumb = facet(1, &[[5.0, 5.0, 5.0], [5.0, 5.0, 8.0], [8.0, 5.0, 8.0]]);
-        // Two that have an edge in common, seen as one surface.
-        let chip = facet(2, &[[50.0, 5.0, 5.0], [50.0, 5.0, 8.0], [53.0, 5.0, 8.0]]);
-        let other = facet(2, &[[50.0, 5.0, 5.0], [53.0, 5.0, 8.0], [53.0, 5.0, 5.0]]);
-        let scene = scene(vec![vec![floor], vec![crumb], vec![chip, other]], vec![]);
+        let scene = scene(vec![vec![floor], vec![crumb]], vec![]);
         let mesh = Mesh::new(&scene, EXTENT, EXTENT, 0, &[]);
-        let (alone, of_vertices) = shared_receivers(&mesh, 0.0);
+        let (alone, of_vertices) = shared_receivers(&mesh, None);
         assert_eq!(of_vertices, None);
         assert_eq!(alone.receivers.receivers.len(), mesh.vertices.len());
 
-        let (some, of_vertices) = shared_receivers(&mesh, 5.0);
+        let (some, of_vertices) = shared_receivers(&mesh, Some(Alike { size: 5.0, turn: 0.0 }));
         let of_vertices = of_vertices.unwrap();
         let of_surface = |surface: u32| -> Vec<u32> {
             let leaves = mesh.leaves().filter(|(_, patch)| patch.surface == surface);
-            leaves.flat_map(|(_, patch)| &patch.corners).map(|vertex| of_vertices[vertex.index()]).collect()
-        };
-        let distinct = |mut all: Vec<u32>| {
+            let mut all: Vec<u32> = leaves
+                .flat_map(|(_, patch)| &patch.corners)
+                .map(|vertex| of_vertices[vertex.index()])
+                .collect();
             all.sort_unstable();
             all.dedup();
             all
         };
-        assert_eq!(distinct(of_surface(0)).len(), 4);
-        let [shared] = distinct(of_surface(1))[..] else { panic!("{:?}", of_surface(1)) };
+        assert_eq!(of_surface(0).len(), 4);
+        let [shared] = of_surface(1)[..] else { panic!("{:?}", of_surface(1)) };
         let place = some.receivers.receivers[shared as usize].position;
         assert!(place.distance(DVec3::new(6.0, 5.0, 7.0)) < 1e-9, "{place}");
         assert!((some.around[shared as usize].area - 4.5).abs() < 1e-9);
-        // Of the other two each has a corner in common with its neighbour.
-        assert_eq!(distinct(of_surface(2)).len(), 4);
-        let is_of_pair = |vertex: &Vertex| vertex.position.x >= 50.0 && vertex.position.y == 5.0;
-        for (index, vertex) in mesh.vertices.iter().enumerate().filter(|(_, vertex)| is_of_pair(vertex)) {
-            let place = some.receivers.receivers[of_vertices[index] as usize].position;
-            assert!(place.distance(vertex.position) < 0.01, "{place} is not at {}", vertex.position);
-        }
-        assert_eq!(some.receivers.receivers.len(), 9);
+        assert_eq!(some.receivers.receivers.len(), 5);
     }
 
     /// Right below a picture's edge half of the hemisphere is hidden, which is so nowhere around.

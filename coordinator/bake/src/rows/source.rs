@@ -11,7 +11,7 @@ use super::vertices::{COARSE, VertexSets};
 use crate::context::Context;
 use crate::error::Result;
 use crate::jobs::{ReceiverSet, RowClient};
-use crate::mesh::{Mesh, Share, Surroundings, VertexId, VertexReceivers, receivers, shared_receivers};
+use crate::mesh::{Alike, Mesh, Share, Surroundings, VertexId, VertexReceivers, receivers, shared_receivers};
 use crate::refinement::SamplePoints;
 use crate::settings::{BakeSettings, RowStrategy};
 use crate::solver::bounds::add_slab_to_sums;
@@ -44,9 +44,9 @@ pub trait RowSource: Send {
     /// Releases what was published, and drops what answers are made from: nothing will be asked any more.
     fn end(&mut self, client: &mut RowClient);
 
-    /// Longest edge of a leaf whose corners share a receiver, relative to the scene's extent. 0 where a solution takes the rows of
+    /// Which vertices of small things share a receiver, with sizes relative to the scene's extent. None where a solution takes the rows of
     /// the table for those of the vertices.
-    fn shared_receiver_size(&self, settings: &BakeSettings) -> f64;
+    fn shared_receivers(&self, settings: &BakeSettings) -> Option<Alike>;
 
     /// Adds receivers to the table. Vertices come with their surroundings.
     fn add_receivers(
@@ -244,8 +244,9 @@ impl Rows {
     /// Adds the vertices of the shooting mesh: before all others.
     pub fn add_coarse(&mut self, cx: &mut Context, mesh: &Mesh) -> Result<()> {
         let Self { source, table } = self;
-        let small = source.shared_receiver_size(cx.settings) * cx.extent();
-        let (VertexReceivers { receivers, around }, of_vertices) = shared_receivers(mesh, small);
+        let alike = source.shared_receivers(cx.settings);
+        let alike = alike.map(|alike| Alike { size: alike.size * cx.extent(), ..alike });
+        let (VertexReceivers { receivers, around }, of_vertices) = shared_receivers(mesh, alike);
         let set = source.add_receivers(cx, table, &receivers, Some(&around))?;
         debug_assert_eq!(set, COARSE, "they come first");
         table.vertices = VertexSets::new(mesh.vertices.len(), of_vertices);

@@ -41,7 +41,7 @@ use super::vertices::COARSE;
 use crate::context::Context;
 use crate::error::Result;
 use crate::jobs::{ReceiverSet, RowClient};
-use crate::mesh::{Mesh, PatchId, Share, Surroundings};
+use crate::mesh::{Alike, Mesh, PatchId, Share, Surroundings};
 use crate::refinement::{MOST_DRAWN, SamplePoints};
 use crate::settings::{BakeSettings, RowStrategy};
 use crate::solver::acceleration::Acceleration;
@@ -59,11 +59,18 @@ const MOST_PASSES: u32 = 1000;
 /// Factor of the edge of shooters: leaves, whose light is constant, are made finer than shares are, since they cost next to nothing.
 const EDGE_FACTOR: f64 = 1.0 / 3.0;
 
-/// Longest edge of leaves whose corners share a receiver, relative to the scene's extent and the asked error,
+/// Width of clusters whose vertices share a receiver, relative to the scene's extent and the asked error,
 const SMALL: f64 = 0.05;
 
-/// but no longer than this part of the extent.
+/// but no wider than this part of the extent.
 const LARGEST_SMALL: f64 = 0.005;
+
+/// Angle between the normals of such a cluster, in radians, relative to the asked error: a turn changes the light of half of a sky by half
+/// as much at most.
+const TURN: f64 = 1.5;
+
+/// but no larger than this.
+const LARGEST_TURN: f64 = 0.3;
 
 /// Fewest rays of a gather point: many receivers depend on it.
 const LEAST_RAYS: u32 = 256;
@@ -174,9 +181,12 @@ impl RowSource for GatherRows {
         std::mem::take(self).polygons.into_iter().for_each(|set| client.release(set));
     }
 
-    fn shared_receiver_size(&self, settings: &BakeSettings) -> f64 {
+    fn shared_receivers(&self, settings: &BakeSettings) -> Option<Alike> {
+        let error = settings.asked_error();
+        let alike =
+            Alike { size: (SMALL * error).min(LARGEST_SMALL), turn: (TURN * error).min(LARGEST_TURN) };
         // What must be divided needs receivers of its own.
-        if settings.max_edge.is_some() { 0.0 } else { (SMALL * settings.asked_error()).min(LARGEST_SMALL) }
+        Some(alike).filter(|_| settings.max_edge.is_none())
     }
 
     fn add_receivers(
