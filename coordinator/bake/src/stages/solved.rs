@@ -46,6 +46,8 @@ pub struct Solved {
     pub found_per_predicted: f64,
     /// Times that the error was measured.
     pub rounds_measured: u32,
+    /// Where it was measured.
+    pub measured: Vec<SamplePoints>,
 }
 
 /// Adds direct light to refinement samples and middles, where rows are over them.
@@ -116,6 +118,7 @@ impl Lit {
             shooters_expected: [0.0; 2],
             found_per_predicted: FOUND_PER_PREDICTED,
             rounds_measured: 0,
+            measured: vec![],
         })
     }
 }
@@ -249,7 +252,10 @@ impl Solved {
     /// The error of interpolation as vertices and refinement samples tell it.
     pub fn predict(&self, cx: &Context) -> MeshError {
         let (mesh, irradiance) = (&self.mesh.mesh, &self.solution.irradiance);
-        let mut found = self.solution.samples.compare(mesh, &best_fit(mesh, irradiance));
+        let fitted = best_fit(mesh, irradiance);
+        let mut found = self.solution.samples.compare(mesh, &fitted);
+        // The next measurement has points of its own.
+        found.extend(self.measured.iter().flat_map(|points| points.compare_draws(mesh, &fitted)));
         // A leaf whose corners are all in the dark, or all in the light, may be otherwise between them.
         found.extend(self.solution.middles.compare_direct(mesh, &self.direct));
         self.predict_for(cx, irradiance, &found)
