@@ -6,8 +6,6 @@
 
 mod errors;
 
-use std::collections::HashMap;
-
 use glam::DVec3;
 use kernel::geometry::PlaneId;
 use kernel::replica::{Receiver, Receivers};
@@ -68,8 +66,9 @@ impl SamplePoints {
         let reflects =
             |id: &PatchId| scene.surfaces[mesh.patch(*id).surface as usize].reflectance != DVec3::ZERO;
         let reflecting: Vec<PatchId> = mesh.leaves().map(|(id, _)| id).filter(reflects).collect();
-        let errors: HashMap<PatchId, f64> = expected.iter().copied().collect();
-        let expected: Vec<f64> = reflecting.iter().map(|id| errors.get(id).copied().unwrap_or(0.0)).collect();
+        let mut errors = vec![0.0; mesh.patches.len()];
+        expected.iter().for_each(|(id, error)| errors[id.index()] = *error);
+        let expected: Vec<f64> = reflecting.iter().map(|id| errors[id.index()]).collect();
         let count = match settings.validation_samples {
             0 => 0,
             least => {
