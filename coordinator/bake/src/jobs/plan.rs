@@ -10,7 +10,7 @@ use super::sizes::RowKind;
 const PAIRS_PER_RAY: usize = 4;
 
 /// Receivers of a part of a row, where there are few rows: a multiple of the groups that receivers and factors come in.
-const RANGE: usize = 1 << 14;
+const RANGE: usize = 1 << 10;
 
 /// The same where a shooter has many polygons, or is a sky: receivers times polygons, each of which takes as long as some pairs.
 const RANGE_OF_MANY: usize = 12 << 10;
