@@ -117,6 +117,9 @@ impl LeavesAround {
     }
 }
 
+/// Vertices at one place that each is compared with, before and after it: thousands may meet in the middle of a disc.
+const MOST_BESIDE: usize = 16;
+
 /// A surface, and the bits of a place on it.
 type Place = (u32, [u64; 3]);
 
@@ -144,16 +147,16 @@ impl Touching {
         Self { by_place, at }
     }
 
+    /// The vertices next to a vertex in the order of its place.
     fn of(&self, vertex: VertexId) -> impl Iterator<Item = VertexId> + '_ {
         let at = self.at[vertex.index()].map_or(0..0, |at| self.range(at as usize));
         self.by_place[at].iter().map(|(_, vertex)| *vertex)
     }
 
-    /// Those with the same place as the one at this index.
     fn range(&self, index: usize) -> Range<usize> {
         let is_same = |(place, _): &&(Place, VertexId)| *place == self.by_place[index].0;
-        let before = self.by_place[..index].iter().rev().take_while(is_same).count();
-        let after = self.by_place[index..].iter().take_while(is_same).count();
+        let before = self.by_place[..index].iter().rev().take(MOST_BESIDE).take_while(is_same).count();
+        let after = self.by_place[index..].iter().take(MOST_BESIDE).take_while(is_same).count();
         index - before..index + after
     }
 }
