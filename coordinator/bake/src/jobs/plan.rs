@@ -9,8 +9,12 @@ use super::sizes::RowKind;
 /// Cost of a ray of a hemisphere, in pairs.
 const PAIRS_PER_RAY: usize = 4;
 
-/// Receivers of a part of a row, where there are few rows: a multiple of the groups that receivers and factors come in.
-const RANGE: usize = 1 << 10;
+/// Bounds of the receivers of a part of a row, where there are few rows: multiples of the groups that receivers and factors come in.
+const LEAST_RANGE: usize = 1 << 10;
+const MOST_RANGE: usize = 1 << 14;
+
+/// Parts that are enough for all threads.
+const ENOUGH_PARTS: usize = 1 << 10;
 
 /// The same where a shooter has many polygons, or is a sky: receivers times polygons, each of which takes as long as some pairs.
 const RANGE_OF_MANY: usize = 12 << 10;
@@ -92,13 +96,16 @@ impl Plan {
         if set.kind == RowKind::Hemispheres {
             return Self { set, pieces: None };
         }
+        let pairs = shooters.len() * set.count;
+        let few_polygons =
+            (pairs / ENOUGH_PARTS).clamp(LEAST_RANGE, MOST_RANGE).next_multiple_of(LEAST_RANGE_OF_MANY);
         // Most receivers of a piece.
         let range = |shooter: &Shooter| match many_polygons(shooter) {
             Some(polygons) => {
                 let range = (RANGE_OF_MANY / polygons.max(1)).clamp(LEAST_RANGE_OF_MANY, MOST_RANGE_OF_MANY);
                 range / LEAST_RANGE_OF_MANY * LEAST_RANGE_OF_MANY
             }
-            None => RANGE,
+            None => few_polygons,
         };
         let has_many = shooters.iter().any(|shooter| many_polygons(shooter).is_some());
         let set = ReceiverSet { kind: if has_many { RowKind::Many } else { RowKind::Plain }, ..set };

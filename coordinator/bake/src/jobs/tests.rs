@@ -92,6 +92,17 @@ fn rows_come_in_order_whole_and_once_whatever_the_order_of_the_jobs() {
     assert_eq!(asked_ahead, 1 + 3 + 1 + 1 + 1, "the sky over many in three pieces; no set waits for another");
 }
 
+/// The vertices of one round of refinement would else be one job for each lamp.
+#[test]
+fn rows_of_few_lamps_are_cut() {
+    let counts = [2500, 30];
+    let (taken, asked_ahead) = rows_over(&counts);
+    let rows = (0..2).flat_map(|set| (0..3).map(move |row| (set, row, counts[set] as f64)));
+    assert_eq!(taken, rows.collect::<Vec<_>>());
+    let of_many = 2500_usize.div_ceil(384);
+    assert_eq!(asked_ahead, 3 + of_many + 3 + 1, "a point and a sun in three pieces each");
+}
+
 #[test]
 fn nothing_is_asked_of_no_set() {
     assert_eq!(rows_over(&[]), (vec![], 0));

@@ -17,7 +17,7 @@
 //! | `overlay` | lays the shares of one mesh over another |
 //! | `triangulation` | the leaves as triangles without cracks |
 //! | `locate` | the leaf and the triangle under a point |
-//! | `clusters` | vertices of small things that see the same light |
+//! | `clusters` | leaves of small things that see the same light |
 //! | `receivers` | vertices as receivers |
 //!
 //! Vertices are points with one normal: facets that meet at a crease have separate vertices there. They are only ever
@@ -56,7 +56,7 @@ use order::FacetPlaces;
 pub use order::along_curve;
 
 pub use base::MeshLimits;
-pub use clusters::Alike;
+pub use clusters::ClusterLimits;
 pub use line::Contact;
 pub use locate::{Interpolation, interpolation};
 pub use overlay::overlap;

@@ -1,13 +1,16 @@
 use glam::DVec3;
 use kernel::replica::{Receiver, Receivers};
 
-use super::clusters::{Alike, Middle, clusters};
-use super::{Mesh, Surroundings, Vertex, VertexId, surroundings};
+use super::clusters::{ClusterLimits, clusters};
+use super::{Mesh, PatchId, Surroundings, Vertex, VertexId, WELD, surroundings};
 
 /// How far a receiver is moved from its vertex into the surface around it, relative to that surface's width. A vertex on a
 /// room's edge lies in the planes of both walls and sees nothing of the other; a hair inside, half of its hemisphere is the
 /// other wall, and the form factors of a closed room sum to 1.
 pub const INWARD: f64 = 1e-3;
+
+/// The same in frame units, at least: beside a thing that stands on the surface, rounded coordinates would put the vertex inside of it.
+const LEAST_INWARD: f64 = 5.0 * WELD;
 
 /// A vertex under an edge that hovers is moved by this much of its height to either side: right below it, half of the hemisphere is hidden,
 /// as it is nowhere around.
@@ -34,47 +37,52 @@ pub fn receivers(mesh: &Mesh, first: VertexId) -> VertexReceivers {
     VertexReceivers { receivers: Receivers { first_key: u64::from(first.0), receivers }, around }
 }
 
-/// All vertices as receivers, and the index of the receiver of each; `None` where each has its own. The vertices of a cluster in a small
-/// thing share one in its middle: light hardly varies over it.
+/// All vertices as receivers, and the index of the receiver of each; `None` where each has its own. The vertices of a cluster of small
+/// leaves share one in its middle: light hardly varies over it.
 #[must_use]
-pub fn shared_receivers(mesh: &Mesh, alike: Option<Alike>) -> (VertexReceivers, Option<Vec<u32>>) {
+pub fn shared_receivers(mesh: &Mesh, limits: Option<ClusterLimits>) -> (VertexReceivers, Option<Vec<u32>>) {
     let own = receivers(mesh, VertexId(0));
-    let Some(alike) = alike else { return (own, None) };
-    let mut of_vertices = Vec::with_capacity(mesh.vertices.len());
+    let Some(limits) = limits else { return (own, None) };
+    let middle_of_leaf = clusters(mesh, limits);
+    let mut middles: Vec<Option<PatchId>> = vec![None; mesh.vertices.len()];
+    for (id, patch) in mesh.leaves() {
+        if let Some(middle) = middle_of_leaf[id.index()] {
+            patch.corners.iter().for_each(|corner| middles[corner.index()] = Some(middle));
+        }
+    }
+    let mut of_vertices = Vec::with_capacity(middles.len());
     // Of the cluster with each leaf in its middle.
     let mut first_of: Vec<Option<u32>> = vec![None; mesh.patches.len()];
     let (mut receivers, mut around) = (vec![], vec![]);
-    let own = own.receivers.receivers.iter().zip(own.around);
-    for ((own, surroundings), middle) in own.zip(clusters(mesh, alike)) {
+    for ((own, surroundings), middle) in own.receivers.receivers.iter().zip(own.around).zip(middles) {
         let next = around.len() as u32;
-        let receiver = middle.map_or(next, |middle| *first_of[middle.leaf.index()].get_or_insert(next));
+        let receiver = middle.map_or(next, |leaf| *first_of[leaf.index()].get_or_insert(next));
         of_vertices.push(receiver);
         if receiver < next {
             let shared: &mut Surroundings = &mut around[receiver as usize];
             shared.area += surroundings.area;
         } else {
             around.push(surroundings);
-            receivers.push(middle.map_or(*own, |middle| receiver_in(mesh, middle)));
+            receivers.push(middle.map_or(*own, |leaf| receiver_in(mesh, leaf)));
         }
     }
     let shared = VertexReceivers { receivers: Receivers { first_key: 0, receivers }, around };
     (shared, first_of.iter().any(Option::is_some).then_some(of_vertices))
 }
 
-/// The middle of a cluster as a receiver.
-fn receiver_in(mesh: &Mesh, middle: Middle) -> Receiver {
-    let Vertex { normal, plane, .. } = mesh.vertices[middle.corner.index()];
-    Receiver { position: mesh.centre(middle.leaf), normal, plane }
+/// The centre of a flat leaf as a receiver.
+fn receiver_in(mesh: &Mesh, leaf: PatchId) -> Receiver {
+    let Vertex { normal, plane, .. } = mesh.vertices[mesh.patch(leaf).corners[0].index()];
+    Receiver { position: mesh.centre(leaf), normal, plane }
 }
 
 fn receiver_at(vertex: &Vertex, around: &Surroundings) -> Receiver {
     let in_plane = around.inward - vertex.normal * vertex.normal.dot(around.inward);
     // Facets around a smooth vertex lie under its horizon or rise over it: start above them all.
     let lift = if vertex.smooth { vertex.normal * around.area.sqrt() } else { DVec3::ZERO };
-    let part = vertex.hovering.map_or(INWARD, |height| {
-        let width = in_plane.length();
-        if width > 0.0 { (CLEAR * height / width).clamp(INWARD, MOST_CLEAR) } else { INWARD }
-    });
+    let width = in_plane.length();
+    let clear = vertex.hovering.map_or(LEAST_INWARD, |height| LEAST_INWARD.max(CLEAR * height));
+    let part = if width > 0.0 { (clear / width).clamp(INWARD, MOST_CLEAR) } else { INWARD };
     Receiver {
         position: vertex.position + in_plane * part + lift * INWARD,
         normal: vertex.normal,
@@ -100,7 +108,7 @@ mod tests {
         assert_eq!(of_vertices, None);
         assert_eq!(alone.receivers.receivers.len(), mesh.vertices.len());
 
-        let (some, of_vertices) = shared_receivers(&mesh, Some(Alike { size: 5.0, turn: 0.0 }));
+        let (some, of_vertices) = shared_receivers(&mesh, Some(ClusterLimits { width: 5.0, angle: 0.1 }));
         let of_vertices = of_vertices.unwrap();
         let of_surface = |surface: u32| -> Vec<u32> {
             let leaves = mesh.leaves().filter(|(_, patch)| patch.surface == surface);

@@ -16,7 +16,7 @@ use crate::channels::{Channels, Gathering};
 use crate::context::Context;
 use crate::error::Result;
 use crate::jobs::{ReceiverSet, RowClient};
-use crate::mesh::{Alike, Mesh, Share, Surroundings};
+use crate::mesh::{ClusterLimits, Mesh, Share, Surroundings};
 use crate::refinement::SamplePoints;
 use crate::settings::{BakeSettings, RowStrategy};
 use crate::solver::bounds::add_to_sums;
@@ -78,7 +78,7 @@ impl RowSource for ExactRows {
     fn end(&mut self, _: &mut RowClient) {}
 
     /// Rows and means are over the vertices themselves.
-    fn shared_receivers(&self, _: &BakeSettings) -> Option<Alike> {
+    fn clusters(&self, _: &BakeSettings) -> Option<ClusterLimits> {
         None
     }
 

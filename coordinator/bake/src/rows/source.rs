@@ -11,7 +11,9 @@ use super::vertices::{COARSE, VertexSets};
 use crate::context::Context;
 use crate::error::Result;
 use crate::jobs::{ReceiverSet, RowClient};
-use crate::mesh::{Alike, Mesh, Share, Surroundings, VertexId, VertexReceivers, receivers, shared_receivers};
+use crate::mesh::{
+    ClusterLimits, Mesh, Share, Surroundings, VertexId, VertexReceivers, receivers, shared_receivers,
+};
 use crate::refinement::SamplePoints;
 use crate::settings::{BakeSettings, RowStrategy};
 use crate::solver::bounds::add_slab_to_sums;
@@ -44,9 +46,9 @@ pub trait RowSource: Send {
     /// Releases what was published, and drops what answers are made from: nothing will be asked any more.
     fn end(&mut self, client: &mut RowClient);
 
-    /// Which vertices of small things share a receiver, with sizes relative to the scene's extent. None where a solution takes the rows of
+    /// Which leaves of small things share a receiver, with widths relative to the scene's extent. None where a solution takes the rows of
     /// the table for those of the vertices.
-    fn shared_receivers(&self, settings: &BakeSettings) -> Option<Alike>;
+    fn clusters(&self, settings: &BakeSettings) -> Option<ClusterLimits>;
 
     /// Adds receivers to the table. Vertices come with their surroundings.
     fn add_receivers(
@@ -244,9 +246,11 @@ impl Rows {
     /// Adds the vertices of the shooting mesh: before all others.
     pub fn add_coarse(&mut self, cx: &mut Context, mesh: &Mesh) -> Result<()> {
         let Self { source, table } = self;
-        let alike = source.shared_receivers(cx.settings);
-        let alike = alike.map(|alike| Alike { size: alike.size * cx.extent(), ..alike });
-        let (VertexReceivers { receivers, around }, of_vertices) = shared_receivers(mesh, alike);
+        let limits = source.clusters(cx.settings);
+        let limits = limits.map(|limits| ClusterLimits { width: limits.width * cx.extent(), ..limits });
+        let (VertexReceivers { receivers, around }, of_vertices) = shared_receivers(mesh, limits);
+        let (vertices, count) = (mesh.vertices.len(), receivers.receivers.len());
+        tracing::debug!(vertices, receivers = count, "vertices share receivers");
         let set = source.add_receivers(cx, table, &receivers, Some(&around))?;
         debug_assert_eq!(set, COARSE, "they come first");
         table.vertices = VertexSets::new(mesh.vertices.len(), of_vertices);

@@ -62,6 +62,8 @@ impl Refined {
         };
         let errors: Vec<DVec3> = found_between.iter().map(|(_, error)| *error).collect();
         let between = without_noise(validation.relative(&errors), noise);
+        // As the next refinement will predict it.
+        let prediction = if solved.measured.is_empty() { prediction } else { solved.predict(cx) };
         if prediction.relative() > 0.0 && validation.count() > 0 {
             // Where few points hold most of it, chance would decide how far to refine.
             let of_mesh = without(receivers_at_least, between);
@@ -135,7 +137,11 @@ impl Solved {
         if let Some(between) = &mut between {
             between.iter_mut().zip(glowing).for_each(|(light, glowing)| *light -= glowing);
         }
-        Ok(between.map_or(vec![], |light| samples.on_leaves(&self.mesh.mesh, samples.differences(&light))))
+        let Some(between) = between else { return Ok(vec![]) };
+        let mut measured = samples.clone();
+        measured.set_gathered(&between);
+        self.measured.push(measured);
+        Ok(samples.on_leaves(&self.mesh.mesh, samples.differences(&between)))
     }
 
     /// Relative error of the light of shares, each of constant radiosity: against that of the leaves of the refined mesh, each with

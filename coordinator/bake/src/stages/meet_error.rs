@@ -82,7 +82,7 @@ impl Solved {
                 // The light is new, and the mesh may be fine enough for it.
                 must_divide = false;
                 shooters = Some([measured.error.shooters, measured.shooters_at_least]);
-                solved = measured.into_solved();
+                solved = measured.solved;
                 continue;
             }
             let mut better = measured.better_settings(cx);
@@ -110,7 +110,7 @@ impl Solved {
                 (MARGIN * measured.aim_for_mesh(cx.settings)).max(LONGEST_STEP * measured.of_mesh())
             };
             shooters = Some([measured.error.shooters, measured.shooters_at_least]);
-            solved = measured.into_solved();
+            solved = measured.solved;
             must_divide = true;
             round += 1;
         }
@@ -118,13 +118,6 @@ impl Solved {
 }
 
 impl Measured {
-    /// The solution, which is refined where the error was found.
-    fn into_solved(self) -> Solved {
-        let Self { mut solved, validation, .. } = self;
-        solved.measured.push(validation);
-        solved
-    }
-
     /// Whether more vertices are of no use: the error is met, or something else limits it.
     fn is_enough(&self, settings: &BakeSettings) -> bool {
         let is_met = self.error.receivers <= self.rest_for_receivers(settings) || self.is_predicted();

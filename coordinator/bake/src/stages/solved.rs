@@ -46,7 +46,7 @@ pub struct Solved {
     pub found_per_predicted: f64,
     /// Times that the error was measured.
     pub rounds_measured: u32,
-    /// Where it was measured.
+    /// Where it was measured, with the light that vertices would have there: refinement samples from then on.
     pub measured: Vec<SamplePoints>,
 }
 
@@ -153,6 +153,8 @@ impl Solved {
     /// Makes the leaves of the refined mesh the shares, and solves again.
     #[tracing::instrument(skip_all)]
     pub fn follow_mesh(&mut self, cx: &mut Context) -> Result<()> {
+        // Light is another from here on.
+        self.measured.clear();
         let before = self.glowing_light(cx)?;
         self.rows.source.follow_mesh(cx, &mut self.mesh)?;
         self.exchange_glow(cx, before)?;
@@ -184,6 +186,7 @@ impl Solved {
         let expected: Vec<f64> = expected.leaves().iter().map(|(_, square)| *square).collect();
         let is_added = self.rows.source.add_points(cx, &self.mesh.mesh, &expected)?;
         if is_added {
+            self.measured.clear();
             self.exchange_glow(cx, before)?;
             self.look_at_cover(cx)?;
             self.final_solve(cx)?;
@@ -255,7 +258,7 @@ impl Solved {
         let fitted = best_fit(mesh, irradiance);
         let mut found = self.solution.samples.compare(mesh, &fitted);
         // The next measurement has points of its own.
-        found.extend(self.measured.iter().flat_map(|points| points.compare_draws(mesh, &fitted)));
+        found.extend(self.measured.iter().flat_map(|points| points.compare(mesh, &fitted)));
         // A leaf whose corners are all in the dark, or all in the light, may be otherwise between them.
         found.extend(self.solution.middles.compare_direct(mesh, &self.direct));
         self.predict_for(cx, irradiance, &found)

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::SamplePoints;
 use crate::error_budget::{INTERPOLATED_NOISE, without_noise};
-use crate::mesh::{Mesh, PatchId};
+use crate::mesh::Mesh;
 use crate::refinement::draw::SamplePoint;
 
 impl SamplePoints {
@@ -37,19 +37,6 @@ impl SamplePoints {
     /// Whether light is gathered twice at each position.
     fn is_drawn_twice(&self) -> bool {
         self.points.len() > 1 && self.points[0].position == self.points[1].position
-    }
-
-    /// Compares interpolated with gathered light as [`Self::compare`] does, with one error for both draws at a position: as large as these
-    /// have in common, which noise has no part in. None where light is gathered once.
-    pub fn compare_draws(&self, mesh: &Mesh, irradiance: &[DVec3]) -> Vec<(PatchId, DVec3)> {
-        if !self.is_drawn_twice() {
-            return vec![];
-        }
-        let both = |pair: &[(PatchId, DVec3)]| {
-            let [(leaf, one), (_, other)] = [pair[0], pair[1]];
-            (leaf, (one + other).normalize_or_zero() * one.dot(other).max(0.0).sqrt())
-        };
-        self.compare(mesh, irradiance).chunks_exact(2).map(both).collect()
     }
 
     /// Differences of the radiosity at the first points where other shooters give these irradiances.
@@ -132,8 +119,7 @@ mod tests {
     use sobol_burley::sample_4d;
 
     use super::*;
-    use crate::settings::BakeSettings;
-    use crate::test_scenes::{facet, scene};
+    use crate::mesh::PatchId;
 
     const ERROR: f64 = 0.1;
     const NOISE: f64 = 0.5;
@@ -168,33 +154,6 @@ mod tests {
         let (twice, errors) = noisy(2);
         assert!((twice.relative(&errors) - ERROR).abs() < 0.02, "{}", twice.relative(&errors));
         assert!(twice.relative_at_least(&errors) < twice.relative(&errors));
-    }
-
-    #[test]
-    fn draws_have_the_error_in_common_and_not_the_noise() {
-        let floor = facet(0, &[[0.0; 3], [0.0, 0.0, 10.0], [10.0, 0.0, 10.0], [10.0, 0.0, 0.0]]);
-        let scene = scene(vec![vec![floor]], vec![]);
-        let mesh = Mesh::new(&scene, 10.0, 10.0, 0, &[]);
-        let settings = BakeSettings::default();
-        let irradiance = vec![DVec3::ONE; mesh.vertices.len()];
-        let error_under = |noise: f64| {
-            let mut points = SamplePoints::draw(&mesh, &scene, &settings, &[], (1, true));
-            let draws = [1.0 + ERROR + noise, 1.0 + ERROR - noise].map(|light| DVec3::X * light);
-            points.set_irradiance(draws.into_iter().cycle().take(points.count()).collect());
-            let all = points.compare_draws(&mesh, &irradiance);
-            assert_eq!(all.len(), points.count() / 2);
-            all[0].1
-        };
-        // The other channels are too bright by 1.
-        let expected = |noise: f64| 0.5 * (ERROR * ERROR - noise * noise + 2.0).max(0.0).sqrt();
-        for noise in [0.0, 0.05, 0.5] {
-            let error = error_under(noise);
-            assert!((error.length() - expected(noise)).abs() < 1e-12, "{error} under {noise}");
-            assert!(error.x < 0.0 && error.y > 0.0);
-        }
-        assert_eq!(error_under(2.0), DVec3::ZERO, "noise alone");
-        let once = SamplePoints::draw(&mesh, &scene, &settings, &[], (1, false));
-        assert!(once.compare_draws(&mesh, &irradiance).is_empty());
     }
 
     #[test]

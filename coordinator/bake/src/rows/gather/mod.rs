@@ -41,7 +41,7 @@ use super::vertices::COARSE;
 use crate::context::Context;
 use crate::error::Result;
 use crate::jobs::{ReceiverSet, RowClient};
-use crate::mesh::{Alike, Mesh, PatchId, Share, Surroundings};
+use crate::mesh::{ClusterLimits, Mesh, PatchId, Share, Surroundings};
 use crate::refinement::{MOST_DRAWN, SamplePoints};
 use crate::settings::{BakeSettings, RowStrategy};
 use crate::solver::acceleration::Acceleration;
@@ -181,12 +181,14 @@ impl RowSource for GatherRows {
         std::mem::take(self).polygons.into_iter().for_each(|set| client.release(set));
     }
 
-    fn shared_receivers(&self, settings: &BakeSettings) -> Option<Alike> {
+    fn clusters(&self, settings: &BakeSettings) -> Option<ClusterLimits> {
         let error = settings.asked_error();
-        let alike =
-            Alike { size: (SMALL * error).min(LARGEST_SMALL), turn: (TURN * error).min(LARGEST_TURN) };
+        let limits = ClusterLimits {
+            width: (SMALL * error).min(LARGEST_SMALL),
+            angle: (TURN * error).min(LARGEST_TURN),
+        };
         // What must be divided needs receivers of its own.
-        Some(alike).filter(|_| settings.max_edge.is_none())
+        Some(limits).filter(|_| settings.max_edge.is_none())
     }
 
     fn add_receivers(
