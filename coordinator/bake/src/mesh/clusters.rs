@@ -175,6 +175,12 @@ mod tests {
         assert_eq!(count(vec![vec![one, page]], LIMITS), 2, "one lies under the other");
     }
 
+    #[test]
+    fn leaves_with_an_edge_in_common_have_vertices_that_stay_apart() {
+        let flat = vec![half(0, 0.0, true), half(0, 0.0, false)];
+        assert_eq!(count(vec![flat], LIMITS), 0);
+    }
+
     /// The two sides of a contact lie in one plane, and one of them is hidden.
     #[test]
     fn clusters_do_not_grow_where_two_leaves_lie_in_one_plane() {

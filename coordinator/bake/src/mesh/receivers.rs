@@ -2,15 +2,12 @@ use glam::DVec3;
 use kernel::replica::{Receiver, Receivers};
 
 use super::clusters::{ClusterLimits, clusters};
-use super::{Mesh, PatchId, Surroundings, Vertex, VertexId, WELD, surroundings};
+use super::{Mesh, PatchId, Surroundings, Vertex, VertexId, surroundings};
 
 /// How far a receiver is moved from its vertex into the surface around it, relative to that surface's width. A vertex on a
 /// room's edge lies in the planes of both walls and sees nothing of the other; a hair inside, half of its hemisphere is the
 /// other wall, and the form factors of a closed room sum to 1.
 pub const INWARD: f64 = 1e-3;
-
-/// The same in frame units, at least: beside a thing that stands on the surface, rounded coordinates would put the vertex inside of it.
-const LEAST_INWARD: f64 = 5.0 * WELD;
 
 /// A vertex under an edge that hovers is moved by this much of its height to either side: right below it, half of the hemisphere is hidden,
 /// as it is nowhere around.
@@ -80,9 +77,10 @@ fn receiver_at(vertex: &Vertex, around: &Surroundings) -> Receiver {
     let in_plane = around.inward - vertex.normal * vertex.normal.dot(around.inward);
     // Facets around a smooth vertex lie under its horizon or rise over it: start above them all.
     let lift = if vertex.smooth { vertex.normal * around.area.sqrt() } else { DVec3::ZERO };
-    let width = in_plane.length();
-    let clear = vertex.hovering.map_or(LEAST_INWARD, |height| LEAST_INWARD.max(CLEAR * height));
-    let part = if width > 0.0 { (clear / width).clamp(INWARD, MOST_CLEAR) } else { INWARD };
+    let part = vertex.hovering.map_or(INWARD, |height| {
+        let width = in_plane.length();
+        if width > 0.0 { (CLEAR * height / width).clamp(INWARD, MOST_CLEAR) } else { INWARD }
+    });
     Receiver {
         position: vertex.position + in_plane * part + lift * INWARD,
         normal: vertex.normal,

@@ -199,8 +199,8 @@ struct CheckedRows {
     /// Whether each scene has anything that can block.
     has_occluders: HashMap<Digest, bool>,
     requests: HashMap<JobId, RowRequest>,
-    /// Rows of polygons: receivers, key of the shooter, factors.
-    rows: Vec<(Digest, u64, Vec<f32>)>,
+    /// Rows of polygons, or parts of them: receivers, the first of them, key of the shooter, factors.
+    rows: Vec<(Digest, usize, u64, Vec<f32>)>,
 }
 
 impl CheckedRows {
@@ -224,7 +224,8 @@ impl CheckedRows {
             assert!(row.iter().all(|factor| *factor <= 1.0 + FACTOR as f32), "row {}: {row:?}", shooter.key);
         }
         let Shape::Polygons(polygons) = &shooter.shape else { return };
-        let receivers = &self.receivers[&request.receivers].receivers;
+        // A row may be over a part of the set.
+        let receivers = &self.receivers[&request.receivers].receivers[request.first_receiver as usize..];
         for (index, (factor, receiver)) in row.iter().zip(receivers).enumerate() {
             let factor = f64::from(*factor);
             assert!(factor <= 1.0 + FACTOR, "row {}, receiver {index}: factor {factor}", shooter.key);
@@ -254,9 +255,9 @@ impl CheckedRows {
         let of_vertices = self.receivers.iter().filter(|(_, set)| set.first_key < vertices);
         for (digest, Receivers { receivers, .. }) in of_vertices {
             let mut sums = vec![0.0; receivers.len()];
-            let own = self.rows.iter().filter(|(of, key, _)| of == digest && *key < shares);
-            for (_, _, row) in own {
-                sums.iter_mut().zip(row).for_each(|(sum, factor)| *sum += f64::from(*factor));
+            let own = self.rows.iter().filter(|(of, _, key, _)| of == digest && *key < shares);
+            for (_, first, _, row) in own {
+                sums[*first..].iter_mut().zip(row).for_each(|(sum, factor)| *sum += f64::from(*factor));
             }
             for (sum, receiver) in sums.iter().zip(receivers) {
                 let closed = expected.closed && !(expected.covered)(scene.frame.to_world(receiver.position));
@@ -310,7 +311,8 @@ impl RowService for CheckedRows {
                 let row = row.to_dense();
                 self.check_row(&request, shooter, &row);
                 if matches!(shooter.shape, Shape::Polygons(_)) {
-                    self.rows.push((request.receivers, shooter.key, row));
+                    let first = request.first_receiver as usize;
+                    self.rows.push((request.receivers, first, shooter.key, row));
                 }
             }
         }
