@@ -16,7 +16,7 @@ const MOST_RANGE: usize = 1 << 14;
 /// Parts that are enough for all threads.
 const ENOUGH_PARTS: usize = 1 << 10;
 
-/// The same where a shooter has many polygons, or is a sky: receivers times polygons, each of which takes as long as some pairs.
+/// Size of a part where a shooter has many polygons, or is a sky: receivers times polygons, each of which takes as long as some pairs.
 const RANGE_OF_MANY: usize = 12 << 10;
 
 /// Rays to a sky that take about as long as one of those polygons.

@@ -51,26 +51,13 @@ use interpolation::{Interpolation, Neighbours};
 use noise::Twins;
 use place::{FIRST_POINTS, MOST_POINTS};
 use points::GatherPoints;
-use set::Set;
+use set::{Set, cluster_limits};
 
 /// Passes end here even if the accuracy was not reached; the bound is reported.
 const MOST_PASSES: u32 = 1000;
 
 /// Factor of the edge of shooters: leaves, whose light is constant, are made finer than shares are, since they cost next to nothing.
 const EDGE_FACTOR: f64 = 1.0 / 3.0;
-
-/// Width of clusters whose vertices share a receiver, relative to the scene's extent and the asked error,
-const SMALL: f64 = 0.05;
-
-/// but no wider than this part of the extent.
-const LARGEST_SMALL: f64 = 0.005;
-
-/// Angle between the normals of such a cluster, in radians, relative to the asked error: a turn changes the light of half of a sky by half
-/// as much at most.
-const TURN: f64 = 1.5;
-
-/// but no larger than this.
-const LARGEST_TURN: f64 = 0.3;
 
 /// Fewest rays of a gather point: many receivers depend on it.
 const LEAST_RAYS: u32 = 256;
@@ -182,13 +169,8 @@ impl RowSource for GatherRows {
     }
 
     fn clusters(&self, settings: &BakeSettings) -> Option<ClusterLimits> {
-        let error = settings.asked_error();
-        let limits = ClusterLimits {
-            width: (SMALL * error).min(LARGEST_SMALL),
-            angle: (TURN * error).min(LARGEST_TURN),
-        };
         // What must be divided needs receivers of its own.
-        Some(limits).filter(|_| settings.max_edge.is_none())
+        settings.max_edge.is_none().then(|| cluster_limits(settings.asked_error()))
     }
 
     fn add_receivers(

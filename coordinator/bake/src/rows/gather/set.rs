@@ -3,13 +3,31 @@
 use kernel::replica::Receiver;
 
 use super::interpolation::Interpolation;
-use crate::mesh::Surroundings;
+use crate::mesh::{ClusterLimits, Surroundings};
 
 /// Width of a vertex's surroundings, relative to the longest edge of the shooters, from which on it gets all rays of a hemisphere.
 const WIDE: f64 = 0.125;
 
 /// Least part of the rays that a vertex gets.
 const LEAST_PART: f64 = 0.125;
+
+/// Width of clusters whose vertices share a receiver, relative to the scene's extent and the asked error,
+const SMALL: f64 = 0.05;
+
+/// but no wider than this part of the extent.
+const LARGEST_SMALL: f64 = 0.005;
+
+/// Angle between the normals of such a cluster, in radians, relative to the asked error: a turn changes the light of half of a sky by half
+/// as much at most.
+const TURN: f64 = 1.5;
+
+/// but no larger than this.
+const LARGEST_TURN: f64 = 0.3;
+
+/// How far leaves may be apart that share a receiver, with their width relative to the scene's extent, where this error is asked.
+pub fn cluster_limits(error: f64) -> ClusterLimits {
+    ClusterLimits { width: (SMALL * error).min(LARGEST_SMALL), angle: (TURN * error).min(LARGEST_TURN) }
+}
 
 /// Receivers whose light is that of gather points.
 pub struct Set {
