@@ -1,20 +1,28 @@
 use glam::DVec3;
+use kernel::geometry::area_vector;
 use kernel::replica::{Receiver, Receivers};
+use rayon::prelude::*;
 
 use super::clusters::{ClusterLimits, clusters};
-use super::{Mesh, PatchId, Surroundings, Vertex, VertexId, surroundings};
+use super::{Mesh, PatchId, Surroundings, Vertex, VertexId, WELD, surroundings};
 
 /// How far a receiver is moved from its vertex into the surface around it, relative to that surface's width. A vertex on a
 /// room's edge lies in the planes of both walls and sees nothing of the other; a hair inside, half of its hemisphere is the
 /// other wall, and the form factors of a closed room sum to 1.
 pub const INWARD: f64 = 1e-3;
 
+/// The same in frame units, at least: beside a thing that stands on the surface, rounded coordinates may put a vertex inside of it.
+const LEAST_INWARD: f64 = 5.0 * WELD;
+
 /// A vertex under an edge that hovers is moved by this much of its height to either side: right below it, half of the hemisphere is hidden,
 /// as it is nowhere around.
 const CLEAR: f64 = 2.0;
 
-/// The same relative to the width of the surface around it, at most.
-const MOST_CLEAR: f64 = 0.5;
+/// No receiver is moved further than this part of the surface's width.
+const MOST_INWARD: f64 = 0.5;
+
+/// Sines below this are rounding.
+const ROUNDING: f64 = 1e-9;
 
 /// Vertices as receivers.
 pub struct VertexReceivers {
@@ -29,8 +37,12 @@ pub struct VertexReceivers {
 pub fn receivers(mesh: &Mesh, first: VertexId) -> VertexReceivers {
     let around = surroundings(mesh, first);
     let vertices = &mesh.vertices[first.index()..];
+    let ways: Vec<DVec3> =
+        vertices.par_iter().zip(&around).map(|(vertex, around)| way_in(vertex, around)).collect();
+    let reaches = reaches(mesh, first, &ways);
+    let parts = vertices.iter().zip(&around).zip(ways.iter().zip(&reaches));
     let receivers =
-        vertices.iter().zip(&around).map(|(vertex, around)| receiver_at(vertex, around)).collect();
+        parts.map(|((vertex, around), (way, reach))| receiver_at(vertex, around, *way, *reach)).collect();
     VertexReceivers { receivers: Receivers { first_key: u64::from(first.0), receivers }, around }
 }
 
@@ -73,19 +85,64 @@ fn receiver_in(mesh: &Mesh, leaf: PatchId) -> Receiver {
     Receiver { position: mesh.centre(leaf), normal, plane }
 }
 
-fn receiver_at(vertex: &Vertex, around: &Surroundings) -> Receiver {
-    let in_plane = around.inward - vertex.normal * vertex.normal.dot(around.inward);
+fn receiver_at(vertex: &Vertex, around: &Surroundings, way: DVec3, reach: f64) -> Receiver {
     // Facets around a smooth vertex lie under its horizon or rise over it: start above them all.
     let lift = if vertex.smooth { vertex.normal * around.area.sqrt() } else { DVec3::ZERO };
-    let part = vertex.hovering.map_or(INWARD, |height| {
-        let width = in_plane.length();
-        if width > 0.0 { (CLEAR * height / width).clamp(INWARD, MOST_CLEAR) } else { INWARD }
-    });
+    let width = way.length();
+    let shift = match vertex.hovering {
+        Some(height) => (CLEAR * height).clamp(INWARD * width, MOST_INWARD * width),
+        None => (INWARD * width).max(LEAST_INWARD).min(MOST_INWARD * reach),
+    };
     Receiver {
-        position: vertex.position + in_plane * part + lift * INWARD,
+        position: vertex.position + way.normalize_or_zero() * shift + lift * INWARD,
         normal: vertex.normal,
         plane: vertex.plane,
     }
+}
+
+/// The direction from a vertex into the surface around it, as long as that is wide; 0 inside a surface.
+fn way_in(vertex: &Vertex, around: &Surroundings) -> DVec3 {
+    let in_plane = around.inward - vertex.normal * vertex.normal.dot(around.inward);
+    if in_plane.length_squared() > ROUNDING * ROUNDING * around.area { in_plane } else { DVec3::ZERO }
+}
+
+/// How far the way into the surface leads through the leaf that it enters at each vertex from `first` on; 0 where it enters none.
+fn reaches(mesh: &Mesh, first: VertexId, ways: &[DVec3]) -> Vec<f64> {
+    let leaves: Vec<PatchId> = mesh.leaves().map(|(id, _)| id).collect();
+    let of_leaf = |id: PatchId| {
+        let corners = mesh.patch(id).corners.iter().enumerate();
+        corners.filter_map(move |(corner, vertex)| {
+            let index = vertex.index().checked_sub(first.index())?;
+            Some((index, reach(mesh, id, corner, ways[index])?))
+        })
+    };
+    let found: Vec<(usize, f64)> = leaves.into_par_iter().with_min_len(256).flat_map_iter(of_leaf).collect();
+    let mut reaches = vec![0.0_f64; ways.len()];
+    for (index, reach) in found {
+        reaches[index] = reaches[index].max(reach);
+    }
+    reaches
+}
+
+/// How far a leaf reaches from one of its corners along a direction; `None` where that does not lead into it.
+fn reach(mesh: &Mesh, id: PatchId, corner: usize, way: DVec3) -> Option<f64> {
+    let direction = way.try_normalize()?;
+    let corners = mesh.corners(id);
+    let normal = area_vector(&corners).try_normalize()?;
+    let mut reach = f64::INFINITY;
+    for (k, from) in corners.iter().enumerate() {
+        let next = (k + 1) % corners.len();
+        let inward = normal.cross(corners[next] - from).normalize_or_zero();
+        let nearing = -inward.dot(direction);
+        if k == corner || next == corner {
+            if nearing > ROUNDING {
+                return None;
+            }
+        } else if nearing > ROUNDING {
+            reach = reach.min(inward.dot(corners[corner] - from) / nearing);
+        }
+    }
+    reach.is_finite().then_some(reach)
 }
 
 #[cfg(test)]
@@ -124,6 +181,23 @@ mod tests {
         assert!(place.distance(DVec3::new(6.0, 5.0, 7.0)) < 1e-9, "{place}");
         assert!((some.around[shared as usize].area - 4.5).abs() < 1e-9);
         assert_eq!(some.receivers.receivers.len(), 5);
+    }
+
+    /// Else every second vertex around a knob on a wall lies within the knob, and a sliver's vertices on its other side.
+    #[test]
+    fn receivers_leave_the_outline_but_not_the_surface() {
+        let rectangle = |width: f64, height: f64| {
+            let corners = [[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]];
+            let scene = scene(vec![vec![facet(0, &corners.map(|[x, y]| [x, y, 0.0]))]], vec![]);
+            let mesh = Mesh::new(&scene, EXTENT, EXTENT, 0, &[]);
+            receivers(&mesh, VertexId(0)).receivers.receivers
+        };
+        let inside = |at: DVec3, width: f64, height: f64| at.x.min(width - at.x).min(at.y).min(height - at.y);
+        let small = rectangle(0.1, 0.1);
+        assert!(small.iter().all(|at| inside(at.position, 0.1, 0.1) > 0.5 * LEAST_INWARD), "{small:?}");
+        let thin = 0.5 * LEAST_INWARD;
+        let sliver = rectangle(EXTENT, thin);
+        assert!(sliver.iter().all(|at| inside(at.position, EXTENT, thin) > 0.0), "{sliver:?}");
     }
 
     /// Right below a picture's edge half of the hemisphere is hidden, which is so nowhere around.
