@@ -6,7 +6,7 @@ use crate::light_parts::LightPart;
 use crate::lit::{LitMesh, LitTriangle, LitVertex};
 use crate::mesh::{Mesh, Share, VertexId, triangulate};
 use crate::output_mesh::add_sealed;
-use crate::refinement::{best_fit, best_fit_of_part};
+use crate::refinement::{RevealedErrors, best_fit, best_fit_of_part};
 use scene::Scene;
 
 /// The state of a bake: the mesh with this irradiance, and the unshot radiosity of the shares interpolated.
@@ -18,22 +18,23 @@ pub fn preview(
     unshot: &[DVec3],
     part: LightPart,
 ) -> LitMesh {
-    let (lit, _) = lit_mesh(scene, mesh, part, irradiance, direct);
+    let revealed = RevealedErrors::new(mesh, irradiance);
+    let (lit, _) = lit_mesh(scene, mesh, part, (irradiance, &revealed), direct);
     add_sealed(scene, LitMesh { unshot: at_vertices(mesh, shares, unshot), ..lit })
 }
 
-/// A part of the light on a mesh, from the irradiance at its vertices and the direct part of that; and the fitted values of all
-/// light.
+/// A part of the light on a mesh, from the irradiance at its vertices, what was revealed of that, and the direct part of it; and the
+/// fitted values of all light.
 pub fn lit_mesh(
     scene: &Scene,
     mesh: &Mesh,
     part: LightPart,
-    irradiance: &[DVec3],
+    (irradiance, revealed): (&[DVec3], &RevealedErrors),
     direct: &[DVec3],
 ) -> (LitMesh, Vec<DVec3>) {
-    let shown =
-        (!part.is_all()).then(|| best_fit_of_part(mesh, irradiance, &part.of_all(irradiance, direct)));
-    let fitted = best_fit(mesh, irradiance);
+    let shown = (!part.is_all())
+        .then(|| best_fit_of_part(mesh, irradiance, revealed, &part.of_all(irradiance, direct)));
+    let fitted = best_fit(mesh, irradiance, revealed);
     let triangles = triangulate(mesh, scene.surfaces.len(), |vertex: VertexId| fitted[vertex.index()]);
     let lit = with_vertices(mesh, shown.as_deref().unwrap_or(&fitted), triangles);
     (lit, fitted)

@@ -96,7 +96,8 @@ fn finish(mut measured: Measured, mut cx: Context, occluders: usize, points: &As
     solved.rows.end(cx.client);
     let (mesh, irradiance) = (&solved.mesh.mesh, &solved.solution.irradiance);
     cx.client.monitor.enter(Phase::ExportMesh, mesh.vertices.len());
-    let (lit, fitted) = lit_mesh(cx.scene, mesh, cx.settings.only, irradiance, &solved.direct);
+    let (lit, fitted) =
+        lit_mesh(cx.scene, mesh, cx.settings.only, (irradiance, &solved.revealed), &solved.direct);
     solved.solution.irradiance = fitted;
     let error = cx.settings.simplifies().then_some(&measured.error);
     let (lit, difference) = output_mesh(cx.scene, LitMesh { layers, ..lit }, error);

@@ -14,8 +14,7 @@ use super::working::{Corner, NONE, Triangle, Working};
 
 /// Makes the triangles conforming, and finds which corners are collapsed together.
 pub fn conform(working: &mut Working) {
-    let places = Places::new(working);
-    let open = open_edges(working);
+    let (places, open) = rayon::join(|| Places::new(working), || open_edges(working));
     let mut is_tied = vec![false; places.first.len()];
     for (a, b, _) in &open {
         for corner in [*a, *b] {
@@ -65,12 +64,14 @@ pub fn conform(working: &mut Working) {
 
 /// Open edges, the lesser corner first, and their only triangle or the first of several.
 fn open_edges(working: &Working) -> Vec<(u32, u32, u32)> {
-    let mut edges: Vec<(u32, u32, u32)> = working
-        .alive()
-        .flat_map(|(index, Triangle { corners: [a, b, c], .. })| {
-            [(*a, *b), (*b, *c), (*c, *a)].map(|(a, b)| (a.min(b), a.max(b), index))
-        })
-        .collect();
+    let edges_of = |(index, triangle): (usize, &Triangle)| {
+        let [a, b, c] = triangle.corners;
+        let is_left = a != NONE;
+        let edges = [(a, b), (b, c), (c, a)].map(|(a, b)| (a.min(b), a.max(b), index as u32));
+        edges.into_iter().filter(move |_| is_left)
+    };
+    let triangles = working.triangles.par_iter().enumerate().with_min_len(1024);
+    let mut edges: Vec<(u32, u32, u32)> = triangles.flat_map_iter(edges_of).collect();
     edges.par_sort_unstable();
     let of_edge = edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1));
     of_edge.filter(|triangles| triangles.len() != 2).map(|triangles| triangles[0]).collect()
@@ -91,7 +92,7 @@ impl Places {
         let mut places =
             Self { of_corner: vec![NONE; working.corners.len()], first: vec![], position: vec![] };
         let mut by_cell: HashMap<I64Vec3, SmallVec<[u32; 1]>> = HashMap::new();
-        let mut known: HashMap<[u64; 3], u32> = HashMap::new();
+        let mut known: HashMap<[u64; 3], u32> = HashMap::with_capacity(working.corners.len());
         let is_fixed = |corner: &u32| working.corners[*corner as usize].fixed;
         // The input's corners do not move.
         let (fixed, others): (Vec<u32>, Vec<u32>) = (0..working.corners.len() as u32).partition(is_fixed);

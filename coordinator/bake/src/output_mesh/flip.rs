@@ -48,12 +48,15 @@ impl Working {
 
     /// Edges of the triangles around points, the lesser corner first, in order.
     pub fn inner_edges(&self, points: &[u32]) -> Vec<(u32, u32)> {
-        let mut edges: Vec<(u32, u32)> = vec![];
-        let corners = points.iter().flat_map(|point| &self.points[*point as usize]);
-        for triangle in corners.flat_map(|corner| &self.corners[*corner as usize].around) {
-            let [a, b, c] = self.triangles[*triangle as usize].corners;
-            edges.extend([(a, b), (b, c), (c, a)].map(|(a, b)| (a.min(b), a.max(b))));
-        }
+        let of_point = |point: &u32| {
+            let corners = self.points[*point as usize].iter();
+            corners.flat_map(|corner| &self.corners[*corner as usize].around).flat_map(|triangle| {
+                let [a, b, c] = self.triangles[*triangle as usize].corners;
+                [(a, b), (b, c), (c, a)].map(|(a, b)| (a.min(b), a.max(b)))
+            })
+        };
+        let mut edges: Vec<(u32, u32)> =
+            points.par_iter().with_min_len(AT_ONCE).flat_map_iter(of_point).collect();
         edges.par_sort_unstable();
         edges.dedup();
         edges

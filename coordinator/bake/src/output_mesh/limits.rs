@@ -86,50 +86,64 @@ impl Limits {
 
     /// Puts a sample in the middle of each edge. Sums over them integrate squares of linear differences exactly.
     pub fn sample(&self, working: &mut Working) {
-        let of_corner = |(index, corner): (u32, &Corner)| Sample {
+        let of_corner = |(index, corner): (usize, &Corner)| Sample {
             position: corner.position,
             light: corner.light,
             limit: self.at(corner.light).powi(2),
             weight: 0.0,
-            between: [index; 2],
+            between: [index as u32; 2],
         };
-        // Each corner has a sample for when it is gone, with its own number.
-        let mut samples = Vec::with_capacity(working.corners.len() + working.triangles.len() * 3);
-        samples.extend((0..).zip(&working.corners).map(of_corner));
-        let in_middles = |(index, triangle): (usize, &Triangle)| -> SmallVec<[Sample; 3]> {
+        // Of how many triangles each edge has the sample: of both the first has it.
+        let in_how_many = |(index, triangle): (usize, &Triangle)| {
             if triangle.corners[0] == NONE {
+                return [0; 3];
+            }
+            edges(triangle).map(|[a, b]| match working.both_sides(a, b) {
+                Some(both) if both[0].min(both[1]) == index as u32 => 2_u8,
+                Some(_) => 0,
+                None => 1,
+            })
+        };
+        let all = working.triangles.par_iter().enumerate().with_min_len(256);
+        let counts: Vec<[u8; 3]> = all.map(in_how_many).collect();
+        let in_middle = |between: [u32; 2], weight: f64| {
+            let [a, b] = between.map(|corner| &working.corners[corner as usize]);
+            let light = (a.light + b.light) / 2.0;
+            Sample {
+                position: (a.position + b.position) / 2.0,
+                light,
+                limit: self.at(light).powi(2),
+                weight,
+                between,
+            }
+        };
+        let in_middles = |(triangle, counts): (&Triangle, &[u8; 3])| -> SmallVec<[Sample; 3]> {
+            if *counts == [0; 3] {
                 return SmallVec::new();
             }
             let weight = working.area(triangle) / 3.0;
-            let [a, b, c] = triangle.corners;
-            let in_middle = |between: [u32; 2]| {
-                let both = working.both_sides(between[0], between[1]);
-                // Of both triangles along an edge the first has the sample.
-                let is_first = both.is_none_or(|both| both[0].min(both[1]) == index as u32);
-                let [a, b] = between.map(|corner| &working.corners[corner as usize]);
-                let light = (a.light + b.light) / 2.0;
-                is_first.then(|| Sample {
-                    position: (a.position + b.position) / 2.0,
-                    light,
-                    limit: self.at(light).powi(2),
-                    weight: if both.is_some() { 2.0 * weight } else { weight },
-                    between,
-                })
-            };
-            [[a, b], [b, c], [c, a]].into_iter().filter_map(in_middle).collect()
+            let own = edges(triangle).into_iter().zip(counts).filter(|(_, count)| **count > 0);
+            own.map(|(edge, count)| in_middle(edge, weight * f64::from(*count))).collect()
         };
-        let in_middles: Vec<SmallVec<[Sample; 3]>> =
-            working.triangles.par_iter().enumerate().with_min_len(256).map(in_middles).collect();
+        // Each corner has a sample for when it is gone, with its own number.
+        let mut samples: Vec<Sample> = working.corners.par_iter().enumerate().map(of_corner).collect();
         let mut next = samples.len() as u32;
-        let take = |own: &SmallVec<[Sample; 3]>| {
+        let in_triangles = working.triangles.par_iter().zip(&counts).with_min_len(256);
+        samples.par_extend(in_triangles.flat_map_iter(in_middles));
+        let take = |counts: &[u8; 3]| {
             let first = next;
-            next += own.len() as u32;
+            next += counts.iter().filter(|count| **count > 0).count() as u32;
             first..next
         };
-        let numbers: Vec<Range<u32>> = in_middles.iter().map(take).collect();
+        let numbers: Vec<Range<u32>> = counts.iter().map(take).collect();
         let triangles = working.triangles.par_iter_mut().zip(numbers).with_min_len(256);
         triangles.for_each(|(triangle, numbers)| triangle.samples.extend(numbers));
-        samples.extend(in_middles.into_iter().flatten());
         working.samples = samples;
     }
+}
+
+/// The edges of a triangle.
+fn edges(triangle: &Triangle) -> [[u32; 2]; 3] {
+    let [a, b, c] = triangle.corners;
+    [[a, b], [b, c], [c, a]]
 }

@@ -4,6 +4,7 @@
 //! | file | what it does |
 //! |---|---|
 //! | `plan` | what to divide next, or why to stop |
+//! | `revealed` | errors that dividing patches revealed |
 //! | `prediction` | predicts the interpolation error of each leaf |
 //! | `samples` | light compared at random points |
 //! | `draw` | draws such points |
@@ -13,10 +14,12 @@ mod draw;
 mod fit;
 mod plan;
 mod prediction;
+mod revealed;
 mod samples;
 
 pub use draw::FIRST;
 pub use fit::{best_fit, best_fit_of_part};
 pub use plan::{Obstacle, Plan, Step, long_patches};
 pub use prediction::{LEAST_WEIGHT, MeshError};
+pub use revealed::RevealedErrors;
 pub use samples::{MOST_DRAWN, SamplePoints};

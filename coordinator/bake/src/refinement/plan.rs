@@ -74,7 +74,7 @@ impl Plan {
         mesh: &Mesh,
         prediction: &MeshError,
         noise: f64,
-        may_divide: impl Fn(PatchId) -> bool,
+        may_divide: impl Fn(PatchId) -> bool + Sync,
     ) -> Step {
         let found = |predicted| self.found_per_predicted * without_noise(predicted, NOISE_SEEN * noise);
         let (error, contrast) = (found(prediction.relative()), found(prediction.contrast()));
@@ -127,6 +127,7 @@ mod tests {
 
     use super::*;
     use crate::mesh::{Patch, Vertex, VertexId};
+    use crate::refinement::RevealedErrors;
 
     const PLAN: Plan = Plan {
         limit: 0.01,
@@ -164,7 +165,12 @@ mod tests {
     /// Even light of 1 in which these errors were found, one in each patch.
     fn found(mesh: &Mesh, errors: &[f64]) -> MeshError {
         let found: Vec<_> = (0..).map(PatchId).zip(errors.iter().map(|error| DVec3::splat(*error))).collect();
-        MeshError::predict(mesh, &vec![DVec3::ONE; mesh.vertices.len()], &[DVec3::ONE], &found)
+        predicted(mesh, &vec![DVec3::ONE; mesh.vertices.len()], &found)
+    }
+
+    /// On white surfaces.
+    fn predicted(mesh: &Mesh, light: &[DVec3], found: &[(PatchId, DVec3)]) -> MeshError {
+        MeshError::predict(mesh, light, &[DVec3::ONE], &RevealedErrors::new(mesh, light), found)
     }
 
     fn ids(ids: &[u32]) -> Vec<PatchId> {
@@ -224,7 +230,7 @@ mod tests {
         let errors = [0.1, 0.01, 0.01].map(DVec3::splat);
         let found: Vec<_> = (0..).map(PatchId).zip(errors).collect();
         let light = [10.0, 10.0, 1.0].map(|light| [DVec3::splat(light); 4]).concat();
-        let error = MeshError::predict(&mesh, &light, &[DVec3::ONE], &found);
+        let error = predicted(&mesh, &light, &found);
         let plan = |limit, contrast| Plan { limit, contrast, ..PLAN };
         let (relative, contrast) = (error.relative(), error.contrast());
         let bright = plan(0.5 * relative, f64::INFINITY).next(&mesh, &error, 0.0, |_| true);
@@ -243,7 +249,7 @@ mod tests {
         let mesh = squares(&[1.0; 2]);
         let found: Vec<_> = (0..).map(PatchId).zip([0.1, 0.1].map(DVec3::splat)).collect();
         let light = [10.0, 0.1].map(|light| [DVec3::splat(light); 4]).concat();
-        let error = MeshError::predict(&mesh, &light, &[DVec3::ONE], &found);
+        let error = predicted(&mesh, &light, &found);
         let next = |max_vertices| {
             let plan = Plan { limit: 0.3 * error.relative(), contrast: 0.0, max_vertices, ..PLAN };
             plan.next(&mesh, &error, error.relative(), |_| true)

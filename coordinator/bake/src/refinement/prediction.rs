@@ -9,6 +9,7 @@ use glam::DVec3;
 use kernel::geometry::Bounds;
 use rayon::prelude::*;
 
+use super::revealed::RevealedErrors;
 use crate::mesh::{Mesh, Patch, PatchId};
 
 /// Decay of the square error per division: 16 where light is smooth, next to none across a shadow line.
@@ -56,19 +57,15 @@ struct Leaf {
 
 impl MeshError {
     /// Predicts the error of `irradiance` (one value per vertex) on the mesh, as radiosity: weighted by the reflectance of
-    /// each surface. `found` are errors of the radiosity measured inside leaves, where vertices may have missed something.
+    /// each surface. `revealed` is of the same irradiance, and `found` are errors of the radiosity measured inside leaves, where vertices may have missed something.
     #[must_use]
     pub fn predict(
         mesh: &Mesh,
         irradiance: &[DVec3],
         reflectance: &[DVec3],
+        revealed: &RevealedErrors,
         found: &[(PatchId, DVec3)],
     ) -> Self {
-        let reveal = |(index, patch): (usize, &Patch)| {
-            patch.first_child.map(|_| revealed_errors(mesh, PatchId(index as u32), irradiance))
-        };
-        let revealed: Vec<Option<Revealed>> =
-            mesh.patches.par_iter().enumerate().with_min_len(1024).map(reveal).collect();
         let mut measured: HashMap<PatchId, f64> = HashMap::new();
         for (leaf, error) in found {
             let largest = measured.entry(*leaf).or_default();
@@ -82,9 +79,9 @@ impl MeshError {
                 / patch.corners.len() as f64;
             let error = match patch.parent {
                 Some(parent) => {
-                    let own = child_error(mesh, parent, id, &revealed, weight);
+                    let own = child_error(mesh, parent, id, revealed, weight);
                     let grandparent = mesh.patch(parent).parent;
-                    let before = grandparent.map(|g| child_error(mesh, g, parent, &revealed, weight));
+                    let before = grandparent.map(|g| child_error(mesh, g, parent, revealed, weight));
                     let decay = before.map_or(FIRST_DECAY, |before| {
                         if before > 0.0 {
                             (own / before).clamp(*DECAY.start(), *DECAY.end())
@@ -141,15 +138,15 @@ impl MeshError {
         measure: Measure,
         part: f64,
         limit: usize,
-        may_divide: impl Fn(PatchId) -> bool,
+        may_divide: impl Fn(PatchId) -> bool + Sync,
     ) -> Vec<PatchId> {
         let shown = |(leaf, contrast): (&(PatchId, f64), &f64)| match measure {
             Measure::Error => *leaf,
             Measure::Contrast => (leaf.0, *contrast),
         };
-        let leaves = self.leaves.iter().zip(&self.contrasts).map(shown);
+        let leaves = self.leaves.par_iter().zip(&self.contrasts).with_min_len(1024).map(shown);
         let mut leaves: Vec<_> = leaves.filter(|leaf| leaf.1 > 0.0 && may_divide(leaf.0)).collect();
-        leaves.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+        leaves.par_sort_unstable_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
         let total: f64 = leaves.iter().map(|leaf| leaf.1).sum();
         let mut held = 0.0;
         leaves
@@ -165,36 +162,15 @@ impl MeshError {
     }
 }
 
-/// Interpolation errors revealed by dividing a patch.
-pub(super) struct Revealed {
-    /// At the middle of each edge, in the order of the corners.
-    pub middles: Vec<DVec3>,
-    /// At the centroid.
-    pub centre: DVec3,
-}
-
-pub(super) fn revealed_errors(mesh: &Mesh, id: PatchId, irradiance: &[DVec3]) -> Revealed {
-    let patch = mesh.patch(id);
-    let at = |vertex: crate::mesh::VertexId| irradiance[vertex.index()];
-    let middles = mesh
-        .edges(id)
-        .map(|(a, b)| mesh.middle_of(a, b).map_or(DVec3::ZERO, |middle| at(middle) - (at(a) + at(b)) * 0.5))
-        .collect();
-    let mean = patch.corners.iter().map(|corner| at(*corner)).sum::<DVec3>() / patch.corners.len() as f64;
-    // The centre is the third corner of every child.
-    let centre = patch.first_child.map_or(mean, |child| at(mesh.patch(child).corners[2]));
-    Revealed { middles, centre: centre - mean }
-}
-
 /// Mean square of the errors that dividing `parent` revealed at the vertices of one of its children.
 fn child_error(
     mesh: &Mesh,
     parent: PatchId,
     child: PatchId,
-    revealed: &[Option<Revealed>],
+    revealed: &RevealedErrors,
     weight: DVec3,
 ) -> f64 {
-    let Some(revealed) = &revealed[parent.index()] else { return 0.0 };
+    let Some(revealed) = revealed.of(parent) else { return 0.0 };
     let position = mesh.children(parent).position(|candidate| candidate == child).unwrap_or(0);
     let count = revealed.middles.len();
     let errors =

@@ -35,7 +35,7 @@ use crate::error_budget::{ErrorBudget, INTERPOLATED_NOISE, RETURNING};
 use crate::lit::{LitLayer, LitMesh};
 use crate::output_mesh::output_mesh;
 use crate::preview::lit_mesh;
-use crate::refinement::best_fit_of_part;
+use crate::refinement::{RevealedErrors, best_fit_of_part};
 use kept::KeptPart;
 use scene::Scene;
 
@@ -119,7 +119,8 @@ pub fn relight(scene: &Scene, kept: &KeptLight, light: &NewLight) -> Result<Reli
     if !irradiance.iter().all(|irradiance| irradiance.is_finite()) {
         return Err(RelightError::NotFinite);
     }
-    let (lit, fitted) = lit_mesh(scene, &mesh, light.only, &irradiance, &direct);
+    let revealed = RevealedErrors::new(&mesh, &irradiance);
+    let (lit, fitted) = lit_mesh(scene, &mesh, light.only, (&irradiance, &revealed), &direct);
     let layers = light.groups.iter().map(|group| {
         let is_meant = |part: &KeptPart| part.names.iter().any(|name| group.lights.contains(name));
         let [all, direct] = [
@@ -130,7 +131,7 @@ pub fn relight(scene: &Scene, kept: &KeptLight, light: &NewLight) -> Result<Reli
         LitLayer {
             name: group.name.clone(),
             lights: group.lights.clone(),
-            irradiance: best_fit_of_part(&mesh, &irradiance, &part),
+            irradiance: best_fit_of_part(&mesh, &irradiance, &revealed, &part),
         }
     });
     let lit = LitMesh { layers: layers.collect(), ..lit };

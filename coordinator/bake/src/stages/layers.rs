@@ -134,7 +134,12 @@ impl Solved {
             let lit = LitLayer {
                 name: group.name.clone(),
                 lights: group.lights.clone(),
-                irradiance: best_fit_of_part(&self.mesh.mesh, &self.solution.irradiance, &part),
+                irradiance: best_fit_of_part(
+                    &self.mesh.mesh,
+                    &self.solution.irradiance,
+                    &self.revealed,
+                    &part,
+                ),
             };
             layers.push(Layer { lit, sources, radiosity });
         }

@@ -13,7 +13,7 @@ use crate::error_budget::{
 };
 use crate::mesh::PatchId;
 use crate::observer::Phase;
-use crate::refinement::{FIRST, Obstacle, SamplePoints, best_fit};
+use crate::refinement::{FIRST, Obstacle, SamplePoints};
 use crate::rows::leaving;
 
 /// Part of the error of the shooters that is left when the leaves of the refined mesh, with edges half as long where light changes,
@@ -44,7 +44,7 @@ impl Refined {
         let Self { mut solved, obstacle } = self;
         cx.client.monitor.enter(Phase::Measure, solved.mesh.mesh.vertices.len());
         solved.mesh.patch_materials.update(cx.scene, &solved.mesh.mesh);
-        let fitted = best_fit(&solved.mesh.mesh, &solved.solution.irradiance);
+        let fitted = solved.fitted();
         let prediction = solved.predict(cx);
         solved.rounds_measured += 1;
         // Points of their own: the mesh was refined where the refinement samples found errors, and is better there than
@@ -98,7 +98,7 @@ impl Measured {
     /// Measures the error of the shooters.
     #[tracing::instrument(skip_all)]
     pub fn measure_shooters(mut self, cx: &mut Context) -> Result<Self> {
-        let fitted = best_fit(&self.solved.mesh.mesh, &self.solved.solution.irradiance);
+        let fitted = self.solved.fitted();
         let [shooters, at_least] = self.solved.error_of_shooters(cx, &self.validation, &fitted)?;
         self.error = self.error.with_shooters(shooters);
         self.shooters_at_least = at_least;

@@ -10,7 +10,7 @@ use crate::context::Context;
 use crate::error::Result;
 use crate::mesh::{PatchId, VertexId};
 use crate::observer::Phase;
-use crate::refinement::{MeshError, SamplePoints, best_fit};
+use crate::refinement::{MeshError, RevealedErrors, SamplePoints, best_fit};
 use crate::rows::{COARSE, FIRST_TOLERANCE, Problem, Rows, ShareMesh, ShareValues, Solution, leaving};
 use crate::solver::cache::SetId;
 
@@ -32,6 +32,8 @@ pub struct Solved {
     /// and from outside of the scene.
     pub from_outside: Vec<DVec3>,
     pub solution: Solution,
+    /// What dividing the mesh revealed of its irradiance.
+    pub revealed: RevealedErrors,
     /// Whether each vertex sees any surface.
     pub exposed: Vec<bool>,
     /// How much of its hemisphere each share sees covered.
@@ -104,6 +106,7 @@ impl Lit {
         let solution = Solution { radiosity, samples, middles, ..Solution::default() };
         let solution = problem.solve(cx, source.as_mut(), table, solution)?;
         cx.end_step("shoot");
+        let revealed = RevealedErrors::new(&mesh.mesh, &solution.irradiance);
         Ok(Solved {
             mesh,
             rows,
@@ -112,6 +115,7 @@ impl Lit {
             from_lights,
             from_outside,
             solution,
+            revealed,
             exposed,
             row_sums,
             takes_means: false,
@@ -139,6 +143,7 @@ impl Solved {
         let problem = Problem { mesh, values: &means, direct, tolerance: cx.settings.threshold };
         let start = std::mem::take(solution);
         *solution = problem.solve(cx, source.as_mut(), table, start)?;
+        self.revealed = RevealedErrors::new(&self.mesh.mesh, &self.solution.irradiance);
         self.preview(cx);
         cx.end_step("final solve");
         Ok(())
@@ -182,7 +187,8 @@ impl Solved {
         if !before.is_empty() {
             add(&mut gathered, &self.rows.table.vertices.join(before.iter().cloned()));
         }
-        let expected = self.predict_for(cx, &gathered, found);
+        let revealed = RevealedErrors::new(&self.mesh.mesh, &gathered);
+        let expected = self.predict_for(cx, (&gathered, &revealed), found);
         let expected: Vec<f64> = expected.leaves().iter().map(|(_, square)| *square).collect();
         let is_added = self.rows.source.add_points(cx, &self.mesh.mesh, &expected)?;
         if is_added {
@@ -249,25 +255,36 @@ impl Solved {
             self.from_outside.extend(direct.from_outside);
             self.solution.irradiance.extend(all);
         }
+        self.revealed.follow(&self.mesh.mesh, &self.solution.irradiance);
         Ok(())
+    }
+
+    /// The irradiance of the vertices that fits best between them.
+    pub fn fitted(&self) -> Vec<DVec3> {
+        best_fit(&self.mesh.mesh, &self.solution.irradiance, &self.revealed)
     }
 
     /// The error of interpolation as vertices and refinement samples tell it.
     pub fn predict(&self, cx: &Context) -> MeshError {
-        let (mesh, irradiance) = (&self.mesh.mesh, &self.solution.irradiance);
-        let fitted = best_fit(mesh, irradiance);
+        let mesh = &self.mesh.mesh;
+        let fitted = self.fitted();
         let mut found = self.solution.samples.compare(mesh, &fitted);
         // The next measurement has points of its own.
         found.extend(self.measured.iter().flat_map(|points| points.compare(mesh, &fitted)));
         // A leaf whose corners are all in the dark, or all in the light, may be otherwise between them.
         found.extend(self.solution.middles.compare_direct(mesh, &self.direct));
-        self.predict_for(cx, irradiance, &found)
+        self.predict_for(cx, (&self.solution.irradiance, &self.revealed), &found)
     }
 
-    /// The same for this irradiance of the vertices and these errors of the radiosity.
-    fn predict_for(&self, cx: &Context, irradiance: &[DVec3], found: &[(PatchId, DVec3)]) -> MeshError {
+    /// The same for this irradiance of the vertices, with what was revealed of it, and these errors of the radiosity.
+    fn predict_for(
+        &self,
+        cx: &Context,
+        (irradiance, revealed): (&[DVec3], &RevealedErrors),
+        found: &[(PatchId, DVec3)],
+    ) -> MeshError {
         let reflectance: Vec<DVec3> = cx.scene.surfaces.iter().map(|surface| surface.reflectance).collect();
-        MeshError::predict(&self.mesh.mesh, irradiance, &reflectance, found)
+        MeshError::predict(&self.mesh.mesh, irradiance, &reflectance, revealed, found)
     }
 
     /// Relative standard error of irradiance at a point, from the rays that sampled visibility.
