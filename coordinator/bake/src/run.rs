@@ -9,6 +9,7 @@ use crate::lit::LitMesh;
 use crate::observer::{Observer, Phase};
 use crate::output_mesh::output_mesh;
 use crate::preview::lit_mesh;
+use crate::refinement::RevealedErrors;
 use crate::relight::{KeptLight, keep_light};
 use crate::settings::BakeSettings;
 use crate::stages::{
@@ -99,6 +100,7 @@ fn finish(mut measured: Measured, mut cx: Context, occluders: usize, points: &As
     let (lit, fitted) =
         lit_mesh(cx.scene, mesh, cx.settings.only, (irradiance, &solved.revealed), &solved.direct);
     solved.solution.irradiance = fitted;
+    solved.revealed = RevealedErrors::default();
     let error = cx.settings.simplifies().then_some(&measured.error);
     let (lit, difference) = output_mesh(cx.scene, LitMesh { layers, ..lit }, error);
     measured.error = measured.error.with_simplification(difference);

@@ -11,14 +11,18 @@ use super::{Mesh, PatchId, Surroundings, Vertex, VertexId, WELD, surroundings};
 /// other wall, and the form factors of a closed room sum to 1.
 pub const INWARD: f64 = 1e-3;
 
-/// The same in frame units, at least: beside a thing that stands on the surface, rounded coordinates may put a vertex inside of it.
+/// The same in frame units, at least, on the outline of a flat surface: beside a thing that stands there, rounded coordinates may put
+/// a vertex inside of it.
 const LEAST_INWARD: f64 = 5.0 * WELD;
+
+/// On an outline the way inward is longer than this, relative to the root of the area around; elsewhere it cancels out, but for rounding.
+const ON_OUTLINE: f64 = 0.05;
 
 /// A vertex under an edge that hovers is moved by this much of its height to either side: right below it, half of the hemisphere is hidden,
 /// as it is nowhere around.
 const CLEAR: f64 = 2.0;
 
-/// No receiver is moved further than this part of the surface's width.
+/// Receivers are moved by this part of the leaf or of the surface's width at most.
 const MOST_INWARD: f64 = 0.5;
 
 /// Sines below this are rounding.
@@ -38,11 +42,17 @@ pub fn receivers(mesh: &Mesh, first: VertexId) -> VertexReceivers {
     let around = surroundings(mesh, first);
     let vertices = &mesh.vertices[first.index()..];
     let ways: Vec<DVec3> =
-        vertices.par_iter().zip(&around).map(|(vertex, around)| way_in(vertex, around)).collect();
-    let reaches = reaches(mesh, first, &ways);
-    let parts = vertices.iter().zip(&around).zip(ways.iter().zip(&reaches));
+        vertices.iter().zip(&around).map(|(vertex, around)| way_in(vertex, around)).collect();
+    let from_outlines: Vec<Option<DVec3>> = vertices
+        .iter()
+        .zip(&around)
+        .zip(&ways)
+        .map(|((vertex, around), way)| is_on_outline(vertex, around, *way).then_some(*way))
+        .collect();
+    let reaches = reaches(mesh, first, &from_outlines);
+    let parts = vertices.iter().zip(&around).zip(ways.into_iter().zip(reaches));
     let receivers =
-        parts.map(|((vertex, around), (way, reach))| receiver_at(vertex, around, *way, *reach)).collect();
+        parts.map(|((vertex, around), (way, reach))| receiver_at(vertex, around, way, reach)).collect();
     VertexReceivers { receivers: Receivers { first_key: u64::from(first.0), receivers }, around }
 }
 
@@ -85,13 +95,14 @@ fn receiver_in(mesh: &Mesh, leaf: PatchId) -> Receiver {
     Receiver { position: mesh.centre(leaf), normal, plane }
 }
 
-fn receiver_at(vertex: &Vertex, around: &Surroundings, way: DVec3, reach: f64) -> Receiver {
+fn receiver_at(vertex: &Vertex, around: &Surroundings, way: DVec3, reach: Option<f64>) -> Receiver {
     // Facets around a smooth vertex lie under its horizon or rise over it: start above them all.
     let lift = if vertex.smooth { vertex.normal * around.area.sqrt() } else { DVec3::ZERO };
     let width = way.length();
-    let shift = match vertex.hovering {
-        Some(height) => (CLEAR * height).clamp(INWARD * width, MOST_INWARD * width),
-        None => (INWARD * width).max(LEAST_INWARD).min(MOST_INWARD * reach),
+    let shift = match (vertex.hovering, reach) {
+        (Some(height), _) => (CLEAR * height).clamp(INWARD * width, MOST_INWARD * width),
+        (None, Some(reach)) => (INWARD * width).max(LEAST_INWARD).min(MOST_INWARD * reach),
+        (None, None) => INWARD * width,
     };
     Receiver {
         position: vertex.position + way.normalize_or_zero() * shift + lift * INWARD,
@@ -100,35 +111,41 @@ fn receiver_at(vertex: &Vertex, around: &Surroundings, way: DVec3, reach: f64) -
     }
 }
 
-/// The direction from a vertex into the surface around it, as long as that is wide; 0 inside a surface.
+/// The direction from a vertex into the surface around it, about as long as that is wide.
 fn way_in(vertex: &Vertex, around: &Surroundings) -> DVec3 {
-    let in_plane = around.inward - vertex.normal * vertex.normal.dot(around.inward);
-    if in_plane.length_squared() > ROUNDING * ROUNDING * around.area { in_plane } else { DVec3::ZERO }
+    around.inward - vertex.normal * vertex.normal.dot(around.inward)
 }
 
-/// How far the way into the surface leads through the leaf that it enters at each vertex from `first` on; 0 where it enters none.
-fn reaches(mesh: &Mesh, first: VertexId, ways: &[DVec3]) -> Vec<f64> {
+/// Whether a vertex with this way inward lies on the outline of a flat surface.
+fn is_on_outline(vertex: &Vertex, around: &Surroundings, way: DVec3) -> bool {
+    !vertex.smooth && way.length() > ON_OUTLINE * around.area.sqrt()
+}
+
+/// How far the way into the surface leads through the leaf that it enters, at each vertex from `first` on; `None` where it enters none,
+/// or there is no way.
+fn reaches(mesh: &Mesh, first: VertexId, ways: &[Option<DVec3>]) -> Vec<Option<f64>> {
     let leaves: Vec<PatchId> = mesh.leaves().map(|(id, _)| id).collect();
     let of_leaf = |id: PatchId| {
         let corners = mesh.patch(id).corners.iter().enumerate();
         corners.filter_map(move |(corner, vertex)| {
             let index = vertex.index().checked_sub(first.index())?;
-            Some((index, reach(mesh, id, corner, ways[index])?))
+            Some((index, reach(mesh, id, corner, ways[index]?)?))
         })
     };
     let found: Vec<(usize, f64)> = leaves.into_par_iter().with_min_len(256).flat_map_iter(of_leaf).collect();
-    let mut reaches = vec![0.0_f64; ways.len()];
+    let mut reaches: Vec<Option<f64>> = vec![None; ways.len()];
     for (index, reach) in found {
-        reaches[index] = reaches[index].max(reach);
+        reaches[index] = Some(reaches[index].map_or(reach, |other| other.max(reach)));
     }
     reaches
 }
 
 /// How far a leaf reaches from one of its corners along a direction; `None` where that does not lead into it.
 fn reach(mesh: &Mesh, id: PatchId, corner: usize, way: DVec3) -> Option<f64> {
-    let direction = way.try_normalize()?;
     let corners = mesh.corners(id);
     let normal = area_vector(&corners).try_normalize()?;
+    // Rounding turns small leaves a little.
+    let direction = (way - normal * normal.dot(way)).try_normalize()?;
     let mut reach = f64::INFINITY;
     for (k, from) in corners.iter().enumerate() {
         let next = (k + 1) % corners.len();

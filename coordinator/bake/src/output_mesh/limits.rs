@@ -93,8 +93,8 @@ impl Limits {
             weight: 0.0,
             between: [index as u32; 2],
         };
-        // Of how many triangles each edge has the sample: of both the first has it.
-        let in_how_many = |(index, triangle): (usize, &Triangle)| {
+        // How many triangles the sample of each edge stands for: the first of two has it.
+        let stands_for = |(index, triangle): (usize, &Triangle)| {
             if triangle.corners[0] == NONE {
                 return [0; 3];
             }
@@ -105,7 +105,7 @@ impl Limits {
             })
         };
         let all = working.triangles.par_iter().enumerate().with_min_len(256);
-        let counts: Vec<[u8; 3]> = all.map(in_how_many).collect();
+        let counts: Vec<[u8; 3]> = all.map(stands_for).collect();
         let in_middle = |between: [u32; 2], weight: f64| {
             let [a, b] = between.map(|corner| &working.corners[corner as usize]);
             let light = (a.light + b.light) / 2.0;

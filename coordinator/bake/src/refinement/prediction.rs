@@ -57,7 +57,8 @@ struct Leaf {
 
 impl MeshError {
     /// Predicts the error of `irradiance` (one value per vertex) on the mesh, as radiosity: weighted by the reflectance of
-    /// each surface. `revealed` is of the same irradiance, and `found` are errors of the radiosity measured inside leaves, where vertices may have missed something.
+    /// each surface. `revealed` is of the same irradiance, and `found` are errors of the radiosity measured inside leaves, where
+    /// vertices may have missed something.
     #[must_use]
     pub fn predict(
         mesh: &Mesh,

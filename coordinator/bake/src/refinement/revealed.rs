@@ -62,3 +62,36 @@ fn revealed_by(mesh: &Mesh, id: PatchId, light: &[DVec3]) -> Revealed {
     let centre = patch.first_child.map_or(mean, |child| at(mesh.patch(child).corners[2]));
     Revealed { middles, centre: centre - mean }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_scenes::{facet, scene};
+
+    /// Light that is curved everywhere.
+    fn light(mesh: &Mesh) -> Vec<DVec3> {
+        mesh.vertices.iter().map(|vertex| (vertex.position * 0.01).map(|x| x.sin() + x * x)).collect()
+    }
+
+    #[test]
+    fn what_follows_a_mesh_is_what_would_be_found_anew() {
+        let wall = facet(0, &[[0.0, 0.0, 0.0], [0.0, 0.0, 400.0], [400.0, 0.0, 400.0], [400.0, 0.0, 0.0]]);
+        let corner = facet(1, &[[0.0, 0.0, 0.0], [0.0, 0.0, 400.0], [0.0, 400.0, 0.0]]);
+        let scene = scene(vec![vec![wall, corner]], vec![]);
+        let mut mesh = Mesh::new(&scene, 400.0, 200.0, 0, &[]);
+        let mut followed = RevealedErrors::new(&mesh, &light(&mesh));
+        for _ in 0..3 {
+            // Those at one end: coarser neighbours are divided, too.
+            let (id, _) = mesh.leaves().last().unwrap();
+            mesh.divide(id);
+            followed.follow(&mesh, &light(&mesh));
+        }
+        let anew = RevealedErrors::new(&mesh, &light(&mesh));
+        let divided = |all: &RevealedErrors| -> Vec<(PatchId, Vec<DVec3>)> {
+            let of = |id| all.of(id).map(|own| (id, [own.middles.as_slice(), &[own.centre]].concat()));
+            (0..mesh.patches.len() as u32).map(PatchId).filter_map(of).collect()
+        };
+        assert!(divided(&anew).len() >= 3);
+        assert_eq!(divided(&followed), divided(&anew));
+    }
+}
