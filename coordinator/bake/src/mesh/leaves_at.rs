@@ -4,7 +4,7 @@ use foldhash::HashMap;
 use rayon::prelude::*;
 use smallvec::SmallVec;
 
-use super::{Edge, Mesh, PatchId, edge};
+use super::{Edge, Mesh, Patch, PatchId, edge};
 
 /// The leaves along each edge, in the order of their ids.
 #[derive(Debug, Clone)]
@@ -20,9 +20,8 @@ pub struct LeavesAt {
 impl LeavesAt {
     /// Finds the leaves of a mesh.
     pub fn new(mesh: &Mesh) -> Self {
-        let of_leaf = |id: PatchId| mesh.edges(id).map(move |(a, b)| (edge(a, b), id));
-        let leaves: Vec<PatchId> = mesh.leaves().map(|(id, _)| id).collect();
-        let mut all: Vec<(Edge, PatchId)> = leaves.into_par_iter().flat_map_iter(of_leaf).collect();
+        let of_leaf = |(id, _): (PatchId, &Patch)| mesh.edges(id).map(move |(a, b)| (edge(a, b), id));
+        let mut all: Vec<(Edge, PatchId)> = mesh.par_leaves().flat_map_iter(of_leaf).collect();
         all.par_sort_unstable();
         let (edges, leaves) = all.into_iter().unzip();
         Self { edges, leaves, changed: HashMap::default() }

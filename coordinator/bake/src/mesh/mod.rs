@@ -48,6 +48,7 @@ use foldhash::HashMap;
 
 use glam::DVec3;
 use kernel::geometry::{ConvexPolygon, PlaneId};
+use rayon::prelude::*;
 use scene::Scene;
 use smallvec::SmallVec;
 
@@ -68,6 +69,9 @@ pub use triangulation::triangulate;
 /// Positions closer than this, in frame units, are one point; a point this close to an edge lies on it. The frame is 1024 to
 /// 2048 units long, where f32 coordinates of the input are 6e-5 to 1.2e-4 apart.
 const WELD: f64 = 2e-4;
+
+/// Patches that a thread looks at, at least.
+const LEAVES_AT_ONCE: usize = 1024;
 
 /// In scenes with more facets than this a facet is no wall.
 const FEW_FACETS: usize = 20_000;
@@ -159,6 +163,13 @@ impl Mesh {
     pub fn leaves(&self) -> impl Iterator<Item = (PatchId, &Patch)> {
         let ids = (0..self.patches.len() as u32).map(PatchId);
         ids.zip(&self.patches).filter(|(_, patch)| patch.first_child.is_none())
+    }
+
+    /// The same on all threads.
+    pub fn par_leaves(&self) -> impl ParallelIterator<Item = (PatchId, &Patch)> {
+        let patches = self.patches.par_iter().enumerate().with_min_len(LEAVES_AT_ONCE);
+        let leaves = patches.filter(|(_, patch)| patch.first_child.is_none());
+        leaves.map(|(index, patch)| (PatchId(index as u32), patch))
     }
 
     /// A patch.

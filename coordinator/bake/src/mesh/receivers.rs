@@ -4,7 +4,7 @@ use kernel::replica::{Receiver, Receivers};
 use rayon::prelude::*;
 
 use super::clusters::{ClusterLimits, clusters};
-use super::{Mesh, PatchId, Surroundings, Vertex, VertexId, WELD, surroundings};
+use super::{Mesh, Patch, PatchId, Surroundings, Vertex, VertexId, WELD, surroundings};
 
 /// How far a receiver is moved from its vertex into the surface around it, relative to that surface's width. A vertex on a
 /// room's edge lies in the planes of both walls and sees nothing of the other; a hair inside, half of its hemisphere is the
@@ -41,18 +41,10 @@ pub struct VertexReceivers {
 pub fn receivers(mesh: &Mesh, first: VertexId) -> VertexReceivers {
     let around = surroundings(mesh, first);
     let vertices = &mesh.vertices[first.index()..];
-    let ways: Vec<DVec3> =
-        vertices.iter().zip(&around).map(|(vertex, around)| way_in(vertex, around)).collect();
-    let from_outlines: Vec<Option<DVec3>> = vertices
-        .iter()
-        .zip(&around)
-        .zip(&ways)
-        .map(|((vertex, around), way)| is_on_outline(vertex, around, *way).then_some(*way))
-        .collect();
-    let reaches = reaches(mesh, first, &from_outlines);
-    let parts = vertices.iter().zip(&around).zip(ways.into_iter().zip(reaches));
-    let receivers =
-        parts.map(|((vertex, around), (way, reach))| receiver_at(vertex, around, way, reach)).collect();
+    let outlines: Vec<Option<DVec3>> =
+        vertices.iter().zip(&around).map(|(vertex, around)| way_from_outline(vertex, around)).collect();
+    let parts = vertices.iter().zip(&around).zip(reaches(mesh, first, &outlines));
+    let receivers = parts.map(|((vertex, around), reach)| receiver_at(vertex, around, reach)).collect();
     VertexReceivers { receivers: Receivers { first_key: u64::from(first.0), receivers }, around }
 }
 
@@ -95,9 +87,11 @@ fn receiver_in(mesh: &Mesh, leaf: PatchId) -> Receiver {
     Receiver { position: mesh.centre(leaf), normal, plane }
 }
 
-fn receiver_at(vertex: &Vertex, around: &Surroundings, way: DVec3, reach: Option<f64>) -> Receiver {
+/// A vertex as a receiver; on an outline the leaf reaches that far inward.
+fn receiver_at(vertex: &Vertex, around: &Surroundings, reach: Option<f64>) -> Receiver {
     // Facets around a smooth vertex lie under its horizon or rise over it: start above them all.
     let lift = if vertex.smooth { vertex.normal * around.area.sqrt() } else { DVec3::ZERO };
+    let way = way_in(vertex, around);
     let width = way.length();
     let shift = match (vertex.hovering, reach) {
         (Some(height), _) => (CLEAR * height).clamp(INWARD * width, MOST_INWARD * width),
@@ -116,23 +110,24 @@ fn way_in(vertex: &Vertex, around: &Surroundings) -> DVec3 {
     around.inward - vertex.normal * vertex.normal.dot(around.inward)
 }
 
-/// Whether a vertex with this way inward lies on the outline of a flat surface.
-fn is_on_outline(vertex: &Vertex, around: &Surroundings, way: DVec3) -> bool {
-    !vertex.smooth && way.length() > ON_OUTLINE * around.area.sqrt()
+/// The way inward of a vertex on the outline of a flat surface, under no edge that hovers.
+fn way_from_outline(vertex: &Vertex, around: &Surroundings) -> Option<DVec3> {
+    let way = way_in(vertex, around);
+    let is_on_outline = way.length() > ON_OUTLINE * around.area.sqrt();
+    (is_on_outline && !vertex.smooth && vertex.hovering.is_none()).then_some(way)
 }
 
 /// How far the way into the surface leads through the leaf that it enters, at each vertex from `first` on; `None` where it enters none,
 /// or there is no way.
 fn reaches(mesh: &Mesh, first: VertexId, ways: &[Option<DVec3>]) -> Vec<Option<f64>> {
-    let leaves: Vec<PatchId> = mesh.leaves().map(|(id, _)| id).collect();
-    let of_leaf = |id: PatchId| {
+    let of_leaf = |(id, _): (PatchId, &Patch)| {
         let corners = mesh.patch(id).corners.iter().enumerate();
         corners.filter_map(move |(corner, vertex)| {
             let index = vertex.index().checked_sub(first.index())?;
             Some((index, reach(mesh, id, corner, ways[index]?)?))
         })
     };
-    let found: Vec<(usize, f64)> = leaves.into_par_iter().with_min_len(256).flat_map_iter(of_leaf).collect();
+    let found: Vec<(usize, f64)> = mesh.par_leaves().flat_map_iter(of_leaf).collect();
     let mut reaches: Vec<Option<f64>> = vec![None; ways.len()];
     for (index, reach) in found {
         reaches[index] = Some(reaches[index].map_or(reach, |other| other.max(reach)));

@@ -65,10 +65,9 @@ pub fn conform(working: &mut Working) {
 /// Open edges, the lesser corner first, and their only triangle or the first of several.
 fn open_edges(working: &Working) -> Vec<(u32, u32, u32)> {
     let edges_of = |(index, triangle): (usize, &Triangle)| {
-        let [a, b, c] = triangle.corners;
-        let is_alive = a != NONE;
-        let edges = [(a, b), (b, c), (c, a)].map(|(a, b)| (a.min(b), a.max(b), index as u32));
-        edges.into_iter().filter(move |_| is_alive)
+        let is_alive = triangle.corners[0] != NONE;
+        let edges = triangle.sorted_edges().into_iter().filter(move |_| is_alive);
+        edges.map(move |(a, b)| (a, b, index as u32))
     };
     let triangles = working.triangles.par_iter().enumerate().with_min_len(1024);
     let mut edges: Vec<(u32, u32, u32)> = triangles.flat_map_iter(edges_of).collect();

@@ -50,10 +50,8 @@ impl Working {
     pub fn inner_edges(&self, points: &[u32]) -> Vec<(u32, u32)> {
         let of_point = |point: &u32| {
             let corners = self.points[*point as usize].iter();
-            corners.flat_map(|corner| &self.corners[*corner as usize].around).flat_map(|triangle| {
-                let [a, b, c] = self.triangles[*triangle as usize].corners;
-                [(a, b), (b, c), (c, a)].map(|(a, b)| (a.min(b), a.max(b)))
-            })
+            let triangles = corners.flat_map(|corner| &self.corners[*corner as usize].around);
+            triangles.flat_map(|triangle| self.triangles[*triangle as usize].sorted_edges())
         };
         let mut edges: Vec<(u32, u32)> =
             points.par_iter().with_min_len(AT_ONCE).flat_map_iter(of_point).collect();

@@ -98,7 +98,7 @@ impl Limits {
             if triangle.corners[0] == NONE {
                 return [0; 3];
             }
-            edges(triangle).map(|[a, b]| match working.both_sides(a, b) {
+            triangle.edges().map(|[a, b]| match working.both_sides(a, b) {
                 Some(both) if both[0].min(both[1]) == index as u32 => 2_u8,
                 Some(_) => 0,
                 None => 1,
@@ -122,7 +122,7 @@ impl Limits {
                 return SmallVec::new();
             }
             let weight = working.area(triangle) / 3.0;
-            let own = edges(triangle).into_iter().zip(counts).filter(|(_, count)| **count > 0);
+            let own = triangle.edges().into_iter().zip(counts).filter(|(_, count)| **count > 0);
             own.map(|(edge, count)| in_middle(edge, weight * f64::from(*count))).collect()
         };
         // Each corner has a sample for when it is gone, with its own number.
@@ -140,10 +140,4 @@ impl Limits {
         triangles.for_each(|(triangle, numbers)| triangle.samples.extend(numbers));
         working.samples = samples;
     }
-}
-
-/// The edges of a triangle.
-fn edges(triangle: &Triangle) -> [[u32; 2]; 3] {
-    let [a, b, c] = triangle.corners;
-    [[a, b], [b, c], [c, a]]
 }

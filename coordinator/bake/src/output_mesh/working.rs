@@ -46,6 +46,19 @@ pub struct Triangle {
     pub samples: Vec<u32>,
 }
 
+impl Triangle {
+    /// The edges, as they are walked.
+    pub fn edges(&self) -> [[u32; 2]; 3] {
+        let [a, b, c] = self.corners;
+        [[a, b], [b, c], [c, a]]
+    }
+
+    /// The edges, each with the lesser corner first.
+    pub fn sorted_edges(&self) -> [(u32, u32); 3] {
+        self.edges().map(|[a, b]| (a.min(b), a.max(b)))
+    }
+}
+
 /// The mesh while it is changed.
 #[derive(Debug, Clone)]
 pub struct Working {

@@ -72,8 +72,7 @@ impl MeshError {
             let largest = measured.entry(*leaf).or_default();
             *largest = largest.max(error.length_squared());
         }
-        let of_leaf = |(index, patch): (usize, &Patch)| {
-            let id = PatchId(index as u32);
+        let of_leaf = |(id, patch): (PatchId, &Patch)| {
             let weight = reflectance[patch.surface as usize].max(DVec3::splat(LEAST_WEIGHT));
             let corners = patch.corners.iter().map(|corner| weight * irradiance[corner.index()]);
             let square = patch.area * corners.clone().map(DVec3::length_squared).sum::<f64>()
@@ -97,9 +96,7 @@ impl MeshError {
             let error = error.max(measured.get(&id).copied().unwrap_or(0.0));
             Leaf { id, error: error * patch.area, square, area: patch.area }
         };
-        let is_leaf = |(_, patch): &(usize, &Patch)| patch.first_child.is_none();
-        let patches = mesh.patches.par_iter().enumerate().with_min_len(1024).filter(is_leaf);
-        let leaves: Vec<Leaf> = patches.map(of_leaf).collect();
+        let leaves: Vec<Leaf> = mesh.par_leaves().map(of_leaf).collect();
         let norm: f64 = leaves.iter().map(|leaf| leaf.square).sum();
         let area: f64 = leaves.iter().map(|leaf| leaf.area).sum();
         let dark = DARK * DARK * norm / area;

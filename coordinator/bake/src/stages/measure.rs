@@ -45,7 +45,7 @@ impl Refined {
         cx.client.monitor.enter(Phase::Measure, solved.mesh.mesh.vertices.len());
         solved.mesh.patch_materials.update(cx.scene, &solved.mesh.mesh);
         let fitted = solved.fitted();
-        let prediction = solved.predict(cx);
+        let prediction = solved.predict(cx, &fitted);
         solved.rounds_measured += 1;
         // Points of their own: the mesh was refined where the refinement samples found errors, and is better there than
         // elsewhere.
@@ -63,7 +63,7 @@ impl Refined {
         let errors: Vec<DVec3> = found_between.iter().map(|(_, error)| *error).collect();
         let between = without_noise(validation.relative(&errors), noise);
         // As the next refinement will predict it.
-        let prediction = if solved.measured.is_empty() { prediction } else { solved.predict(cx) };
+        let prediction = if solved.measured.is_empty() { prediction } else { solved.predict(cx, &fitted) };
         if prediction.relative() > 0.0 && validation.count() > 0 {
             // Where few points hold most of it, chance would decide how far to refine.
             let of_mesh = without(receivers_at_least, between);

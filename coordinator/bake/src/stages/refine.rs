@@ -39,7 +39,7 @@ impl Solved {
         self.divide_long(cx)?;
         let before = self.mesh.mesh.vertices.len();
         let mut steps_left = if must_divide { MOST_UNSEEN_STEPS } else { 0 };
-        let mut prediction = self.predict(cx);
+        let mut prediction = self.predict(cx, &self.fitted());
         // New vertices only receive: neither rows nor radiosity change here.
         let noise = self.noise();
         let obstacle = loop {
@@ -59,7 +59,7 @@ impl Solved {
                     if !self.divide(cx, patches)? {
                         break Some(Obstacle::MaxVertices);
                     }
-                    prediction = self.predict(cx);
+                    prediction = self.predict(cx, &self.fitted());
                     self.preview(cx);
                 }
             }

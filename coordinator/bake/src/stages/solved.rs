@@ -264,13 +264,12 @@ impl Solved {
         best_fit(&self.mesh.mesh, &self.solution.irradiance, &self.revealed)
     }
 
-    /// The error of interpolation as vertices and refinement samples tell it.
-    pub fn predict(&self, cx: &Context) -> MeshError {
+    /// The error of interpolation as vertices, [`fitted`](Self::fitted), and refinement samples tell it.
+    pub fn predict(&self, cx: &Context, fitted: &[DVec3]) -> MeshError {
         let mesh = &self.mesh.mesh;
-        let fitted = self.fitted();
-        let mut found = self.solution.samples.compare(mesh, &fitted);
+        let mut found = self.solution.samples.compare(mesh, fitted);
         // The next measurement has points of its own.
-        found.extend(self.measured.iter().flat_map(|points| points.compare(mesh, &fitted)));
+        found.extend(self.measured.iter().flat_map(|points| points.compare(mesh, fitted)));
         // A leaf whose corners are all in the dark, or all in the light, may be otherwise between them.
         found.extend(self.solution.middles.compare_direct(mesh, &self.direct));
         self.predict_for(cx, (&self.solution.irradiance, &self.revealed), &found)
