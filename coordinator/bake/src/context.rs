@@ -80,6 +80,11 @@ impl<'a, 'b> Context<'a, 'b> {
     pub fn extent(&self) -> f64 {
         self.extent
     }
+
+    /// Patches no longer than this are not divided, in frame units.
+    pub fn shortest_edge(&self) -> f64 {
+        self.extent * 2.0_f64.powi(-(self.settings.max_level as i32))
+    }
 }
 
 /// Adds seconds to a step.

@@ -170,7 +170,8 @@ mod tests {
 
     /// On white surfaces.
     fn predicted(mesh: &Mesh, light: &[DVec3], found: &[(PatchId, DVec3)]) -> MeshError {
-        MeshError::predict(mesh, light, &[DVec3::ONE], &RevealedErrors::new(mesh, light), found)
+        let revealed = RevealedErrors::new(mesh, light);
+        MeshError::predict(mesh, light, &[DVec3::ONE], &revealed, found, f64::INFINITY)
     }
 
     fn ids(ids: &[u32]) -> Vec<PatchId> {
@@ -221,6 +222,17 @@ mod tests {
             ids(&[1]),
             "no more than brings it under the limit"
         );
+    }
+
+    /// Else the legs of a table, dark above and below, stay dark between.
+    #[test]
+    fn leaves_that_were_never_divided_are_not_known() {
+        let mesh = squares(&[1.0, 0.4, 1.0]);
+        let light = [1.0, 1.0, 0.0].map(|light| [DVec3::splat(light); 4]).concat();
+        let revealed = RevealedErrors::new(&mesh, &light);
+        let predicted = |unknown| MeshError::predict(&mesh, &light, &[DVec3::ONE], &revealed, &[], unknown);
+        assert_eq!(divided(PLAN.next(&mesh, &predicted(0.5), 0.0, |_| true)), ids(&[0]));
+        assert!(matches!(PLAN.next(&mesh, &predicted(f64::INFINITY), 0.0, |_| true), Step::Done));
     }
 
     /// An error that no one sees in bright light shows in the dark.

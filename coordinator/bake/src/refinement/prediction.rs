@@ -1,7 +1,8 @@
 //! Predicts the interpolation error of each leaf.
 //!
 //! Dividing a patch reveals its error: the solution at the new vertices minus the interpolated values. The error of a leaf is
-//! predicted from that of its parent and the decay since its grandparent. Steep but linear light has none.
+//! predicted from that of its parent and the decay since its grandparent. Steep but linear light has none. A leaf that was never
+//! divided may be dark at all of its corners, and bright between them.
 
 use std::collections::HashMap;
 
@@ -20,6 +21,9 @@ pub const LEAST_WEIGHT: f64 = 0.05;
 
 /// Decay taken where only one level is known.
 const FIRST_DECAY: f64 = 0.25;
+
+/// Error of a leaf that was never divided, relative to its light, where nothing else tells of it.
+const UNKNOWN: f64 = 0.2;
 
 /// Errors show relative to the light at their place, but to no less than this part of the root mean square of the radiosity.
 const DARK: f64 = 0.02;
@@ -58,7 +62,7 @@ struct Leaf {
 impl MeshError {
     /// Predicts the error of `irradiance` (one value per vertex) on the mesh, as radiosity: weighted by the reflectance of
     /// each surface. `revealed` is of the same irradiance, and `found` are errors of the radiosity measured inside leaves, where
-    /// vertices may have missed something.
+    /// vertices may have missed something. Leaves longer than `unknown` that were never divided are not known.
     #[must_use]
     pub fn predict(
         mesh: &Mesh,
@@ -66,6 +70,7 @@ impl MeshError {
         reflectance: &[DVec3],
         revealed: &RevealedErrors,
         found: &[(PatchId, DVec3)],
+        unknown: f64,
     ) -> Self {
         let mut measured: HashMap<PatchId, f64> = HashMap::new();
         for (leaf, error) in found {
@@ -75,8 +80,8 @@ impl MeshError {
         let of_leaf = |(id, patch): (PatchId, &Patch)| {
             let weight = reflectance[patch.surface as usize].max(DVec3::splat(LEAST_WEIGHT));
             let corners = patch.corners.iter().map(|corner| weight * irradiance[corner.index()]);
-            let square = patch.area * corners.clone().map(DVec3::length_squared).sum::<f64>()
-                / patch.corners.len() as f64;
+            let square =
+                corners.clone().map(DVec3::length_squared).sum::<f64>() / patch.corners.len() as f64;
             let error = match patch.parent {
                 Some(parent) => {
                     let own = child_error(mesh, parent, id, revealed, weight);
@@ -91,10 +96,11 @@ impl MeshError {
                     });
                     own * decay
                 }
+                None if mesh.size(id) > unknown => (spread(corners) / 16.0).max(UNKNOWN * UNKNOWN * square),
                 None => spread(corners) / 16.0,
             };
             let error = error.max(measured.get(&id).copied().unwrap_or(0.0));
-            Leaf { id, error: error * patch.area, square, area: patch.area }
+            Leaf { id, error: error * patch.area, square: square * patch.area, area: patch.area }
         };
         let leaves: Vec<Leaf> = mesh.par_leaves().map(of_leaf).collect();
         let norm: f64 = leaves.iter().map(|leaf| leaf.square).sum();

@@ -33,7 +33,7 @@ impl Solved {
             limit: *limit,
             contrast: cx.settings.contrast.unwrap_or(f64::INFINITY),
             found_per_predicted: self.found_per_predicted,
-            shortest_edge: cx.extent() * 2.0_f64.powi(-(cx.settings.max_level as i32)),
+            shortest_edge: cx.shortest_edge(),
             max_vertices: cx.settings.most_vertices(cx.scene),
         };
         self.divide_long(cx)?;
