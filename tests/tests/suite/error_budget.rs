@@ -35,12 +35,12 @@ fn two_percent() {
     assert_met(0.02);
 }
 
-/// Between the vertices of this mesh falls the whole shadow of a table's top: vertices alone would state an error of 1 %.
+/// Between the vertices of this mesh falls the shadow of a table's top: what vertices alone tell would be over the error asked for.
 #[test]
 fn shadows_that_no_vertex_sees_are_found() {
-    let coarse = BakeSettings { shooter_edge: 0.35, mesh_error: 0.01, ..BakeSettings::default() };
+    let coarse = BakeSettings { shooter_edge: 0.4, mesh_error: 0.03, ..BakeSettings::default() };
     let bake = measured("table", &coarse);
-    assert!(bake.score.relative_l2 <= 0.02, "{:?}, {:?}", bake.score, bake.report.error);
+    assert!(bake.score.relative_l2 <= 0.03, "{:?}, {:?}", bake.score, bake.report.error);
     let blind = measured("table", &BakeSettings { validation_samples: 0, ..coarse });
     assert!(blind.score.relative_l2 > 0.03, "{:?}", blind.score);
 }

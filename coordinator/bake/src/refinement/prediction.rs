@@ -62,7 +62,8 @@ struct Leaf {
 impl MeshError {
     /// Predicts the error of `irradiance` (one value per vertex) on the mesh, as radiosity: weighted by the reflectance of
     /// each surface. `revealed` is of the same irradiance, and `found` are errors of the radiosity measured inside leaves, where
-    /// vertices may have missed something. Leaves longer than `unknown` that were never divided are not known.
+    /// vertices may have missed something. Flat leaves longer than `unknown` that were never divided are not
+    /// known.
     #[must_use]
     pub fn predict(
         mesh: &Mesh,
@@ -80,8 +81,7 @@ impl MeshError {
         let of_leaf = |(id, patch): (PatchId, &Patch)| {
             let weight = reflectance[patch.surface as usize].max(DVec3::splat(LEAST_WEIGHT));
             let corners = patch.corners.iter().map(|corner| weight * irradiance[corner.index()]);
-            let square =
-                corners.clone().map(DVec3::length_squared).sum::<f64>() / patch.corners.len() as f64;
+            let square = corners.clone().map(DVec3::length_squared).sum::<f64>() / patch.corners.len() as f64;
             let error = match patch.parent {
                 Some(parent) => {
                     let own = child_error(mesh, parent, id, revealed, weight);
@@ -96,8 +96,11 @@ impl MeshError {
                     });
                     own * decay
                 }
-                None if mesh.size(id) > unknown => (spread(corners) / 16.0).max(UNKNOWN * UNKNOWN * square),
-                None => spread(corners) / 16.0,
+                None => {
+                    let is_unknown = mesh.size(id) > unknown && !is_smooth(mesh, patch);
+                    let least = if is_unknown { UNKNOWN * UNKNOWN * square } else { 0.0 };
+                    (spread(corners) / 16.0).max(least)
+                }
             };
             let error = error.max(measured.get(&id).copied().unwrap_or(0.0));
             Leaf { id, error: error * patch.area, square: square * patch.area, area: patch.area }
@@ -180,6 +183,11 @@ fn child_error(
     let errors =
         [revealed.middles[position], revealed.centre, revealed.middles[(position + count - 1) % count]];
     errors.iter().map(|error| (weight * *error).length_squared()).sum::<f64>() / 3.0
+}
+
+/// Whether a patch has smooth normals. Small ones are made for the look of curved things, which they follow as they are.
+fn is_smooth(mesh: &Mesh, patch: &Patch) -> bool {
+    patch.corners.iter().any(|corner| mesh.vertices[corner.index()].smooth)
 }
 
 /// Largest square difference between values.
