@@ -84,6 +84,17 @@ pub fn bake_with_points(
     }
 }
 
+/// What to say where the file has more vertices than it may have: refinement adds none then, but the scene needs its own.
+fn over_bound(cx: &Context, vertices: usize) -> Option<String> {
+    let most = cx.settings.vertices_of_file(cx.scene);
+    (vertices > most).then(|| {
+        format!(
+            "the file has {vertices} vertices, and --max-vertices asks for {most} at most: the scene's own corners, and the lines where \
+             its surfaces touch, need as many; simplify the scene"
+        )
+    })
+}
+
 /// Computes what is only asked of the final solution.
 fn finish(mut measured: Measured, mut cx: Context, occluders: usize, points: &AskedPoints) -> Result<Baked> {
     let cx = &mut cx;
@@ -108,6 +119,7 @@ fn finish(mut measured: Measured, mut cx: Context, occluders: usize, points: &As
     cx.client.monitor.enter(Phase::ExportMesh, lit.vertices.len());
     cx.end_step("export mesh");
     let mut report = measured.report(cx, occluders);
+    report.warnings.extend(over_bound(cx, lit.vertices.len()));
     report.warnings.extend(warnings);
     Ok(Baked { lit, report, kept, at_points })
 }

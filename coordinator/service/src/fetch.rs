@@ -16,7 +16,7 @@ use crate::job::{ClientName, Record};
 use crate::metrics::Metrics;
 use crate::progress::Live;
 use crate::refusal::Refusal;
-use crate::store::{digest, remove_file};
+use crate::store::{digest, open, remove_file};
 use crate::sync::lock;
 use crate::{Service, blocking};
 
@@ -80,7 +80,8 @@ impl Service {
                     file_name,
                     present: 0,
                 };
-                let mut file = File::open(self.inner.store.result(&record)).await?;
+                let result = self.inner.store.result(&record);
+                let mut file = File::from_std(blocking(move || Ok(open(&result)?)).await?);
                 file.seek(SeekFrom::Start(request.offset)).await?;
                 Ok(Fetched { header, bytes: self.bytes_of(file) })
             }

@@ -19,7 +19,7 @@ mod samples;
 
 pub use draw::FIRST;
 pub use fit::{best_fit, best_fit_of_part};
-pub use plan::{Obstacle, Plan, Step, long_patches};
+pub use plan::{Obstacle, Plan, Step, long_patches, room};
 pub use prediction::{LEAST_WEIGHT, MeshError};
 pub use revealed::RevealedErrors;
 pub use samples::{MOST_DRAWN, SamplePoints};

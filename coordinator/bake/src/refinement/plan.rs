@@ -109,7 +109,8 @@ pub fn long_patches(mesh: &Mesh, longest: f64, max_vertices: usize) -> Vec<Patch
 }
 
 /// How many patches may be divided.
-fn room(mesh: &Mesh, max_vertices: usize) -> usize {
+#[must_use]
+pub fn room(mesh: &Mesh, max_vertices: usize) -> usize {
     max_vertices.saturating_sub(mesh.vertices.len()) / NEW_VERTICES
 }
 

@@ -7,7 +7,7 @@ use super::solved::Solved;
 use crate::context::Context;
 use crate::error::Result;
 use crate::error_budget::without;
-use crate::refinement::Obstacle;
+use crate::refinement::{Obstacle, room};
 use crate::settings::BakeSettings;
 
 /// Part of the asked error that the shooters may take after a new start.
@@ -87,8 +87,9 @@ impl Solved {
             }
             let mut better = measured.better_settings(cx);
             // Noise of rays is no reason for more vertices.
-            let may_balance =
-                rounds_for_balance < ROUNDS_FOR_BALANCE && measured.solved.rows.source.leaves_cost_rows();
+            let may_balance = cx.settings.error.is_some()
+                && rounds_for_balance < ROUNDS_FOR_BALANCE
+                && measured.solved.rows.source.leaves_cost_rows();
             let needs_balance = |measured: &Measured, cx: &Context| may_balance && !measured.is_balanced(cx);
             let is_end = |measured: &Measured, better: &Option<BakeSettings>, cx: &Context| {
                 round == MAX_ROUNDS
@@ -132,9 +133,9 @@ impl Measured {
             && self.rest_for_receivers(settings) > 0.0
     }
 
-    /// Whether emitted light is accounted for, where an error is asked for.
+    /// Whether emitted light is accounted for.
     fn is_balanced(&self, cx: &Context) -> bool {
-        cx.settings.error.is_none() || self.solved.balance(cx).relative_imbalance().abs() <= IMBALANCE
+        self.solved.balance(cx).relative_imbalance().abs() <= IMBALANCE
     }
 
     /// The error of interpolation on the mesh.
@@ -187,6 +188,11 @@ impl Measured {
             return None;
         }
         let error = &self.error;
+        // No new start has more vertices.
+        let has_room = room(&self.solved.mesh.mesh, cx.settings.most_vertices(cx.scene)) > 0;
+        if !has_room && error.receivers > asked {
+            return None;
+        }
         let certainly = error.with_shooters(error.shooters.min(self.shooters_at_least));
         let rest_is_too_small = certainly.without_receivers() > asked;
         let noise_hides = self.obstacle == Some(Obstacle::Noise);
@@ -225,7 +231,7 @@ impl Measured {
         let asked = settings.asked_error();
         let estimate = if settings.error.is_some() { self.error.total } else { self.error.receivers };
         if estimate <= asked {
-            return (!self.is_balanced(cx)).then(|| self.describe_imbalance(cx, asked));
+            return None;
         }
         let error = &self.error;
         let interpolation = "interpolation between the vertices";
@@ -254,14 +260,18 @@ impl Measured {
         ))
     }
 
-    /// Why the asked error is not met although it is estimated to be.
-    fn describe_imbalance(&self, cx: &Context, asked: f64) -> String {
+    /// What the balance tells that the estimated error does not, in words for the user.
+    pub fn describe_imbalance(&self, cx: &Context) -> Option<String> {
         let part = 100.0 * self.solved.balance(cx).relative_imbalance();
         let what = if part > 0.0 { "is lost between the vertices" } else { "is too much" };
-        format!(
-            "an error of {:.2} % was asked for and may not be met: {:.1} % of the emitted light {what}; lower --error",
-            100.0 * asked,
-            part.abs()
-        )
+        let light = format!("{:.1} % of the emitted light {what}", part.abs());
+        let met = cx.settings.error.filter(|asked| self.error.total <= *asked);
+        (!self.is_balanced(cx)).then(|| match met {
+            Some(asked) => {
+                let asked = 100.0 * asked;
+                format!("an error of {asked:.2} % was asked for and may not be met: {light}; lower --error")
+            }
+            None => format!("{light}: the error may be larger than is said; lower --error or --mesh-error"),
+        })
     }
 }

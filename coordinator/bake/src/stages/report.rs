@@ -158,6 +158,7 @@ impl Measured {
         let settings = cx.settings;
         let mut warnings = vec![];
         warnings.extend(self.describe_obstacle(cx));
+        warnings.extend(self.describe_imbalance(cx));
         let bounds = &self.solved.rows.table.bounds;
         let largest = row_sums.largest.max(bounds.largest_sum());
         if largest > LARGEST_ROW_SUM {

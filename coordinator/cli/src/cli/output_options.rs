@@ -1,4 +1,6 @@
 use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use bake::BakeSettings;
 use clap::Args;
@@ -25,17 +27,26 @@ pub struct OutputOptions {
     groups: Vec<api::LightGroup>,
     /// Write light probes at the points of this file: x, y and z on each line, in units of the file
     #[arg(long, value_name = "FILE", value_parser = points, help_heading = "Output", conflicts_with = "output.probes")]
-    probe_points: Option<ProbePoints>,
+    probe_points: Option<Arc<ProbePoints>>,
 }
 
-/// Coordinates of points, one after another.
-#[derive(Clone)]
-struct ProbePoints(Vec<f64>);
+/// Points of a file.
+struct ProbePoints {
+    path: PathBuf,
+    /// One coordinate after another.
+    coordinates: Vec<f64>,
+}
 
 impl OutputOptions {
+    /// The file with the points of probes.
+    pub fn probe_points_path(&self) -> Option<&Path> {
+        self.probe_points.as_ref().map(|points| &*points.path)
+    }
+
     /// The options as a message, with the format of the output.
     pub fn options(&self, format: api::Format) -> api::OutputOptions {
-        let probe_points = self.probe_points.clone().map_or_else(Vec::new, |ProbePoints(points)| points);
+        let probe_points =
+            self.probe_points.as_ref().map_or_else(Vec::new, |points| points.coordinates.clone());
         let groups = self.groups.clone();
         api::OutputOptions { format: format.into(), groups, probe_points, ..self.given.0.clone() }
     }
@@ -79,7 +90,7 @@ impl OutputOptions {
 }
 
 /// The points of a file.
-fn points(path: &str) -> Result<ProbePoints, String> {
+fn points(path: &str) -> Result<Arc<ProbePoints>, String> {
     let text = fs::read_to_string(path).map_err(|error| error.to_string())?;
     let mut points = vec![];
     for (number, line) in text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty()) {
@@ -89,7 +100,10 @@ fn points(path: &str) -> Result<ProbePoints, String> {
         let numbers = numbers.filter(|numbers| numbers.len() == 3);
         points.extend(numbers.ok_or_else(|| format!("line {}: must be three numbers", number + 1))?);
     }
-    if points.is_empty() { Err("it has no points".into()) } else { Ok(ProbePoints(points)) }
+    if points.is_empty() {
+        return Err("it has no points".into());
+    }
+    Ok(Arc::new(ProbePoints { path: path.into(), coordinates: points }))
 }
 
 /// `NAME=LIGHT,LIGHT`.

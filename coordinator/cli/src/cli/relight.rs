@@ -56,7 +56,11 @@ pub fn run(arguments: &RelightArguments) -> anyhow::Result<()> {
         check_report(report)?;
     }
     check_distinct(
-        &[("scene", Some(&arguments.scene)), ("kept light", Some(&arguments.kept))],
+        &[
+            ("scene", Some(&arguments.scene)),
+            ("kept light", Some(&arguments.kept)),
+            ("sky", arguments.options.sky_path()),
+        ],
         &[("output", Some(&arguments.output)), ("report", arguments.report.as_deref())],
     )?;
     let (settings, export) =

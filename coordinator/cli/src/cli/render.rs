@@ -127,7 +127,9 @@ pub fn run(arguments: &RenderArguments, workers: &ClusterSettings) -> anyhow::Re
     let clock = Instant::now();
     let format = PictureFormat::of(&arguments.output)
         .with_context(|| format!("output {} must end in .png or .exr", arguments.output.display()))?;
-    check_distinct(&[("lit file", Some(&arguments.file))], &[("output", Some(&arguments.output))])?;
+    let mut read = vec![("lit file", Some(&*arguments.file))];
+    read.extend(arguments.workers.files());
+    check_distinct(&read, &[("output", Some(&arguments.output))])?;
     files::check(&arguments.output)?;
     let outside_files = arguments.beside.outside_files;
     let options = ReadOptions { scene: arguments.scene.clone(), outside_files, ..ReadOptions::default() };

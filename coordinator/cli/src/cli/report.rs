@@ -1,7 +1,8 @@
 use std::time::Duration;
 
+use ::console::Term;
 use cluster::WorkerSummary;
-use comfy_table::{Table, presets};
+use comfy_table::{ContentArrangement, Table, presets};
 use output::export::Unshared;
 use pipeline::summary::{Summary, TimeDivision, WorkerMetrics, busy_share};
 
@@ -226,9 +227,12 @@ fn seconds(duration: Duration) -> f64 {
     duration.as_secs_f64()
 }
 
-/// An empty table.
+/// An empty table, no wider than the terminal.
 pub fn new_table() -> Table {
     let mut table = Table::new();
     table.load_preset(presets::UTF8_BORDERS_ONLY);
+    if let Some((_, columns)) = Term::stdout().size_checked() {
+        table.set_content_arrangement(ContentArrangement::Dynamic).set_width(columns);
+    }
     table
 }

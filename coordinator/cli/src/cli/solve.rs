@@ -112,7 +112,12 @@ pub fn run(arguments: &SolveArguments, workers: &ClusterSettings) -> anyhow::Res
         ("checkpoint", checkpoint.as_deref()),
         ("kept light", arguments.keep_light.as_deref()),
     ];
-    let read = [("scene", Some(&*arguments.scene)), ("sky", arguments.options.sky_path())];
+    let mut read = vec![
+        ("scene", Some(&*arguments.scene)),
+        ("sky", arguments.options.sky_path()),
+        ("file of probe points", arguments.written.probe_points_path()),
+    ];
+    read.extend(arguments.workers.files());
     check_distinct(&read, &written)?;
     if let Some(checkpoint) = checkpoint {
         check_regular(checkpoint, "checkpoint", "--checkpoint")?;

@@ -54,7 +54,7 @@ impl StudyArguments {
 pub fn run(arguments: &StudyArguments, workers: &Workers) -> anyhow::Result<()> {
     let size = arguments.size();
     check_reference(&arguments.reference, &arguments.scene, &arguments.beside.read())?;
-    let outputs = Outputs::prepare(&arguments.output, &arguments.reference)?;
+    let outputs = Outputs::prepare(arguments)?;
     let bench = Bench::new(arguments, workers)?;
     let steps = plan(size, BakeSettings::default().seed);
     let clock = Instant::now();
@@ -99,13 +99,16 @@ const MARKDOWN: &str = "study.md";
 
 impl Outputs {
     /// Makes the folder, and finds out whether files can be written there without losing the reference.
-    fn prepare(folder: &Path, reference: &Path) -> anyhow::Result<Self> {
+    fn prepare(arguments: &StudyArguments) -> anyhow::Result<Self> {
+        let folder = &arguments.output;
+        let mut read = vec![("scene", Some(&*arguments.scene)), ("reference", Some(&*arguments.reference))];
+        read.extend(arguments.workers.files());
         fs::create_dir_all(folder).with_context(|| {
             format!("output folder {} cannot be made: choose another --output", folder.display())
         })?;
         for name in [CSV, SVG, MARKDOWN] {
             let path = folder.join(name);
-            check_distinct(&[("reference", Some(reference))], &[("output", Some(&path))])?;
+            check_distinct(&read, &[("output", Some(&path))])?;
             anyhow::ensure!(!path.is_dir(), "{} is a folder: choose another --output", path.display());
             files::replace(&path)
                 .and_then(AtomicWriteFile::discard)

@@ -1,5 +1,5 @@
 use std::num::NonZeroUsize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::Context;
@@ -99,6 +99,18 @@ pub(super) fn path() -> impl TypedValueParser<Value = PathBuf> {
 }
 
 impl SecurityArguments {
+    /// The files that are read, with their names in words.
+    pub fn files(&self) -> [(&'static str, Option<&Path>); 4] {
+        let files = [
+            ("CA certificate", &self.tls_ca),
+            ("certificate", &self.tls_cert),
+            ("private key", &self.tls_key),
+            ("file of the token", &self.token_file),
+        ];
+        // Compose files have empty names.
+        files.map(|(name, path)| (name, path.as_deref().filter(|path| !path.as_os_str().is_empty())))
+    }
+
     /// The settings of a connection.
     pub fn security(&self) -> anyhow::Result<ClientSecurity> {
         let (ca, certificate, key) = (self.tls_ca.clone(), self.tls_cert.clone(), self.tls_key.clone());
@@ -129,6 +141,11 @@ enum FallbackArgument {
 }
 
 impl WorkerArguments {
+    /// The files that are read, with their names in words.
+    pub fn files(&self) -> [(&'static str, Option<&Path>); 4] {
+        self.security.files()
+    }
+
     /// The settings of the cluster, which counts in `metrics`.
     pub fn cluster(&self, metrics: &Metrics) -> anyhow::Result<ClusterSettings> {
         // An empty variable, as compose files have it, names no worker.

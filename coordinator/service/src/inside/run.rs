@@ -1,6 +1,5 @@
 //! One job, in a process of its own, through the pipeline.
 
-use std::fs;
 use std::io::{self, Write};
 use std::mem;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -27,7 +26,7 @@ use super::rows::RowsError;
 use crate::job::Record;
 use crate::outside::TOO_LARGE;
 use crate::refusal::is_full;
-use crate::store::{Store, digest};
+use crate::store::{Store, digest, read};
 
 /// How a run of a job ended, as far as its own process can say.
 #[derive(Debug)]
@@ -88,7 +87,7 @@ fn attempt<W: Write>(
     let output = store.result(record);
     let scene = || -> Result<SceneSource<'_>, Ending> {
         // Without a folder: references to other files are refused.
-        let bytes = fs::read(store.scene(record.scene));
+        let bytes = read(&store.scene(record.scene));
         let bytes = bytes.map_err(of_disk("its scene cannot be read"))?;
         if *Sha256::digest(&bytes) != record.scene.0 {
             tracing::error!(scene = %record.scene, "a scene is not as it was submitted: the disk has changed it");

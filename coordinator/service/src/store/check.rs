@@ -1,14 +1,14 @@
 //! Whether the files of a data folder are as they were written.
 
 use std::collections::BTreeSet;
-use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
 use bake::{KeptLight, RelightError};
 use protocol::api::State;
 
-use super::{Store, StoreError, digest, files_of, record};
+use super::disk::{self, digest, files_of};
+use super::{Store, StoreError, record};
 use crate::job::Record;
 
 /// The result of a check.
@@ -53,7 +53,7 @@ type Check<'a> = (PathBuf, Box<dyn Fn(&Path) -> bool + 'a>, &'static str);
 
 /// Whether a file is kept light as it was written, by whatever release.
 fn is_light(path: &Path) -> bool {
-    let read = fs::read(path).map(|bytes| KeptLight::from_bytes(&bytes));
+    let read = disk::read(path).map(|bytes| KeptLight::from_bytes(&bytes));
     matches!(read, Ok(Ok(_) | Err(RelightError::Version { .. })))
 }
 
@@ -74,7 +74,7 @@ impl Store {
                 continue;
             }
             look(&path);
-            let bytes = match fs::read(&path) {
+            let bytes = match disk::read(&path) {
                 // Its job was deleted.
                 Err(error) if error.kind() == io::ErrorKind::NotFound => continue,
                 read => read.ok(),

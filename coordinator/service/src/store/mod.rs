@@ -3,6 +3,7 @@
 //! | module | what lives there |
 //! |---|---|
 //! | `record` | a job as a file |
+//! | `disk` | files that must be regular ones |
 //! | `check` | whether the files are as they were written |
 //! | `reserve` | room for changes of jobs on a full disk |
 //! | `upload` | a scene that is being uploaded |
@@ -27,6 +28,7 @@
 //! be the records that are missing. File names are random bits and digests, never a client's text.
 
 mod check;
+mod disk;
 mod record;
 mod reserve;
 mod room;
@@ -43,9 +45,11 @@ use std::sync::Mutex;
 
 use output::files;
 use protocol::api::Format;
-use sha2::{Digest, Sha256};
 
 pub use check::{DataCheck, check};
+pub(crate) use disk::{digest, open, read, remove_file};
+use disk::{files_of, sync_folder};
+use reserve::RESERVE;
 pub use room::{Room, expired};
 pub use upload::Upload;
 
@@ -80,10 +84,10 @@ pub enum StoreError {
         /// The folder.
         path: PathBuf,
     },
-    /// Its lock cannot be one.
-    #[error("{} is a folder, where the service keeps the file that it locks: remove it, or choose another --data", path.display())]
-    LockIsFolder {
-        /// The folder.
+    /// One of its files cannot be one.
+    #[error("{} is a folder, a pipe or a device, where the service keeps a file: remove it, or choose another --data", path.display())]
+    NoFile {
+        /// What is in its place.
         path: PathBuf,
     },
     /// It has another layout.
@@ -180,9 +184,6 @@ impl Store {
         }
         let layout = root.join("layout");
         let path = root.join("lock");
-        if path.is_dir() {
-            return Err(StoreError::LockIsFolder { path });
-        }
         let mut options = fs::OpenOptions::new();
         let options = options.read(true).write(true).create(true).truncate(false);
         let lock = options.open(&path).map_err(failed(&path))?;
@@ -204,6 +205,11 @@ impl Store {
 
     /// Whether a folder has the layout of this release, with all that belongs to it.
     fn is_laid_out(root: &Path) -> Result<bool, StoreError> {
+        let files = ["layout", "lock", RESERVE].map(|name| root.join(name));
+        let is_other = |path: &PathBuf| fs::metadata(path).is_ok_and(|there| !there.is_file());
+        if let Some(path) = files.into_iter().find(is_other) {
+            return Err(StoreError::NoFile { path });
+        }
         let layout = root.join("layout");
         let found = match fs::read_to_string(&layout) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(false),
@@ -234,7 +240,7 @@ impl Store {
                 damaged.push(path);
                 continue;
             };
-            let bytes = fs::read(&path).map_err(|error| failed(&path, error))?;
+            let bytes = read(&path).map_err(|error| failed(&path, error))?;
             match record::decode(id, &bytes) {
                 Ok(record) => records.push(record),
                 Err(record::RecordError::Version { theirs }) => {
@@ -379,29 +385,4 @@ impl Store {
         let name = JobId::random().map_err(io::Error::other)?;
         Ok(self.root.join("passing").join(format!("{name}.{extension}")))
     }
-}
-
-/// Syncs the names in a folder to disk.
-fn sync_folder(folder: &Path) -> io::Result<()> {
-    File::open(folder)?.sync_all()
-}
-
-/// Removes a file, if it exists.
-pub(crate) fn remove_file(path: &Path) -> io::Result<()> {
-    match fs::remove_file(path) {
-        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
-        _ => Ok(()),
-    }
-}
-
-/// Length and SHA-256 of a file.
-pub(crate) fn digest(path: &Path) -> io::Result<(u64, [u8; 32])> {
-    let mut hasher = Sha256::new();
-    let size = io::copy(&mut File::open(path)?, &mut hasher)?;
-    Ok((size, hasher.finalize().into()))
-}
-
-/// Lists the files of a folder.
-fn files_of(folder: &Path) -> io::Result<Vec<PathBuf>> {
-    fs::read_dir(folder)?.map(|entry| entry.map(|entry| entry.path())).collect()
 }

@@ -249,7 +249,30 @@ fn a_folder_in_place_of_the_lock_is_named() {
     let folder = tempfile::tempdir().unwrap();
     fs::create_dir(folder.path().join("lock")).unwrap();
     let refused = Store::open(folder.path()).unwrap_err();
-    assert!(matches!(&refused, StoreError::LockIsFolder { path } if path.ends_with("lock")), "{refused}");
+    assert!(matches!(&refused, StoreError::NoFile { path } if path.ends_with("lock")), "{refused}");
+}
+
+/// Opening a pipe waits for someone at its other end.
+#[cfg(unix)]
+#[test]
+fn pipes_in_place_of_files_are_named_and_read_by_nobody() {
+    use std::process::Command;
+
+    let pipe = |path: &Path| assert!(Command::new("mkfifo").arg(path).status().unwrap().success());
+    for name in ["layout", "lock", "reserve"] {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(name);
+        drop(open(&folder));
+        fs::remove_file(&path).unwrap();
+        pipe(&path);
+        let refused = Store::open(folder.path()).unwrap_err();
+        assert!(matches!(&refused, StoreError::NoFile { path: found } if *found == path), "{refused}");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene");
+    pipe(&path);
+    assert!(digest(&path).is_err());
+    assert!(read(&path).is_err());
 }
 
 #[test]
@@ -329,7 +352,10 @@ fn a_check_finds_what_the_disk_has_changed_and_changes_nothing() {
     let mut upload = store.begin_upload().unwrap();
     upload.write(b"scene").unwrap();
     store.finish_upload(&upload).unwrap();
-    let outcome = Outcome { sha256: Sha256::digest(b"lit").to_vec().into(), ..Outcome::default() };
+    let outcome = Outcome {
+        sha256: <sha2::Sha256 as sha2::Digest>::digest(b"lit").to_vec().into(),
+        ..Outcome::default()
+    };
     let done =
         Record { scene: upload.digest(), ..record(1, 1) }.ended(State::Done, String::new(), Some(outcome));
     let queued = Record { scene: upload.digest(), ..record(2, 1) };

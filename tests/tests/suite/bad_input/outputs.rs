@@ -50,6 +50,37 @@ fn two_outputs_are_two_files() {
     bench.assert_refused(&bench.output(), &["--report", &report], &["report", "is the output itself"]);
 }
 
+/// The points of probes, and what connections to workers need.
+#[test]
+fn no_file_that_is_read_beside_the_scene_is_written_over() {
+    let bench = Bench::good();
+    let elsewhere = tempfile::tempdir().unwrap();
+    let kept = elsewhere.path().join("kept").display().to_string();
+    let of_workers = ["--workers", "127.0.0.1:1", "--worker-grace", "0", "--fallback", "embedded"];
+    for (option, content, more, words) in [
+        ("--probe-points", "0.5 0.5 0.5\n", &[][..], "is the file of probe points itself"),
+        ("--token-file", "a-token-of-some-length", &of_workers[..], "is the file of the token itself"),
+    ] {
+        fs::write(&kept, content).unwrap();
+        for written in ["--report", "--keep-light", "--checkpoint"] {
+            let arguments = [&[option, &kept, written, &kept][..], more].concat();
+            bench.assert_refused(&bench.output(), &arguments, &[words]);
+            assert_eq!(fs::read_to_string(&kept).unwrap(), content);
+        }
+    }
+}
+
+/// The scene's own corners are more than these.
+#[test]
+fn a_file_of_more_vertices_than_it_may_have_says_so() {
+    let bench = Bench::good();
+    let answer = bench.run(&bench.output(), &["--max-vertices", "3"]);
+    assert!(answer.success);
+    answer.assert_said(&["--max-vertices asks for 3 at most"]);
+    let answer = bench.run(&bench.output(), &[]);
+    assert!(!answer.stderr.contains("--max-vertices asks"), "{}", answer.stderr);
+}
+
 #[test]
 fn a_buffer_of_the_scene_is_no_output() {
     let (mut document, binary) = good_scene().document();

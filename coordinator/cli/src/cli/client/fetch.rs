@@ -8,6 +8,7 @@ use protocol::api::fetch_result_response::Body;
 use protocol::api::{FetchResultRequest, FileHeader};
 use sha2::{Digest, Sha256};
 
+use super::super::outputs::check_distinct;
 use super::{Connection, ServerArgument, Trouble, wait};
 
 #[derive(Args)]
@@ -35,6 +36,7 @@ pub enum JobFile {
 
 /// Downloads a file of a job.
 pub fn run(arguments: &FetchArguments) -> anyhow::Result<()> {
+    check_distinct(&arguments.server.security.files(), &[("output", Some(&arguments.output))])?;
     files::check(&arguments.output)?;
     let file = if arguments.preview { JobFile::Preview } else { JobFile::Result };
     wait(async {

@@ -74,7 +74,13 @@ enum FormatName {
 /// Submits a scene, and waits for its job if that is asked for.
 pub fn run(arguments: &SubmitArguments) -> anyhow::Result<()> {
     if let Some(output) = &arguments.output {
-        check_distinct(&[("scene", arguments.scene.as_deref())], &[("output", Some(output))])?;
+        let mut read = vec![
+            ("scene", arguments.scene.as_deref()),
+            ("sky", arguments.options.sky_path()),
+            ("file of probe points", arguments.written.probe_points_path()),
+        ];
+        read.extend(arguments.server.security.files());
+        check_distinct(&read, &[("output", Some(output))])?;
         files::check(output)?;
     }
     let scene = match &arguments.scene {
