@@ -35,14 +35,15 @@ fn two_percent() {
     assert_met(0.02);
 }
 
-/// Between the vertices of this mesh falls the shadow of a table's top: what vertices alone tell would be over the error asked for.
+/// Between the vertices of this mesh falls the shadow of a table's top: vertices alone would take the error for met, and it is not.
 #[test]
 fn shadows_that_no_vertex_sees_are_found() {
     let coarse = BakeSettings { shooter_edge: 0.4, mesh_error: 0.03, ..BakeSettings::default() };
     let bake = measured("table", &coarse);
-    assert!(bake.score.relative_l2 <= 0.03, "{:?}, {:?}", bake.score, bake.report.error);
+    assert!(bake.score.relative_l2 <= 0.02, "{:?}, {:?}", bake.score, bake.report.error);
     let blind = measured("table", &BakeSettings { validation_samples: 0, ..coarse });
     assert!(blind.score.relative_l2 > 0.03, "{:?}", blind.score);
+    assert!(blind.report.error.total <= 0.03, "{:?}", blind.report.error);
 }
 
 fn cornell(settings: &BakeSettings) -> ErrorBudget {

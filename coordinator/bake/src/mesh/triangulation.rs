@@ -14,11 +14,9 @@ pub fn triangulate(
     value: impl Fn(VertexId) -> DVec3 + Sync,
 ) -> Vec<Vec<LitTriangle>> {
     let mut triangles = vec![vec![]; surfaces];
-    let leaves: Vec<PatchId> = mesh.leaves().map(|(id, _)| id).collect();
-    let of_leaf = |id: &PatchId| triangulate_leaf(mesh, *id, &value);
-    let all: Vec<Vec<[VertexId; 3]>> = leaves.par_iter().with_min_len(256).map(of_leaf).collect();
-    for (id, own) in leaves.into_iter().zip(all) {
-        let Patch { surface, facet, .. } = *mesh.patch(id);
+    let of_leaf = |(id, patch)| (patch, triangulate_leaf(mesh, id, &value));
+    let all: Vec<(&Patch, Vec<[VertexId; 3]>)> = mesh.par_leaves().map(of_leaf).collect();
+    for (&Patch { surface, facet, .. }, own) in all {
         let of_vertices =
             |corners: [VertexId; 3]| LitTriangle { facet, vertices: corners.map(|corner| corner.0) };
         triangles[surface as usize].extend(own.into_iter().map(of_vertices));

@@ -225,7 +225,7 @@ mod tests {
         );
     }
 
-    /// Else the legs of a table, dark above and below, stay dark between.
+    /// Else the legs of a table, dim above and below, stay dim between. What is black promises nothing, whatever its size.
     #[test]
     fn leaves_that_were_never_divided_are_not_known() {
         let mesh = squares(&[1.0, 0.4, 1.0]);

@@ -2,7 +2,7 @@
 //!
 //! Dividing a patch reveals its error: the solution at the new vertices minus the interpolated values. The error of a leaf is
 //! predicted from that of its parent and the decay since its grandparent. Steep but linear light has none. A leaf that was never
-//! divided may be dark at all of its corners, and bright between them.
+//! divided may be dim at all of its corners, and bright between them.
 
 use std::collections::HashMap;
 
@@ -22,7 +22,7 @@ pub const LEAST_WEIGHT: f64 = 0.05;
 /// Decay taken where only one level is known.
 const FIRST_DECAY: f64 = 0.25;
 
-/// Error of a leaf that was never divided, relative to its light, where nothing else tells of it.
+/// Least error of a leaf that was never divided, relative to the light at its corners, where no middles tell of it.
 const UNKNOWN: f64 = 0.2;
 
 /// Errors show relative to the light at their place, but to no less than this part of the root mean square of the radiosity.
@@ -62,8 +62,8 @@ struct Leaf {
 impl MeshError {
     /// Predicts the error of `irradiance` (one value per vertex) on the mesh, as radiosity: weighted by the reflectance of
     /// each surface. `revealed` is of the same irradiance, and `found` are errors of the radiosity measured inside leaves, where
-    /// vertices may have missed something. Flat leaves longer than `unknown` that were never divided are not
-    /// known.
+    /// vertices may have missed something. Flat leaves longer than `unknown` that were never divided are
+    /// not known.
     #[must_use]
     pub fn predict(
         mesh: &Mesh,

@@ -9,6 +9,7 @@ use crate::error::Result;
 use crate::error_budget::without;
 use crate::refinement::{Obstacle, room};
 use crate::settings::BakeSettings;
+use crate::solver::balance::EnergyBalance;
 
 /// Part of the asked error that the shooters may take after a new start.
 const SHOOTERS_PART: f64 = 0.5;
@@ -90,7 +91,8 @@ impl Solved {
             let may_balance = cx.settings.error.is_some()
                 && rounds_for_balance < ROUNDS_FOR_BALANCE
                 && measured.solved.rows.source.leaves_cost_rows();
-            let needs_balance = |measured: &Measured, cx: &Context| may_balance && !measured.is_balanced(cx);
+            let needs_balance =
+                |measured: &Measured, cx: &Context| may_balance && !is_balanced(&measured.solved.balance(cx));
             let is_end = |measured: &Measured, better: &Option<BakeSettings>, cx: &Context| {
                 round == MAX_ROUNDS
                     || measured.is_enough(cx.settings)
@@ -131,11 +133,6 @@ impl Measured {
     fn is_limited_between(&self, settings: &BakeSettings) -> bool {
         settings.error.is_some_and(|asked| self.error.total > asked && self.between > MUCH_BETWEEN * asked)
             && self.rest_for_receivers(settings) > 0.0
-    }
-
-    /// Whether emitted light is accounted for.
-    fn is_balanced(&self, cx: &Context) -> bool {
-        self.solved.balance(cx).relative_imbalance().abs() <= IMBALANCE
     }
 
     /// The error of interpolation on the mesh.
@@ -261,12 +258,12 @@ impl Measured {
     }
 
     /// What the balance tells that the estimated error does not, in words for the user.
-    pub fn describe_imbalance(&self, cx: &Context) -> Option<String> {
-        let part = 100.0 * self.solved.balance(cx).relative_imbalance();
+    pub fn describe_imbalance(&self, cx: &Context, balance: &EnergyBalance) -> Option<String> {
+        let part = 100.0 * balance.relative_imbalance();
         let what = if part > 0.0 { "is lost between the vertices" } else { "is too much" };
         let light = format!("{:.1} % of the emitted light {what}", part.abs());
         let met = cx.settings.error.filter(|asked| self.error.total <= *asked);
-        (!self.is_balanced(cx)).then(|| match met {
+        (!is_balanced(balance)).then(|| match met {
             Some(asked) => {
                 let asked = 100.0 * asked;
                 format!("an error of {asked:.2} % was asked for and may not be met: {light}; lower --error")
@@ -274,4 +271,9 @@ impl Measured {
             None => format!("{light}: the error may be larger than is said; lower --error or --mesh-error"),
         })
     }
+}
+
+/// Whether emitted light is accounted for.
+fn is_balanced(balance: &EnergyBalance) -> bool {
+    balance.relative_imbalance().abs() <= IMBALANCE
 }

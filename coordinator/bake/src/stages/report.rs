@@ -107,8 +107,9 @@ impl Measured {
         let areas = mesh.energies.iter().map(|share| share.area);
         let sums: Vec<(f64, f64)> = self.solved.row_sums.iter().copied().zip(areas).collect();
         let row_sums = RowSums::new(&sums);
+        let balance = self.solved.balance(cx);
         BakeReport {
-            warnings: self.warnings(cx, &row_sums),
+            warnings: self.warnings(cx, &row_sums, &balance),
             vertices: mesh.mesh.vertices.len(),
             shooting_vertices: mesh.shares.len(),
             patches: mesh.mesh.leaves().count(),
@@ -127,7 +128,7 @@ impl Measured {
             unshot_bound: solution.unshot_bound,
             error: self.error,
             restarts: cx.work.restarts,
-            balance: self.solved.balance(cx),
+            balance,
             row_sums,
             busy_seconds: statistics.busy_nanoseconds as f64 * 1e-9,
             seconds: cx.work.seconds.clone(),
@@ -154,11 +155,11 @@ impl Measured {
         }
     }
 
-    fn warnings(&self, cx: &Context, row_sums: &RowSums) -> Vec<String> {
+    fn warnings(&self, cx: &Context, row_sums: &RowSums, balance: &EnergyBalance) -> Vec<String> {
         let settings = cx.settings;
         let mut warnings = vec![];
         warnings.extend(self.describe_obstacle(cx));
-        warnings.extend(self.describe_imbalance(cx));
+        warnings.extend(self.describe_imbalance(cx, balance));
         let bounds = &self.solved.rows.table.bounds;
         let largest = row_sums.largest.max(bounds.largest_sum());
         if largest > LARGEST_ROW_SUM {

@@ -188,7 +188,7 @@ impl Solved {
             add(&mut gathered, &self.rows.table.vertices.join(before.iter().cloned()));
         }
         let revealed = RevealedErrors::new(&self.mesh.mesh, &gathered);
-        let expected = self.predict_for(cx, (&gathered, &revealed), found, f64::INFINITY);
+        let expected = self.predict_for(cx, (&gathered, &revealed), found);
         let expected: Vec<f64> = expected.leaves().iter().map(|(_, square)| *square).collect();
         let is_added = self.rows.source.add_points(cx, &self.mesh.mesh, &expected)?;
         if is_added {
@@ -272,20 +272,18 @@ impl Solved {
         found.extend(self.measured.iter().flat_map(|points| points.compare(mesh, fitted)));
         // A leaf whose corners are all in the dark, or all in the light, may be otherwise between them.
         found.extend(self.solution.middles.compare_direct(mesh, &self.direct));
-        // Where there are middles, they tell of leaves that were never divided.
-        let unknown = if self.rows.source.leaves_cost_rows() { cx.shortest_edge() } else { f64::INFINITY };
-        self.predict_for(cx, (&self.solution.irradiance, &self.revealed), &found, unknown)
+        self.predict_for(cx, (&self.solution.irradiance, &self.revealed), &found)
     }
 
-    /// The same for this irradiance of the vertices, with what was revealed of it, and these errors of the radiosity. Leaves longer
-    /// than `unknown` that were never divided are not known.
+    /// The same for this irradiance of the vertices, with what was revealed of it, and these errors of the radiosity.
     fn predict_for(
         &self,
         cx: &Context,
         (irradiance, revealed): (&[DVec3], &RevealedErrors),
         found: &[(PatchId, DVec3)],
-        unknown: f64,
     ) -> MeshError {
+        // Where there are middles, they tell of leaves that were never divided.
+        let unknown = if self.rows.source.leaves_cost_rows() { cx.shortest_edge() } else { f64::INFINITY };
         let reflectance: Vec<DVec3> = cx.scene.surfaces.iter().map(|surface| surface.reflectance).collect();
         MeshError::predict(&self.mesh.mesh, irradiance, &reflectance, revealed, found, unknown)
     }

@@ -128,7 +128,7 @@ pub fn run(arguments: &RenderArguments, workers: &ClusterSettings) -> anyhow::Re
     let format = PictureFormat::of(&arguments.output)
         .with_context(|| format!("output {} must end in .png or .exr", arguments.output.display()))?;
     let mut read = vec![("lit file", Some(&*arguments.file))];
-    read.extend(arguments.workers.files());
+    read.extend(arguments.workers.security.files());
     check_distinct(&read, &[("output", Some(&arguments.output))])?;
     files::check(&arguments.output)?;
     let outside_files = arguments.beside.outside_files;

@@ -117,7 +117,7 @@ pub fn run(arguments: &SolveArguments, workers: &ClusterSettings) -> anyhow::Res
         ("sky", arguments.options.sky_path()),
         ("file of probe points", arguments.written.probe_points_path()),
     ];
-    read.extend(arguments.workers.files());
+    read.extend(arguments.workers.security.files());
     check_distinct(&read, &written)?;
     if let Some(checkpoint) = checkpoint {
         check_regular(checkpoint, "checkpoint", "--checkpoint")?;

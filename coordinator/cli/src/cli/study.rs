@@ -98,11 +98,11 @@ const SVG: &str = "study.svg";
 const MARKDOWN: &str = "study.md";
 
 impl Outputs {
-    /// Makes the folder, and finds out whether files can be written there without losing the reference.
+    /// Makes the folder, and finds out whether files can be written there without losing what is read.
     fn prepare(arguments: &StudyArguments) -> anyhow::Result<Self> {
         let folder = &arguments.output;
         let mut read = vec![("scene", Some(&*arguments.scene)), ("reference", Some(&*arguments.reference))];
-        read.extend(arguments.workers.files());
+        read.extend(arguments.workers.security.files());
         fs::create_dir_all(folder).with_context(|| {
             format!("output folder {} cannot be made: choose another --output", folder.display())
         })?;

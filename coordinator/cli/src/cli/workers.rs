@@ -36,7 +36,7 @@ pub struct WorkerArguments {
     #[arg(long, env = "COORDINATOR_FALLBACK", value_enum, default_value_t = FallbackArgument::None)]
     fallback: FallbackArgument,
     #[command(flatten)]
-    security: SecurityArguments,
+    pub(super) security: SecurityArguments,
 }
 
 /// How many threads compute.
@@ -141,11 +141,6 @@ enum FallbackArgument {
 }
 
 impl WorkerArguments {
-    /// The files that are read, with their names in words.
-    pub fn files(&self) -> [(&'static str, Option<&Path>); 4] {
-        self.security.files()
-    }
-
     /// The settings of the cluster, which counts in `metrics`.
     pub fn cluster(&self, metrics: &Metrics) -> anyhow::Result<ClusterSettings> {
         // An empty variable, as compose files have it, names no worker.

@@ -1,4 +1,4 @@
-//! Files of a data folder. All are regular ones: a pipe in the place of one would be waited for without end.
+//! Files of a data folder. What is read here is regular: a pipe in the place of a file would be waited for without end.
 
 use std::fs::{self, File};
 use std::io::{self, Read};

@@ -3,6 +3,7 @@ use std::path::Path;
 use std::time::SystemTime;
 
 use protocol::api::{Outcome, OutputOptions, SceneOptions, State, SubmitSceneHeader};
+use sha2::{Digest, Sha256};
 use tempfile::TempDir;
 
 use super::*;
@@ -352,10 +353,7 @@ fn a_check_finds_what_the_disk_has_changed_and_changes_nothing() {
     let mut upload = store.begin_upload().unwrap();
     upload.write(b"scene").unwrap();
     store.finish_upload(&upload).unwrap();
-    let outcome = Outcome {
-        sha256: <sha2::Sha256 as sha2::Digest>::digest(b"lit").to_vec().into(),
-        ..Outcome::default()
-    };
+    let outcome = Outcome { sha256: Sha256::digest(b"lit").to_vec().into(), ..Outcome::default() };
     let done =
         Record { scene: upload.digest(), ..record(1, 1) }.ended(State::Done, String::new(), Some(outcome));
     let queued = Record { scene: upload.digest(), ..record(2, 1) };
