@@ -7,8 +7,6 @@
 //! |---|---|
 //! | [`export`](mod@export) | the input document with refined geometry and light, or PLY |
 //! | [`render`] | pictures of lit files |
-//! | [`files`] | files that appear whole or not at all |
 
 pub mod export;
-pub mod files;
 pub mod render;

@@ -4,7 +4,6 @@ use std::path::Path;
 
 use document::files_beside;
 use output::export::{ExportError, files_of};
-use output::files;
 use scene::Scene;
 
 /// Checks that nothing is written over the file of a scene, the buffers and images beside it, or another file that is read.

@@ -14,7 +14,6 @@ use cluster::checkpoint::{CheckpointError, CheckpointSummary, Checkpointed, Open
 use cluster::{Cluster, ClusterError, ClusterSettings, WorkerPart};
 use lightmap::LightmapError;
 use output::export::{ExportError, ExportSettings, LightmapPages, check_lightmap, export, export_lightmap};
-use output::files;
 use probes::ProbeError;
 use scene::{ImportError, ImportOptions, Scene, import, import_slice};
 use serde_json::json;

@@ -5,6 +5,7 @@ use std::task::{Context, Poll};
 use std::time::Duration;
 
 use bytes::Bytes;
+use files::open_regular;
 use protocol::api::{FetchResultRequest, FileHeader, Format, OutputOptions, State};
 use tokio::fs::File;
 use tokio::io::AsyncSeekExt;
@@ -16,7 +17,7 @@ use crate::job::{ClientName, Record};
 use crate::metrics::Metrics;
 use crate::progress::Live;
 use crate::refusal::Refusal;
-use crate::store::{digest, open, remove_file};
+use crate::store::{digest, remove_file};
 use crate::sync::lock;
 use crate::{Service, blocking};
 
@@ -81,7 +82,7 @@ impl Service {
                     present: 0,
                 };
                 let result = self.inner.store.result(&record);
-                let mut file = File::from_std(blocking(move || Ok(open(&result)?)).await?);
+                let mut file = File::from_std(blocking(move || Ok(open_regular(&result)?)).await?);
                 file.seek(SeekFrom::Start(request.offset)).await?;
                 Ok(Fetched { header, bytes: self.bytes_of(file) })
             }

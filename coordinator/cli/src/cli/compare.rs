@@ -2,7 +2,6 @@ use std::path::PathBuf;
 
 use anyhow::Context;
 use clap::Args;
-use output::files;
 use serde_json::json;
 use verify::reference::to_csv;
 use verify::score::score_points;

@@ -5,7 +5,6 @@ use std::time::Instant;
 
 use anyhow::Context;
 use clap::Args;
-use output::files;
 use rayon::ThreadPoolBuilder;
 use scene::{ImportOptions, import};
 use serde_json::{Value, json};

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use document::files_beside_file;
-use output::files::{self, AtomicWriteFile, FileError};
+use files::{AtomicWriteFile, FileError};
 
 /// Buffers and images of a glTF, in words.
 const BESIDE: &str = "buffer or image of the scene";

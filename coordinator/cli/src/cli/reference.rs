@@ -6,7 +6,6 @@ use std::time::Instant;
 
 use anyhow::Context;
 use clap::Args;
-use output::files;
 use scene::ReadOptions;
 use serde_json::json;
 use verify::plain::{PlainOptions, PlainScene};

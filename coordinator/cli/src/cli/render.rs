@@ -6,7 +6,6 @@ use clap::{Args, ValueEnum};
 use cluster::{Cluster, ClusterSettings};
 use glam::DVec3;
 use kernel::picture::{Camera, MOST_SAMPLES, Projection, encode_picture};
-use output::files;
 use output::render::{
     CameraChoice, Caption, LitFile, LookAt, PictureFormat, TileSettings, ToneMap, choose_view, encode_exr,
     encode_png, read_lit, render_tiles, suitable_exposure,

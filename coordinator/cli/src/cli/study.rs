@@ -7,7 +7,7 @@ use anyhow::Context;
 use bake::BakeSettings;
 use clap::Args;
 use cluster::Workers;
-use output::files::{self, AtomicWriteFile};
+use files::AtomicWriteFile;
 use tempfile::TempDir;
 use verify::score::{check_reference, score};
 use verify::study::{Circumstances, Measurement, PlanSize, RunReport, Step, markdown, plan, svg, to_csv};

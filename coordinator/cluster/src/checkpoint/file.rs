@@ -1,12 +1,12 @@
 //! A checkpoint on disk: a header, then records.
 
 use std::collections::HashMap;
-use std::fs::{File, OpenOptions, TryLockError};
+use std::fs::{File, OpenOptions};
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
-use std::ops::Deref;
 use std::os::unix::fs::FileExt;
 use std::path::Path;
 
+use files::LockedFile;
 use kernel::replica::Digest;
 use kernel::row::release;
 
@@ -26,25 +26,6 @@ pub struct Place {
     pub length: usize,
 }
 
-/// A file that this process has locked. Unlocked when dropped: closing it alone would leave it locked while a process that was forked
-/// meanwhile has not begun its own program.
-pub struct LockedFile(File);
-
-impl Deref for LockedFile {
-    type Target = File;
-
-    fn deref(&self) -> &File {
-        &self.0
-    }
-}
-
-impl Drop for LockedFile {
-    fn drop(&mut self) {
-        // What cannot be unlocked is unlocked when the process ends.
-        let _ = self.0.unlock();
-    }
-}
-
 /// A checkpoint, locked by this process.
 pub struct CheckpointFile {
     pub file: LockedFile,
@@ -60,11 +41,8 @@ impl CheckpointFile {
         let failed = |error| CheckpointError::Io { path: path.to_owned(), error };
         let mut options = OpenOptions::new();
         let file = options.read(true).write(true).create(true).truncate(false).open(path).map_err(failed)?;
-        file.try_lock().map_err(|error| match error {
-            TryLockError::WouldBlock => CheckpointError::InUse { path: path.to_owned() },
-            TryLockError::Error(error) => failed(error),
-        })?;
-        let file = LockedFile(file);
+        let locked = LockedFile::of(file).map_err(failed)?;
+        let file = locked.ok_or_else(|| CheckpointError::InUse { path: path.to_owned() })?;
         let mut reader = BufReader::with_capacity(1 << 20, &*file);
         let header = [MAGIC, release().as_bytes(), b"\n"].concat();
         let mut found = vec![];

@@ -4,12 +4,13 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
+use files::LockedFile;
 use kernel::replica::{Digest, EncodedReplica};
 use kernel::row::{FinishedJob, JobId, Row, RowRequest};
 use protocol::worker::RowStatistics;
 
 use super::error::CheckpointError;
-use super::file::{CheckpointFile, LockedFile, read};
+use super::file::{CheckpointFile, read};
 use super::record::{decode_body, is_whole, keys};
 use super::writer::{Writer, Written};
 use bake::{BakeError, RowService, ThreadTime};

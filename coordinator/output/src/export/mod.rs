@@ -60,8 +60,8 @@ use bake::LightGroup;
 use bake::lit::LitMesh;
 use scene::Scene;
 
-use crate::files::{self, FileError};
 use draft::Assembled;
+use files::FileError;
 pub use lightmap::LightmapPages;
 pub use pages::PageFormat;
 

@@ -9,7 +9,7 @@ use gltf::json::Root;
 use percent_encoding::{AsciiSet, CONTROLS, utf8_percent_encode};
 
 use super::ExportError;
-use crate::files::{self, FileError};
+use files::FileError;
 
 /// Characters of a file name that a relative URI must escape.
 const NOT_IN_URI: &AsciiSet = &CONTROLS

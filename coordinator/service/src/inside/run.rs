@@ -8,8 +8,8 @@ use std::time::Instant;
 
 use bake::{BakeError, BakeSettings, NewLight};
 use cluster::checkpoint::CheckpointError;
+use files::{FileError, open_regular, read_regular};
 use output::export::{Compression, ExportError, ExportSettings};
-use output::files::FileError;
 use pipeline::options::{
     MOST_NAMES, Violations, export_settings, import_options, irradiance_unit, is_short, new_light, wanted,
 };
@@ -26,7 +26,7 @@ use super::rows::RowsError;
 use crate::job::Record;
 use crate::outside::TOO_LARGE;
 use crate::refusal::is_full;
-use crate::store::{Store, digest, read};
+use crate::store::{Store, digest};
 
 /// How a run of a job ended, as far as its own process can say.
 #[derive(Debug)]
@@ -87,7 +87,7 @@ fn attempt<W: Write>(
     let output = store.result(record);
     let scene = || -> Result<SceneSource<'_>, Ending> {
         // Without a folder: references to other files are refused.
-        let bytes = read(&store.scene(record.scene));
+        let bytes = read_regular(&store.scene(record.scene));
         let bytes = bytes.map_err(of_disk("its scene cannot be read"))?;
         if *Sha256::digest(&bytes) != record.scene.0 {
             tracing::error!(scene = %record.scene, "a scene is not as it was submitted: the disk has changed it");
@@ -140,10 +140,13 @@ fn attempt<W: Write>(
             let header = record.header.output.clone().unwrap_or_default();
             let export = export_settings(&header, irradiance_unit(&relit.options), &mut wrong);
             wrong.check().map_err(failed)?;
+            let kept_light = &store.light(relit.baked);
+            let unusable = |error| RunError::KeptLight { path: kept_light.clone(), error };
+            open_regular(kept_light).map_err(|error| of_run(unusable(error), &output))?;
             let request = RelightRequest {
                 scene: scene()?,
                 import,
-                kept_light: &store.light(relit.baked),
+                kept_light,
                 light: NewLight { only: wanted.bake.only, groups: wanted.bake.groups, ..light },
                 export,
                 output: &output,

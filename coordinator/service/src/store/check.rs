@@ -5,9 +5,10 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use bake::{KeptLight, RelightError};
+use files::read_regular;
 use protocol::api::State;
 
-use super::disk::{self, digest, files_of};
+use super::disk::{digest, files_of};
 use super::{Store, StoreError, record};
 use crate::job::Record;
 
@@ -53,7 +54,7 @@ type Check<'a> = (PathBuf, Box<dyn Fn(&Path) -> bool + 'a>, &'static str);
 
 /// Whether a file is kept light as it was written, by whatever release.
 fn is_light(path: &Path) -> bool {
-    let read = disk::read(path).map(|bytes| KeptLight::from_bytes(&bytes));
+    let read = read_regular(path).map(|bytes| KeptLight::from_bytes(&bytes));
     matches!(read, Ok(Ok(_) | Err(RelightError::Version { .. })))
 }
 
@@ -74,7 +75,7 @@ impl Store {
                 continue;
             }
             look(&path);
-            let bytes = match disk::read(&path) {
+            let bytes = match read_regular(&path) {
                 // Its job was deleted.
                 Err(error) if error.kind() == io::ErrorKind::NotFound => continue,
                 read => read.ok(),

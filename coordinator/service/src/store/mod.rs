@@ -38,16 +38,16 @@ mod tests;
 mod upload;
 
 use std::ffi::OsStr;
-use std::fs::{self, File, TryLockError};
+use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
-use output::files;
+use files::{LockedFile, read_regular};
 use protocol::api::Format;
 
 pub use check::{DataCheck, check};
-pub(crate) use disk::{digest, open, read, remove_file};
+pub(crate) use disk::{digest, remove_file};
 use disk::{files_of, sync_folder};
 use reserve::RESERVE;
 pub use room::{Room, expired};
@@ -85,7 +85,7 @@ pub enum StoreError {
         path: PathBuf,
     },
     /// One of its files cannot be one.
-    #[error("{} is a folder, a pipe or a device, where the service keeps a file: remove it, or choose another --data", path.display())]
+    #[error("{} is a folder, a pipe or a device, where a service keeps a file: put the file back, or choose another --data", path.display())]
     NoFile {
         /// What is in its place.
         path: PathBuf,
@@ -137,8 +137,8 @@ pub enum StoreError {
 #[derive(Debug)]
 pub struct Store {
     root: PathBuf,
-    /// Held until the process ends; a check and a job need none.
-    _lock: Option<File>,
+    /// A check and a job need none.
+    _lock: Option<LockedFile>,
     /// Whether all records could be read: one that is damaged may refer to any scene and light.
     all_known: bool,
     /// Held while room is made or spent: whether the log says that there is none.
@@ -187,10 +187,8 @@ impl Store {
         let mut options = fs::OpenOptions::new();
         let options = options.read(true).write(true).create(true).truncate(false);
         let lock = options.open(&path).map_err(failed(&path))?;
-        lock.try_lock().map_err(|error| match error {
-            TryLockError::WouldBlock => StoreError::InUse { path: root.to_owned() },
-            TryLockError::Error(error) => failed(&path)(error),
-        })?;
+        let lock = LockedFile::of(lock).map_err(failed(&path))?;
+        let lock = lock.ok_or_else(|| StoreError::InUse { path: root.to_owned() })?;
         for folder in FOLDERS {
             let folder = root.join(folder);
             fs::create_dir_all(&folder).map_err(failed(&folder))?;
@@ -240,7 +238,7 @@ impl Store {
                 damaged.push(path);
                 continue;
             };
-            let bytes = read(&path).map_err(|error| failed(&path, error))?;
+            let bytes = read_regular(&path).map_err(|error| failed(&path, error))?;
             match record::decode(id, &bytes) {
                 Ok(record) => records.push(record),
                 Err(record::RecordError::Version { theirs }) => {

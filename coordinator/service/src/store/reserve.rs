@@ -3,7 +3,7 @@
 use std::fs::{self, OpenOptions};
 use std::io::{self, Write};
 
-use super::{Store, files, record};
+use super::{Store, record};
 use crate::job::Record;
 use crate::refusal::is_full;
 use crate::sync::lock;

@@ -273,7 +273,7 @@ fn pipes_in_place_of_files_are_named_and_read_by_nobody() {
     let path = folder.path().join("scene");
     pipe(&path);
     assert!(digest(&path).is_err());
-    assert!(read(&path).is_err());
+    assert!(read_regular(&path).is_err());
 }
 
 #[test]

@@ -3,7 +3,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use clap::Args;
-use output::files::{self, AtomicWriteFile};
+use files::AtomicWriteFile;
 use protocol::api::fetch_result_response::Body;
 use protocol::api::{FetchResultRequest, FileHeader};
 use sha2::{Digest, Sha256};

@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use bake::LightChange;
 use clap::{Args, ValueEnum};
-use output::files;
 use protocol::api::submit_scene_header::Source;
 use protocol::api::submit_scene_request::Body;
 use protocol::api::{
