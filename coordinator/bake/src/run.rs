@@ -89,7 +89,7 @@ fn over_bound(cx: &Context, vertices: usize) -> Option<String> {
     let most = cx.settings.vertices_of_file(cx.scene);
     (vertices > most).then(|| {
         format!(
-            "the file has {vertices} vertices, and --max-vertices asks for {most} at most: the scene's own corners, and the lines where \
+            "the file has {vertices} vertices, over its bound of {most} (--max-vertices): the scene's own corners, and the lines where \
              its surfaces touch, need as many; simplify the scene"
         )
     })

@@ -237,6 +237,14 @@ pub enum ImportProblem {
         /// Index of the vertex.
         vertex: usize,
     },
+    /// NaN or infinity in an animation, which the output takes over.
+    #[error("{place}: there is a {value} among them; repair or remove the animation and export again")]
+    NonFiniteAnimation {
+        /// The animation, its sampler, and which of its numbers.
+        place: String,
+        /// The value.
+        value: f32,
+    },
     /// Places of a sparse accessor that are out of range or out of order.
     #[error(
         "{place}: accessor {accessor} ({attribute}) is sparse and replaces element {index} of {count}: its indices must be in range \

@@ -151,6 +151,7 @@ pub fn read(
         .cloned()
         .collect();
     let document = parse::validate(root, options.scene.as_deref())?;
+    texture::check_transforms(&document)?;
     let mut warnings = Vec::new();
     let document = prepare::pose(document, &mut buffers, limits, &mut warnings)?;
     let bytes_left = budget.saturating_sub(buffers::bytes_beside(document.as_json(), &buffers));

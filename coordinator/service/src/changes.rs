@@ -140,7 +140,7 @@ impl Inner {
         tracing::info!(job = %ended.id, state = ended.state.as_str_name(), failure = ended.failure, "ended");
         self.metrics.ended(ended.state);
         lock(&self.ledger).change(record.id, |entry| entry.record = ended);
-        if let Err(error) = remove_file(&self.store.checkpoint(record.id)) {
+        if let Err(error) = self.store.end_checkpoint(record) {
             tracing::warn!(%error, "a checkpoint cannot be removed");
         }
         Ok(())

@@ -185,14 +185,14 @@ impl Measured {
             return None;
         }
         let error = &self.error;
-        // No new start has more vertices.
+        // No new start has more vertices. Less noise shows whether it needs them.
+        let noise_hides = self.obstacle == Some(Obstacle::Noise);
         let has_room = room(&self.solved.mesh.mesh, cx.settings.most_vertices(cx.scene)) > 0;
-        if !has_room && error.receivers > asked {
+        if !has_room && !noise_hides && self.of_mesh() > asked {
             return None;
         }
         let certainly = error.with_shooters(error.shooters.min(self.shooters_at_least));
         let rest_is_too_small = certainly.without_receivers() > asked;
-        let noise_hides = self.obstacle == Some(Obstacle::Noise);
         let most = error.unshot.max(error.form_factors);
         let better = cx.settings.clone();
         let better = if noise_hides || (rest_is_too_small && error.visibility > error.shooters.max(most)) {
@@ -259,16 +259,23 @@ impl Measured {
 
     /// What the balance tells that the estimated error does not, in words for the user.
     pub fn describe_imbalance(&self, cx: &Context, balance: &EnergyBalance) -> Option<String> {
+        if is_balanced(balance) {
+            return None;
+        }
         let part = 100.0 * balance.relative_imbalance();
-        let what = if part > 0.0 { "is lost between the vertices" } else { "is too much" };
-        let light = format!("{:.1} % of the emitted light {what}", part.abs());
-        let met = cx.settings.error.filter(|asked| self.error.total <= *asked);
-        (!is_balanced(balance)).then(|| match met {
+        let what = if part > 0.0 { "missing" } else { "too much" };
+        let light = format!("{:.1} % of the emitted light is {what}", part.abs());
+        Some(match cx.settings.error {
+            None => format!("{light}: the error may be larger than is said; lower --mesh-error"),
+            // Another warning says why.
+            Some(asked) if self.error.total > asked => {
+                format!("{light}: the error may be larger than is said")
+            }
             Some(asked) => {
                 let asked = 100.0 * asked;
-                format!("an error of {asked:.2} % was asked for and may not be met: {light}; lower --error")
+                let cure = self.obstacle.map_or("lower --error", Obstacle::describe);
+                format!("an error of {asked:.2} % was asked for and may not be met: {light}; {cure}")
             }
-            None => format!("{light}: the error may be larger than is said; lower --error or --mesh-error"),
         })
     }
 }

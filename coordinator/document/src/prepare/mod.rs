@@ -11,10 +11,12 @@
 //! | `quantization` | KHR_mesh_quantization: integers become floats |
 //! | `instances` | EXT_mesh_gpu_instancing: instances become nodes |
 //! | `zeros` | accessors without data get their zeros |
+//! | `animations` | their numbers checked |
 //! | `pose` | morph targets and skins as the file shows them without animation |
 //!
 //! Files that need none of it are left as they are.
 
+mod animations;
 mod draco;
 mod extensions;
 mod instances;
@@ -78,6 +80,7 @@ pub(crate) fn undo(
     instances::place(&mut storage, extensions)?;
     zeros::fill(&mut storage)?;
     storage.finish();
+    animations::check(root, buffers, limits)?;
     extensions::remove(root);
     root.extensions_used.retain(|name| !UNDONE.contains(&name.as_str()));
     root.extensions_required.retain(|name| !UNDONE.contains(&name.as_str()));

@@ -1,9 +1,11 @@
 //! From a vertex's texture coordinates to places on an image.
 
 use glam::{DAffine2, DMat2, DVec2};
+use gltf::Document;
 use gltf::texture::{Info, TextureTransform};
 
 use super::Sampler;
+use crate::error::ImportProblem;
 
 /// The texture coordinates of a texture, their transform, and its sampler.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -23,16 +25,43 @@ impl Mapping {
         Self::of(&info.texture(), info.tex_coord(), info.texture_transform())
     }
 
-    /// The mapping of a texture with this set, unless the transform names another. Transforms that are not finite are ignored.
+    /// The mapping of a texture with this set, unless the transform names another.
     #[must_use]
     pub fn of(texture: &gltf::Texture, set: u32, transform: Option<TextureTransform>) -> Self {
         let sampler = Sampler::new(&texture.sampler());
         let Some(transform) = transform else { return Self { set, transform: DAffine2::IDENTITY, sampler } };
         let set = transform.tex_coord().unwrap_or(set);
-        let placed = affine(transform.offset(), transform.rotation(), transform.scale());
-        let transform = if placed.is_finite() { placed } else { DAffine2::IDENTITY };
+        let transform = affine(transform.offset(), transform.rotation(), transform.scale());
         Self { set, transform, sampler }
     }
+}
+
+/// Checks that the transforms of all textures are finite: JSON has numbers that are too large.
+pub(crate) fn check_transforms(document: &Document) -> Result<(), ImportProblem> {
+    for material in document.materials() {
+        let base = material.pbr_metallic_roughness();
+        let other = material.pbr_specular_glossiness();
+        let infos = [
+            base.base_color_texture(),
+            base.metallic_roughness_texture(),
+            material.emissive_texture(),
+            other.as_ref().and_then(|other| other.diffuse_texture()),
+            other.as_ref().and_then(|other| other.specular_glossiness_texture()),
+        ];
+        for transform in infos.into_iter().flatten().filter_map(|info| info.texture_transform()) {
+            let named = [("offset", transform.offset()), ("scale", transform.scale())];
+            let numbers = named.into_iter().flat_map(|(name, pair)| pair.map(|value| (name, value)));
+            let mut numbers = numbers.chain([("rotation", transform.rotation())]);
+            if let Some((factor, value)) = numbers.find(|(_, value)| !value.is_finite()) {
+                let place = match (material.name(), material.index()) {
+                    (Some(name), _) => format!("a texture of material \"{name}\""),
+                    (None, index) => format!("a texture of material {}", index.unwrap_or_default()),
+                };
+                return Err(ImportProblem::Factor { place, factor, value, expected: "finite" });
+            }
+        }
+    }
+    Ok(())
 }
 
 /// First scaled, then rotated, then moved. A positive rotation turns coordinates counter-clockwise as one looks at the image, whose v

@@ -17,4 +17,5 @@ mod sampler;
 pub use encoding::{Encoding, srgb_to_linear};
 pub use image::{DecodeError, Image, MOST_BYTES, decode, dimensions};
 pub use mapping::Mapping;
+pub(crate) use mapping::check_transforms;
 pub use sampler::{Filter, Sampler, Wrap};

@@ -88,7 +88,12 @@ fn attempt<W: Write>(
     let scene = || -> Result<SceneSource<'_>, Ending> {
         // Without a folder: references to other files are refused.
         let bytes = read_regular(&store.scene(record.scene));
-        let bytes = bytes.map_err(of_disk("its scene cannot be read"))?;
+        let bytes = bytes.map_err(|error| match error.kind() {
+            io::ErrorKind::NotFound => {
+                failed("its scene is gone from the service's disk: submit the file again")
+            }
+            _ => of_disk("its scene cannot be read")(error),
+        })?;
         if *Sha256::digest(&bytes) != record.scene.0 {
             tracing::error!(scene = %record.scene, "a scene is not as it was submitted: the disk has changed it");
             return Err(failed("its scene was damaged on the service's disk: submit the file again"));

@@ -277,6 +277,21 @@ impl Store {
         if scene_is_used { Ok(()) } else { self.remove_scene(record.scene) }
     }
 
+    /// Removes the rows of a job that has ended. Where its scene is gone, they are set aside: nothing is deleted because something
+    /// else is missing.
+    ///
+    /// # Errors
+    /// The operating system's.
+    pub fn end_checkpoint(&self, record: &Record) -> io::Result<()> {
+        let rows = self.checkpoint(record.id);
+        if self.scene(record.scene).exists() || !rows.exists() {
+            return remove_file(&rows);
+        }
+        let place = self.set_aside("checkpoints", &rows)?;
+        tracing::warn!(path = %place.display(), "set aside, since the scene of its job is gone");
+        Ok(())
+    }
+
     /// Removes a scene that no record refers to, if all records are known; else sets it aside.
     ///
     /// # Errors

@@ -140,6 +140,27 @@ fn a_folder_that_is_lost_costs_nothing_in_the_others() {
     assert!(set_aside.is_empty() && exists(store.scene(job.scene)));
 }
 
+#[test]
+fn rows_of_a_job_are_set_aside_where_its_scene_is_gone() {
+    let folder = tempfile::tempdir().unwrap();
+    let Opened { store, .. } = open(&folder);
+    let job = record(1, 1);
+    let rows = store.checkpoint(job.id);
+    for is_gone in [false, true] {
+        fs::write(store.scene(job.scene), "scene").unwrap();
+        fs::write(&rows, "rows").unwrap();
+        if is_gone {
+            fs::remove_file(store.scene(job.scene)).unwrap();
+        }
+        store.end_checkpoint(&job).unwrap();
+        assert!(!exists(&rows));
+        let aside = folder.path().join("unclaimed/checkpoints").join(rows.file_name().unwrap());
+        assert_eq!(exists(&aside), is_gone);
+    }
+    // None was begun.
+    store.end_checkpoint(&job).unwrap();
+}
+
 /// A backup has neither rows nor temporary files.
 #[test]
 fn a_backup_is_a_whole_folder() {

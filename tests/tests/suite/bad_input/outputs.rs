@@ -76,9 +76,9 @@ fn a_file_of_more_vertices_than_it_may_have_says_so() {
     let bench = Bench::good();
     let answer = bench.run(&bench.output(), &["--max-vertices", "3"]);
     assert!(answer.success);
-    answer.assert_said(&["--max-vertices asks for 3 at most"]);
+    answer.assert_said(&["over its bound of 3 (--max-vertices)"]);
     let answer = bench.run(&bench.output(), &[]);
-    assert!(!answer.stderr.contains("--max-vertices asks"), "{}", answer.stderr);
+    assert!(!answer.stderr.contains("over its bound"), "{}", answer.stderr);
 }
 
 #[test]

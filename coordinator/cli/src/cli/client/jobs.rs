@@ -1,6 +1,7 @@
 use std::time::{Duration, SystemTime};
 
 use clap::Args;
+use comfy_table::ColumnConstraint;
 use protocol::api::{CancelJobRequest, DeleteJobRequest, Job, ListJobsRequest, State};
 
 use super::super::console::print;
@@ -30,6 +31,10 @@ pub fn list(arguments: &JobsArguments) -> anyhow::Result<()> {
         if arguments.unfinished { vec![State::Queued.into(), State::Running.into()] } else { vec![] };
     let mut table = new_table();
     table.set_header(["job", "name", "state", "submitted", ""]);
+    // A name of a job is copied from here: in two lines it would be none.
+    if let Some(jobs) = table.column_mut(0) {
+        jobs.set_constraint(ColumnConstraint::ContentWidth);
+    }
     wait(async {
         let mut client = arguments.server.connect().await?;
         let mut page_token = String::new();

@@ -48,6 +48,44 @@ fn attributes_that_the_output_takes_over_are_finite() {
 }
 
 #[test]
+fn animations_are_finite() {
+    for wrong in [f32::NAN, f32::INFINITY] {
+        for (what, times, values) in
+            [("times", [0.0, wrong], [[1.0; 3]; 2]), ("values", [0.0, 1.0], [[wrong; 3]; 2])]
+        {
+            let mut document = TestDocument::square();
+            let times = document.floats("SCALAR", &times.map(|time| [time]));
+            let values = document.floats("VEC3", &values);
+            document.root["animations"] = json!([{
+                "name": "rise",
+                "samplers": [{ "input": times, "output": values }],
+                "channels": [{ "sampler": 0, "target": { "node": 0, "path": "translation" } }],
+            }]);
+            let problem = document.problem();
+            assert!(matches!(problem, ImportProblem::NonFiniteAnimation { .. }), "{problem}");
+            assert_names(&problem, &["animation \"rise\", sampler 0", what, "repair or remove"]);
+        }
+    }
+}
+
+/// JSON has numbers that no float can hold.
+#[test]
+fn transforms_of_textures_are_finite() {
+    for transform in
+        [json!({ "scale": [1, 1e39] }), json!({ "offset": [-1e39, 0] }), json!({ "rotation": 1e39 })]
+    {
+        let mut document = TestDocument::square();
+        let texture = json!({ "index": 0, "extensions": { "KHR_texture_transform": transform } });
+        document.root["images"] = json!([{ "uri": "none.png" }]);
+        document.root["textures"] = json!([{ "source": 0 }]);
+        document.root["materials"] = json!([{ "name": "cloth", "emissiveTexture": texture }]);
+        let problem = document.problem();
+        assert!(matches!(problem, ImportProblem::Factor { expected: "finite", .. }), "{problem}");
+        assert_names(&problem, &["material \"cloth\"", "inf"]);
+    }
+}
+
+#[test]
 fn attributes_of_the_application_lie_within_their_buffers() {
     let mut document = with_attribute("_WEAR", "SCALAR", &[[0.0]; 4]);
     document.root["accessors"][2]["byteOffset"] = 4.into();
