@@ -132,7 +132,10 @@ pub fn contacts(
     };
     let most = most.min(limit);
     let mut order: Vec<usize> = (0..regions.len()).collect();
-    order.retain(|region| regions[*region].size >= SMALLEST_REGION * longest_edge);
+    // Lines across a narrow one are too short, and light hardly differs between its long sides.
+    let is_cut =
+        |region: &Region| region.size >= SMALLEST_REGION * longest_edge && region.width(scene) >= shortest;
+    order.retain(|region| is_cut(&regions[*region]));
     order.sort_by(|a, b| regions[*b].size.total_cmp(&regions[*a].size));
     let mut all = vec![vec![]; regions.len()];
     let most_looks = LOOKS_OF_SMALL_SCENE.max(LOOKS_PER_FACET * risers.len());
@@ -241,4 +244,26 @@ fn clip_to_facet(line: Contact, facet: &Facet) -> Option<Contact> {
     }
     let (from, to) = part;
     (from < to).then(|| [line[0].lerp(line[1], from), line[0].lerp(line[1], to)])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::planar::regions;
+    use crate::test_scenes::{facet, scene};
+
+    /// A sheet stands along the middle of a strip.
+    #[test]
+    fn narrow_strips_are_not_cut_lengthwise() {
+        let lines_of = |width: f64| {
+            let half = width / 2.0;
+            let strip = [[0.0, -half, 0.0], [10.0, -half, 0.0], [10.0, half, 0.0], [0.0, half, 0.0]];
+            let sheet = [[1.0, 0.0, 0.0], [9.0, 0.0, 0.0], [9.0, 0.0, 5.0], [1.0, 0.0, 5.0]];
+            let scene = scene(vec![vec![facet(0, &strip)], vec![facet(1, &sheet)]], vec![]);
+            let regions = regions(&scene);
+            contacts(&scene, &regions, 10.0, 1.0, usize::MAX)[0].len()
+        };
+        assert_eq!(lines_of(1.0), 1);
+        assert_eq!(lines_of(0.01), 0);
+    }
 }

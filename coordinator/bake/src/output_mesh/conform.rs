@@ -12,6 +12,10 @@ use super::grid::{Grid, ON_EDGE, ONE_POINT, bits};
 use super::split::{fan, is_line, normal_between};
 use super::working::{Corner, NONE, Triangle, Working};
 
+/// Most places on edges for each corner: hundreds of slivers in one line have each other's vertices on their edges, quadratically
+/// many.
+const MOST_SPLITS: usize = 4;
+
 /// Makes the triangles conforming, and finds which corners are collapsed together.
 pub fn conform(working: &mut Working) {
     let (places, open) = rayon::join(|| Places::new(working), || open_edges(working));
@@ -39,7 +43,9 @@ pub fn conform(working: &mut Working) {
     let has_any = |same: &&&[((u32, u32), usize)]| !find(&open[same[0].1]).1.is_empty();
     let all_of =
         |same: &&[((u32, u32), usize)]| same.iter().map(|(_, index)| find(&open[*index])).collect::<Vec<_>>();
-    let found: Vec<_> = together.par_iter().with_min_len(64).filter(has_any).flat_map_iter(all_of).collect();
+    let mut found: Vec<_> =
+        together.par_iter().with_min_len(64).filter(has_any).flat_map_iter(all_of).collect();
+    keep_fewest(&mut found, MOST_SPLITS * working.corners.len());
     for (edge, found) in found {
         found.iter().for_each(|(place, _)| is_tied[*place as usize] = true);
         inside.insert(edge, found);
@@ -60,6 +66,23 @@ pub fn conform(working: &mut Working) {
         }
     }
     working.points = points;
+}
+
+/// Keeps the edges with the fewest places inside, `most` places in all.
+fn keep_fewest(found: &mut Vec<((u32, u32), Vec<(u32, f64)>)>, most: usize) {
+    let count: usize = found.iter().map(|(_, places)| places.len()).sum();
+    if count <= most {
+        return;
+    }
+    found.sort_unstable_by_key(|(edge, places)| (places.len(), *edge));
+    let mut left = most;
+    let fits = found.iter().take_while(|(_, places)| {
+        let rest = left.checked_sub(places.len());
+        left = rest.unwrap_or(left);
+        rest.is_some()
+    });
+    let fitting = fits.count();
+    found.truncate(fitting);
 }
 
 /// Open edges, the lesser corner first, and their only triangle or the first of several.
@@ -224,5 +247,26 @@ impl Working {
         };
         self.corners.push(corner);
         self.corners.len() as u32 - 1
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn edges_with_the_fewest_places_are_split_where_there_are_too_many() {
+        let edges = || {
+            [(0, 7), (1, 2), (2, 4), (3, 1)].map(|(edge, count)| ((edge, edge + 9), vec![(0, 0.5); count]))
+        };
+        let kept = |most: usize| {
+            let mut found = edges().to_vec();
+            keep_fewest(&mut found, most);
+            found.iter().map(|(edge, _)| edge.0).collect::<Vec<u32>>()
+        };
+        assert_eq!(kept(14), [0, 1, 2, 3]);
+        assert_eq!(kept(13), [3, 1, 2]);
+        assert_eq!(kept(6), [3, 1]);
+        assert_eq!(kept(0), [] as [u32; 0]);
     }
 }

@@ -2,8 +2,9 @@ use foldhash::{HashMap, HashMapExt};
 
 use glam::DVec3;
 use kernel::disjoint_sets::DisjointSets;
-use kernel::geometry::Bounds;
+use kernel::geometry::{Bounds, area_vector};
 use rayon::prelude::*;
+use smallvec::SmallVec;
 
 use scene::{Facet, Scene, Surface};
 
@@ -22,6 +23,15 @@ impl Region {
     pub fn facets<'a>(&self, scene: &'a Scene) -> Vec<(u32, &'a Facet)> {
         let facets = &scene.surfaces[self.surface].facets;
         self.facets.iter().map(|index| (*index, &facets[*index as usize])).collect()
+    }
+
+    /// Area over size: at most its least width, roughly, and as much as that for a strip.
+    pub fn width(&self, scene: &Scene) -> f64 {
+        let area_of = |(_, facet): (u32, &Facet)| {
+            let corners: SmallVec<[DVec3; 4]> = facet.positions().collect();
+            area_vector(&corners).length()
+        };
+        self.facets(scene).into_iter().map(area_of).sum::<f64>() / self.size
     }
 }
 
