@@ -57,4 +57,15 @@ mod tests {
         assert!(lock().is_some());
         drop(inherited);
     }
+
+    #[cfg(unix)]
+    #[test]
+    fn pipes_are_refused_before_anybody_waits() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("pipe");
+        assert!(std::process::Command::new("mkfifo").arg(&path).status().unwrap().success());
+        assert_eq!(crate::read_regular(&path).unwrap_err().kind(), io::ErrorKind::InvalidInput);
+        let both_ways = File::options().read(true).write(true).open(&path).unwrap();
+        assert_eq!(LockedFile::of(both_ways).unwrap_err().kind(), io::ErrorKind::InvalidInput);
+    }
 }

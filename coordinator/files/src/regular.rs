@@ -28,21 +28,3 @@ pub(crate) fn check(metadata: &Metadata) -> io::Result<()> {
     let refused = || io::Error::new(io::ErrorKind::InvalidInput, "it is no regular file");
     metadata.is_file().then_some(()).ok_or_else(refused)
 }
-
-#[cfg(all(test, unix))]
-mod tests {
-    use std::process::Command;
-
-    use super::*;
-    use crate::LockedFile;
-
-    #[test]
-    fn pipes_are_refused_before_anybody_waits() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("pipe");
-        assert!(Command::new("mkfifo").arg(&path).status().unwrap().success());
-        assert_eq!(read_regular(&path).unwrap_err().kind(), io::ErrorKind::InvalidInput);
-        let both_ways = File::options().read(true).write(true).open(&path).unwrap();
-        assert_eq!(LockedFile::of(both_ways).unwrap_err().kind(), io::ErrorKind::InvalidInput);
-    }
-}

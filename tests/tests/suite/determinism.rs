@@ -122,7 +122,7 @@ fn spot_light_sun_and_sky() {
     let scene = folder.path().join("yard.glb");
     fs::write(&scene, glb).unwrap();
     // Enough jobs for each of the workers.
-    let knobs = ["--mesh-error", "0.05", "--shooter-edge", "0.15", "--sky", "1,1.2,1.5"];
+    let knobs = ["--mesh-error", "0.05", "--shooter-edge", "0.25", "--sky", "1,1.2,1.5"];
     let model = &assert_deterministic(&scene, &knobs)["bake"]["model"];
     assert_eq!((&model["spot_lights"], &model["directional_lights"]), (&1.into(), &1.into()), "{model}");
     assert!(model["sky"].as_u64().unwrap() > 0, "{model}");
