@@ -13,7 +13,7 @@ use tests::nasty::{Bake, End, Family, Nasty, bake, broken, most_seconds, nasty};
 use tests::numbers::Numbers;
 
 /// Where scenes that break a promise go.
-const FOLDER: &str = "target/nasty";
+const FOLDER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../target/nasty");
 
 /// Most seconds from a cancellation to the end.
 const STOPPING: f64 = 2.0;

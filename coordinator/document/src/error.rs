@@ -238,7 +238,7 @@ pub enum ImportProblem {
         vertex: usize,
     },
     /// NaN or infinity in an animation, which the output takes over.
-    #[error("{place}: there is a {value} among them; repair or remove the animation and export again")]
+    #[error("{place}: {value} is among them; repair or remove the animation and export again")]
     NonFiniteAnimation {
         /// The animation, its sampler, and which of its numbers.
         place: String,

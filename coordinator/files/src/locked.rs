@@ -15,7 +15,7 @@ impl LockedFile {
     /// # Errors
     /// Where files cannot be locked, and where this is no regular one: reading from a pipe would wait without end.
     pub fn of(file: File) -> io::Result<Option<Self>> {
-        super::regular::check(&file.metadata()?)?;
+        super::regular::check_regular(&file.metadata()?)?;
         match file.try_lock() {
             Ok(()) => Ok(Some(Self(file))),
             Err(TryLockError::WouldBlock) => Ok(None),

@@ -10,7 +10,7 @@ use std::path::Path;
 /// The operating system's, and where there is something else.
 pub fn open_regular(path: &Path) -> io::Result<File> {
     // Before it is opened: opening a pipe waits, too.
-    check(&fs::metadata(path)?)?;
+    check_regular(&fs::metadata(path)?)?;
     File::open(path)
 }
 
@@ -24,7 +24,7 @@ pub fn read_regular(path: &Path) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-pub(crate) fn check(metadata: &Metadata) -> io::Result<()> {
+pub(crate) fn check_regular(metadata: &Metadata) -> io::Result<()> {
     let refused = || io::Error::new(io::ErrorKind::InvalidInput, "it is no regular file");
     metadata.is_file().then_some(()).ok_or_else(refused)
 }

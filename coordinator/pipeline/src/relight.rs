@@ -1,6 +1,5 @@
 //! From a baked scene and its kept light to a lit file with other lights.
 
-use std::fs;
 use std::path::Path;
 use std::time::Instant;
 
@@ -50,7 +49,8 @@ pub struct Relighted {
 pub fn run(request: RelightRequest<'_>, observer: &mut dyn RunObserver) -> Result<Relighted, RunError> {
     let clock = Instant::now();
     let path = request.kept_light;
-    let read = fs::read(path).map_err(|error| RunError::KeptLight { path: path.to_owned(), error });
+    let read =
+        files::read_regular(path).map_err(|error| RunError::KeptLight { path: path.to_owned(), error });
     let kept = KeptLight::from_bytes(&read?)?;
     let import = ImportOptions { sky: kept.sky(), ..request.import };
     let file = request.scene.file();

@@ -16,6 +16,9 @@ use super::working::{Corner, NONE, Triangle, Working};
 /// many.
 const MOST_SPLITS: usize = 4;
 
+/// Both places of an open edge, the lesser first, and its number.
+type AtPlaces = ((u32, u32), usize);
+
 /// Makes the triangles conforming, and finds which corners are collapsed together.
 pub fn conform(working: &mut Working) {
     let (places, open) = rayon::join(|| Places::new(working), || open_edges(working));
@@ -37,16 +40,18 @@ pub fn conform(working: &mut Working) {
         let [a, b] = [*a, *b].map(|corner| places.of_corner[corner as usize]);
         ((a.min(b), a.max(b)), index)
     };
-    let mut by_places: Vec<((u32, u32), usize)> = open.par_iter().enumerate().map(places_of).collect();
+    let mut by_places: Vec<AtPlaces> = open.par_iter().enumerate().map(places_of).collect();
     by_places.par_sort_unstable();
     let together: Vec<_> = by_places.chunk_by(|one, other| one.0 == other.0).collect();
-    let has_any = |same: &&&[((u32, u32), usize)]| !find(&open[same[0].1]).1.is_empty();
-    let all_of =
-        |same: &&[((u32, u32), usize)]| same.iter().map(|(_, index)| find(&open[*index])).collect::<Vec<_>>();
-    let mut found: Vec<_> =
-        together.par_iter().with_min_len(64).filter(has_any).flat_map_iter(all_of).collect();
-    keep_fewest(&mut found, MOST_SPLITS * working.corners.len());
-    for (edge, found) in found {
+    let counted = |(group, same): (usize, &&[AtPlaces])| {
+        let inside = find(&open[same[0].1]).1.len();
+        (inside > 0).then_some((inside * same.len(), group))
+    };
+    let all_of = |same: &&[AtPlaces]| same.iter().map(|(_, index)| find(&open[*index])).collect::<Vec<_>>();
+    let mut groups: Vec<_> = together.par_iter().enumerate().with_min_len(64).filter_map(counted).collect();
+    keep_fewest(&mut groups, MOST_SPLITS * working.corners.len());
+    let of_groups = groups.par_iter().with_min_len(64).flat_map_iter(|(_, group)| all_of(&together[*group]));
+    for (edge, found) in of_groups.collect::<Vec<_>>() {
         found.iter().for_each(|(place, _)| is_tied[*place as usize] = true);
         inside.insert(edge, found);
     }
@@ -68,21 +73,19 @@ pub fn conform(working: &mut Working) {
     working.points = points;
 }
 
-/// Keeps the edges with the fewest places inside, `most` places in all.
-fn keep_fewest(found: &mut Vec<((u32, u32), Vec<(u32, f64)>)>, most: usize) {
-    let count: usize = found.iter().map(|(_, places)| places.len()).sum();
-    if count <= most {
+/// Keeps the groups of edges with the fewest places inside, `most` places in all. Each comes with its places and its number.
+fn keep_fewest(groups: &mut Vec<(usize, usize)>, most: usize) {
+    if groups.iter().map(|(places, _)| places).sum::<usize>() <= most {
         return;
     }
-    found.sort_unstable_by_key(|(edge, places)| (places.len(), *edge));
-    let mut left = most;
-    let fits = found.iter().take_while(|(_, places)| {
-        let rest = left.checked_sub(places.len());
-        left = rest.unwrap_or(left);
-        rest.is_some()
-    });
-    let fitting = fits.count();
-    found.truncate(fitting);
+    groups.sort_unstable();
+    let mut total = 0;
+    let fits = |(places, _): &&(usize, usize)| {
+        total += places;
+        total <= most
+    };
+    let fitting = groups.iter().take_while(fits).count();
+    groups.truncate(fitting);
 }
 
 /// Open edges, the lesser corner first, and their only triangle or the first of several.
@@ -256,17 +259,14 @@ mod tests {
 
     #[test]
     fn edges_with_the_fewest_places_are_split_where_there_are_too_many() {
-        let edges = || {
-            [(0, 7), (1, 2), (2, 4), (3, 1)].map(|(edge, count)| ((edge, edge + 9), vec![(0, 0.5); count]))
-        };
         let kept = |most: usize| {
-            let mut found = edges().to_vec();
-            keep_fewest(&mut found, most);
-            found.iter().map(|(edge, _)| edge.0).collect::<Vec<u32>>()
+            let mut groups = vec![(7, 0), (2, 1), (4, 2), (1, 3)];
+            keep_fewest(&mut groups, most);
+            groups.into_iter().map(|(_, group)| group).collect::<Vec<_>>()
         };
         assert_eq!(kept(14), [0, 1, 2, 3]);
         assert_eq!(kept(13), [3, 1, 2]);
         assert_eq!(kept(6), [3, 1]);
-        assert_eq!(kept(0), [] as [u32; 0]);
+        assert_eq!(kept(0), [] as [usize; 0]);
     }
 }

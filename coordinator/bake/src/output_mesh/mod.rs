@@ -1,4 +1,4 @@
-//! The mesh of the output: no more vertices than its light needs, and no T-junctions.
+//! The mesh of the output: no more vertices than its light needs, and no T-junctions but those of many slivers in one line.
 //!
 //! The mesh of the bake is divided where light was uncertain, facet by facet. Here its triangles are first made *conforming*: where
 //! a vertex of any surface lies inside the open edge of another triangle, that triangle is split at the same position. Then vertices

@@ -185,10 +185,10 @@ impl Measured {
             return None;
         }
         let error = &self.error;
-        // No new start has more vertices. Less noise shows whether it needs them.
+        // No new start has more vertices or gather points. Less noise shows whether more are needed.
         let noise_hides = self.obstacle == Some(Obstacle::Noise);
         let has_room = room(&self.solved.mesh.mesh, cx.settings.most_vertices(cx.scene)) > 0;
-        if !has_room && !noise_hides && self.of_mesh() > asked {
+        if !has_room && !noise_hides && error.receivers > asked {
             return None;
         }
         let certainly = error.with_shooters(error.shooters.min(self.shooters_at_least));
@@ -259,28 +259,50 @@ impl Measured {
 
     /// What the balance tells that the estimated error does not, in words for the user.
     pub fn describe_imbalance(&self, cx: &Context, balance: &EnergyBalance) -> Option<String> {
-        if is_balanced(balance) {
-            return None;
+        let asked = cx.settings.error.map(|asked| (asked, self.error.total <= asked));
+        (!is_balanced(balance)).then(|| imbalance(balance.relative_imbalance(), asked, self.obstacle))
+    }
+}
+
+/// The imbalance in words. `asked`: the error asked for, if any, and whether it is met as far as was estimated.
+fn imbalance(relative: f64, asked: Option<(f64, bool)>, obstacle: Option<Obstacle>) -> String {
+    let what = if relative > 0.0 { "missing" } else { "too much" };
+    let light = format!("{:.1} % of the emitted light is {what}", 100.0 * relative.abs());
+    match asked {
+        None => format!("{light}: the error may be larger than is said; lower --mesh-error"),
+        // Another warning says why.
+        Some((_, false)) => format!("{light}: the error may be larger than is said"),
+        Some((asked, true)) => {
+            let asked = 100.0 * asked;
+            let cure = match obstacle {
+                Some(Obstacle::MaxVertices) => "raise --max-vertices",
+                Some(Obstacle::Noise) => "raise --rays or --exact-occluders",
+                Some(Obstacle::SmallPatches) | None => "lower --error",
+            };
+            format!("an error of {asked:.2} % was asked for and may not be met: {light}; {cure}")
         }
-        let part = 100.0 * balance.relative_imbalance();
-        let what = if part > 0.0 { "missing" } else { "too much" };
-        let light = format!("{:.1} % of the emitted light is {what}", part.abs());
-        Some(match cx.settings.error {
-            None => format!("{light}: the error may be larger than is said; lower --mesh-error"),
-            // Another warning says why.
-            Some(asked) if self.error.total > asked => {
-                format!("{light}: the error may be larger than is said")
-            }
-            Some(asked) => {
-                let asked = 100.0 * asked;
-                let cure = self.obstacle.map_or("lower --error", Obstacle::describe);
-                format!("an error of {asked:.2} % was asked for and may not be met: {light}; {cure}")
-            }
-        })
     }
 }
 
 /// Whether emitted light is accounted for.
 fn is_balanced(balance: &EnergyBalance) -> bool {
     balance.relative_imbalance().abs() <= IMBALANCE
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_imbalance_comes_with_the_cure_that_fits() {
+        let met = imbalance(0.034, Some((0.05, true)), None);
+        let words =
+            "an error of 5.00 % was asked for and may not be met: 3.4 % of the emitted light is missing";
+        assert_eq!(met, format!("{words}; lower --error"));
+        let ended = imbalance(0.034, Some((0.05, true)), Some(Obstacle::MaxVertices));
+        assert_eq!(ended, format!("{words}; raise --max-vertices"));
+        let missed = imbalance(-0.2, Some((0.05, false)), None);
+        assert_eq!(missed, "20.0 % of the emitted light is too much: the error may be larger than is said");
+        assert!(imbalance(0.034, None, None).ends_with("lower --mesh-error"));
+    }
 }

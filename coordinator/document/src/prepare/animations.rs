@@ -11,7 +11,7 @@ use super::storage::Storage;
 use super::values;
 use crate::error::ImportProblem;
 
-/// Checks that times and values of all animations are finite.
+/// Checks that the floats of all animations lie within the file and are finite.
 pub(super) fn check(
     root: &mut Root,
     buffers: &mut Vec<Vec<u8>>,

@@ -36,26 +36,29 @@ impl Mapping {
     }
 }
 
-/// Checks that the transforms of all textures are finite: JSON has numbers that are too large.
+/// Checks that those transforms are finite which are read and written again: JSON has numbers that are too large.
 pub(crate) fn check_transforms(document: &Document) -> Result<(), ImportProblem> {
-    for material in document.materials() {
+    for (index, material) in document.materials().enumerate() {
         let base = material.pbr_metallic_roughness();
         let other = material.pbr_specular_glossiness();
+        let specular = material.specular();
         let infos = [
             base.base_color_texture(),
             base.metallic_roughness_texture(),
             material.emissive_texture(),
             other.as_ref().and_then(|other| other.diffuse_texture()),
             other.as_ref().and_then(|other| other.specular_glossiness_texture()),
+            specular.as_ref().and_then(|specular| specular.specular_texture()),
+            specular.as_ref().and_then(|specular| specular.specular_color_texture()),
         ];
         for transform in infos.into_iter().flatten().filter_map(|info| info.texture_transform()) {
             let named = [("offset", transform.offset()), ("scale", transform.scale())];
             let numbers = named.into_iter().flat_map(|(name, pair)| pair.map(|value| (name, value)));
             let mut numbers = numbers.chain([("rotation", transform.rotation())]);
             if let Some((factor, value)) = numbers.find(|(_, value)| !value.is_finite()) {
-                let place = match (material.name(), material.index()) {
-                    (Some(name), _) => format!("a texture of material \"{name}\""),
-                    (None, index) => format!("a texture of material {}", index.unwrap_or_default()),
+                let place = match material.name() {
+                    Some(name) => format!("a texture of material \"{name}\""),
+                    None => format!("a texture of material {index}"),
                 };
                 return Err(ImportProblem::Factor { place, factor, value, expected: "finite" });
             }

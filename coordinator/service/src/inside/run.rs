@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use bake::{BakeError, BakeSettings, NewLight};
 use cluster::checkpoint::CheckpointError;
-use files::{FileError, open_regular, read_regular};
+use files::{FileError, read_regular};
 use output::export::{Compression, ExportError, ExportSettings};
 use pipeline::options::{
     MOST_NAMES, Violations, export_settings, import_options, irradiance_unit, is_short, new_light, wanted,
@@ -145,13 +145,10 @@ fn attempt<W: Write>(
             let header = record.header.output.clone().unwrap_or_default();
             let export = export_settings(&header, irradiance_unit(&relit.options), &mut wrong);
             wrong.check().map_err(failed)?;
-            let kept_light = &store.light(relit.baked);
-            let unusable = |error| RunError::KeptLight { path: kept_light.clone(), error };
-            open_regular(kept_light).map_err(|error| of_run(unusable(error), &output))?;
             let request = RelightRequest {
                 scene: scene()?,
                 import,
-                kept_light,
+                kept_light: &store.light(relit.baked),
                 light: NewLight { only: wanted.bake.only, groups: wanted.bake.groups, ..light },
                 export,
                 output: &output,

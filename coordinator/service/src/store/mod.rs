@@ -3,7 +3,7 @@
 //! | module | what lives there |
 //! |---|---|
 //! | `record` | a job as a file |
-//! | `disk` | files that must be regular ones |
+//! | `disk` | files and folders |
 //! | `check` | whether the files are as they were written |
 //! | `reserve` | room for changes of jobs on a full disk |
 //! | `upload` | a scene that is being uploaded |
@@ -20,7 +20,7 @@
 //! DATA/checkpoints/ID    finished rows of unfinished jobs
 //! DATA/reserve           room for changes of jobs when the disk is full
 //! DATA/passing/          temporary files: uploads in progress, previews
-//! DATA/unclaimed/        files that no job refers to
+//! DATA/unclaimed/        files that no job refers to, and rows of jobs whose scene is gone
 //! ```
 //!
 //! A file appears under its name when all of it is on disk, and a record is written last and removed first: whenever the power
@@ -85,7 +85,7 @@ pub enum StoreError {
         path: PathBuf,
     },
     /// One of its files cannot be one.
-    #[error("{} is a folder, a pipe or a device, where a service keeps a file: put the file back, or choose another --data", path.display())]
+    #[error("{} is a folder, a pipe or a device, where a service keeps a file: remove it (`layout` must be put back), or choose another --data", path.display())]
     NoFile {
         /// What is in its place.
         path: PathBuf,
@@ -137,7 +137,7 @@ pub enum StoreError {
 #[derive(Debug)]
 pub struct Store {
     root: PathBuf,
-    /// A check and a job need none.
+    /// Held while the folder is in use; a check and a job need none.
     _lock: Option<LockedFile>,
     /// Whether all records could be read: one that is damaged may refer to any scene and light.
     all_known: bool,
@@ -278,7 +278,7 @@ impl Store {
     }
 
     /// Removes the rows of a job that has ended. Where its scene is gone, they are set aside: nothing is deleted because something
-    /// else is missing.
+    /// else is missing, and `solve --checkpoint` can read them.
     ///
     /// # Errors
     /// The operating system's.

@@ -25,7 +25,7 @@ impl Region {
         self.facets.iter().map(|index| (*index, &facets[*index as usize])).collect()
     }
 
-    /// Area over size: at most its least width, roughly, and as much as that for a strip.
+    /// Area over size: the width of a strip, half the height of a triangle.
     pub fn width(&self, scene: &Scene) -> f64 {
         let area_of = |(_, facet): (u32, &Facet)| {
             let corners: SmallVec<[DVec3; 4]> = facet.positions().collect();

@@ -31,7 +31,7 @@ pub fn list(arguments: &JobsArguments) -> anyhow::Result<()> {
         if arguments.unfinished { vec![State::Queued.into(), State::Running.into()] } else { vec![] };
     let mut table = new_table();
     table.set_header(["job", "name", "state", "submitted", ""]);
-    // A name of a job is copied from here: in two lines it would be none.
+    // The id of a job is copied from here: broken over two lines it cannot be.
     if let Some(jobs) = table.column_mut(0) {
         jobs.set_constraint(ColumnConstraint::ContentWidth);
     }

@@ -71,17 +71,34 @@ fn animations_are_finite() {
 /// JSON has numbers that no float can hold.
 #[test]
 fn transforms_of_textures_are_finite() {
-    for transform in
-        [json!({ "scale": [1, 1e39] }), json!({ "offset": [-1e39, 0] }), json!({ "rotation": 1e39 })]
-    {
-        let mut document = TestDocument::square();
+    let transforms = [
+        ("scale", json!({ "scale": [1, 1e39] })),
+        ("offset", json!({ "offset": [-1e39, 0] })),
+        ("rotation", json!({ "rotation": 1e39 })),
+    ];
+    let glossy = "KHR_materials_pbrSpecularGlossiness";
+    for (name, transform) in transforms {
         let texture = json!({ "index": 0, "extensions": { "KHR_texture_transform": transform } });
-        document.root["images"] = json!([{ "uri": "none.png" }]);
-        document.root["textures"] = json!([{ "source": 0 }]);
-        document.root["materials"] = json!([{ "name": "cloth", "emissiveTexture": texture }]);
-        let problem = document.problem();
-        assert!(matches!(problem, ImportProblem::Factor { expected: "finite", .. }), "{problem}");
-        assert_names(&problem, &["material \"cloth\"", "inf"]);
+        let materials = [
+            json!({ "pbrMetallicRoughness": { "baseColorTexture": texture } }),
+            json!({ "pbrMetallicRoughness": { "metallicRoughnessTexture": texture } }),
+            json!({ "emissiveTexture": texture }),
+            json!({ "extensions": { glossy: { "diffuseTexture": texture } } }),
+            json!({ "extensions": { glossy: { "specularGlossinessTexture": texture } } }),
+            json!({ "extensions": { "KHR_materials_specular": { "specularTexture": texture } } }),
+            json!({ "extensions": { "KHR_materials_specular": { "specularColorTexture": texture } } }),
+        ];
+        for mut material in materials {
+            let mut document = TestDocument::square();
+            material["name"] = "cloth".into();
+            document.root["images"] = json!([{ "uri": "none.png" }]);
+            document.root["textures"] = json!([{ "source": 0 }]);
+            document.root["materials"] = json!([material]);
+            let problem = document.problem();
+            let is_it = matches!(problem, ImportProblem::Factor { factor, .. } if factor == name);
+            assert!(is_it, "{material}: {problem}");
+            assert_names(&problem, &["material \"cloth\"", "inf", "it must be finite"]);
+        }
     }
 }
 
