@@ -15,8 +15,9 @@
 //! | [`accessors`] | vertex data checked before it is read |
 //! | [`images`], [`texture`] | its images decoded and sampled |
 //! | [`sky`] | skies as images, of their own files or within it |
+//! | [`labels`] | names of its parts in messages |
 //! | `warnings` | what the user should know, each once |
-//! | `error` | why a file cannot be read |
+//! | `error`, `faults` | why a file cannot be read |
 //!
 //! Files are not trusted: whatever the bytes, the answer is a document or an [`ImportProblem`].
 
@@ -24,7 +25,9 @@ pub mod accessors;
 mod beside;
 mod buffers;
 mod error;
+mod faults;
 pub mod images;
+pub mod labels;
 mod nesting;
 pub mod nodes;
 mod parse;

@@ -4,6 +4,7 @@ use glam::{DAffine3, DMat3};
 use gltf::{Document, Node};
 
 use super::error::ImportProblem;
+use crate::labels::node_label;
 use crate::placement::local_matrix;
 
 /// A node of the default scene with its world transform.
@@ -12,14 +13,6 @@ pub struct PlacedNode<'a> {
     pub node: Node<'a>,
     /// Node to world.
     pub world: DAffine3,
-}
-
-/// `node "name"`, or `node 3` for one without a name.
-pub fn node_label(node: &Node) -> String {
-    match node.name() {
-        Some(name) if !name.is_empty() => format!("node \"{name}\""),
-        _ => format!("node {}", node.index()),
-    }
 }
 
 /// All nodes of the default scene (else of the first; without scenes all nodes that have no parent and what is under

@@ -7,5 +7,5 @@ mod regular;
 mod written;
 
 pub use locked::LockedFile;
-pub use regular::{open_regular, read_regular};
+pub use regular::{is_irregular, open_regular, read_regular};
 pub use written::{AtomicWriteFile, FileError, check, check_distinct, open, replace, write, write_with};

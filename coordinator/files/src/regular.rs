@@ -24,6 +24,12 @@ pub fn read_regular(path: &Path) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
+/// Whether there is something that is no regular file.
+#[must_use]
+pub fn is_irregular(path: &Path) -> bool {
+    fs::metadata(path).is_ok_and(|there| !there.is_file())
+}
+
 pub(crate) fn check_regular(metadata: &Metadata) -> io::Result<()> {
     let refused = || io::Error::new(io::ErrorKind::InvalidInput, "it is no regular file");
     metadata.is_file().then_some(()).ok_or_else(refused)

@@ -54,14 +54,25 @@ pub enum Obstacle {
 }
 
 impl Obstacle {
-    /// Its description for the user, with a cure.
+    /// What the user can do, if anything.
     #[must_use]
-    pub fn describe(self) -> &'static str {
+    pub fn cure(self) -> Option<&'static str> {
         match self {
-            Self::Noise => "noise of sampled visibility hides it: raise --rays or --exact-occluders",
-            Self::MaxVertices => "raise --max-vertices",
-            Self::SmallPatches => "no patch is left that may be divided",
+            Self::Noise => Some("raise --rays or --exact-occluders"),
+            Self::MaxVertices => Some("raise --max-vertices"),
+            Self::SmallPatches => None,
         }
+    }
+
+    /// Its description for the user, with the cure.
+    #[must_use]
+    pub fn describe(self) -> String {
+        let cause = match self {
+            Self::Noise => Some("noise of sampled visibility hides it"),
+            Self::MaxVertices => None,
+            Self::SmallPatches => Some("no patch is left that may be divided"),
+        };
+        cause.into_iter().chain(self.cure()).collect::<Vec<_>>().join(": ")
     }
 }
 

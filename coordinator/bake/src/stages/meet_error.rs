@@ -274,11 +274,7 @@ fn imbalance(relative: f64, asked: Option<(f64, bool)>, obstacle: Option<Obstacl
         Some((_, false)) => format!("{light}: the error may be larger than is said"),
         Some((asked, true)) => {
             let asked = 100.0 * asked;
-            let cure = match obstacle {
-                Some(Obstacle::MaxVertices) => "raise --max-vertices",
-                Some(Obstacle::Noise) => "raise --rays or --exact-occluders",
-                Some(Obstacle::SmallPatches) | None => "lower --error",
-            };
+            let cure = obstacle.and_then(Obstacle::cure).unwrap_or("lower --error");
             format!("an error of {asked:.2} % was asked for and may not be met: {light}; {cure}")
         }
     }

@@ -1,7 +1,7 @@
 //! The facets that can block light.
 
 use glam::DVec3;
-use kernel::geometry::{ConvexPolygon, area_vector};
+use kernel::geometry::ConvexPolygon;
 use kernel::occluder::convex_bodies;
 use kernel::replica::ScenePolygons;
 use rayon::prelude::*;
@@ -36,13 +36,12 @@ pub fn occluders(scene: &Scene) -> ScenePolygons {
     let (opaque, clear): (Vec<_>, Vec<_>) = facets().partition(|(surface, _)| surface.opacity >= 1.0);
     let mut blocks: Vec<bool> = opaque.par_iter().map(|(_, (_, facet))| can_block(facet)).collect();
     let polygons: Vec<ConvexPolygon> = opaque.iter().map(|(_, (_, facet))| facet.polygon()).collect();
-    let area = |facet: &Facet| area_vector(&facet.positions().collect::<Vec<_>>()).length();
-    let all: f64 = clear.iter().map(|(_, (_, facet))| area(facet)).sum();
+    let all: f64 = clear.iter().map(|(_, (_, facet))| facet.polygon().area()).sum();
     let pieces: Vec<ScenePolygons> = clear
         .par_iter()
         .filter(|(_, (_, facet))| can_block(facet))
         .map(|(surface, (index, facet))| {
-            pieces::cut_by_opacity(surface, *index, pieces::halvings(area(facet) / all))
+            pieces::cut_by_opacity(surface, *index, pieces::halvings(facet.polygon().area() / all))
         })
         .collect();
     // The bottom of a box on the floor blocks nothing, but makes the box a body.

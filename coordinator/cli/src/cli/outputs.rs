@@ -1,6 +1,5 @@
 //! The files that a command writes.
 
-use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
@@ -28,8 +27,11 @@ pub fn check_distinct(read: &Named, written: &Named) -> Result<(), FileError> {
 
 /// Checks that a file which is kept and extended is a regular one, if it is there.
 pub fn check_regular(path: &Path, name: &str, option: &str) -> anyhow::Result<()> {
-    let is_other = fs::metadata(path).is_ok_and(|there| !there.is_file());
-    anyhow::ensure!(!is_other, "{name} {} is no regular file: choose another {option}", path.display());
+    anyhow::ensure!(
+        !files::is_irregular(path),
+        "{name} {} is no regular file: choose another {option}",
+        path.display()
+    );
     Ok(())
 }
 

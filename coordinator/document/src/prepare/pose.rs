@@ -9,7 +9,8 @@ use gltf::{Document, Semantic};
 use super::storage::Storage;
 use super::values::{self, Values};
 use crate::error::ImportProblem;
-use crate::nodes::{node_label, normal_matrix, walk};
+use crate::labels::node_label;
+use crate::nodes::{normal_matrix, walk};
 use crate::placement::world_matrices;
 
 /// Most names that a warning lists.

@@ -6,6 +6,7 @@ use gltf::texture::{Info, TextureTransform};
 
 use super::Sampler;
 use crate::error::ImportProblem;
+use crate::labels::material_label;
 
 /// The texture coordinates of a texture, their transform, and its sampler.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -38,7 +39,7 @@ impl Mapping {
 
 /// Checks that those transforms are finite which are read and written again: JSON has numbers that are too large.
 pub(crate) fn check_transforms(document: &Document) -> Result<(), ImportProblem> {
-    for (index, material) in document.materials().enumerate() {
+    for material in document.materials() {
         let base = material.pbr_metallic_roughness();
         let other = material.pbr_specular_glossiness();
         let specular = material.specular();
@@ -56,10 +57,7 @@ pub(crate) fn check_transforms(document: &Document) -> Result<(), ImportProblem>
             let numbers = named.into_iter().flat_map(|(name, pair)| pair.map(|value| (name, value)));
             let mut numbers = numbers.chain([("rotation", transform.rotation())]);
             if let Some((factor, value)) = numbers.find(|(_, value)| !value.is_finite()) {
-                let place = match material.name() {
-                    Some(name) => format!("a texture of material \"{name}\""),
-                    None => format!("a texture of material {index}"),
-                };
+                let place = format!("a texture of {}", material_label(&material));
                 return Err(ImportProblem::Factor { place, factor, value, expected: "finite" });
             }
         }

@@ -18,7 +18,8 @@ use serde_json::Value;
 use crate::frame::Frame;
 use crate::light::{AreaLight, AreaShape, DEFAULT_LUMINANCE, Light, LightEntry, LightKind};
 use document::EXT_LIGHTS_AREA;
-use document::nodes::{PlacedNode, node_label};
+use document::labels::node_label;
+use document::nodes::PlacedNode;
 use document::{ImportProblem, LightUnit};
 
 /// The factor that turns the intensity of a file into one per steradian or per square metre.

@@ -14,7 +14,7 @@ use super::{frame, primitives, triangles};
 use crate::frame::Frame;
 use document::accessors::{COLOUR, Context, TEXTURE_COORDINATES, TINT, VECTOR, check};
 use document::images::{self, Images};
-use document::nodes::node_label;
+use document::labels::node_label;
 use document::{ImportError, ImportProblem};
 use document::{PlainDocument, ReadOptions, nodes};
 

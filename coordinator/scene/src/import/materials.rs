@@ -23,6 +23,7 @@ use crate::appearance::{Layer, MAX_REFLECTANCE, Pattern};
 use crate::means::{AreaMeans, Composed, Dimming, Opacity};
 use document::ImportProblem;
 use document::images::{Images, image_of};
+use document::labels::material_label;
 use document::texture::{Image, Mapping};
 
 /// Cutoff of a mask that states none.
@@ -246,7 +247,7 @@ struct Factors {
 
 impl Factors {
     fn read(material: &Material, warnings: &mut Vec<String>) -> Result<Self, ImportProblem> {
-        let label = label(material);
+        let label = material_label(material);
         let factor = |name, value: f32, max: f32, expected| {
             if value.is_finite() && (0.0..=max).contains(&value) {
                 return Ok(f64::from(value));
@@ -340,13 +341,5 @@ fn count(material: &Material, pattern: &Pattern, tally: &mut Tally) {
     }
     for name in material.extensions().into_iter().flatten().map(|(name, _)| name) {
         tally.ignored(&format!("material with {name}"));
-    }
-}
-
-fn label(material: &Material) -> String {
-    match (material.name(), material.index()) {
-        (Some(name), _) if !name.is_empty() => format!("material \"{name}\""),
-        (_, Some(index)) => format!("material {index}"),
-        (_, None) => "the default material".to_owned(),
     }
 }

@@ -66,7 +66,8 @@ use crate::report::ImportReport;
 use crate::sky::SkyPattern;
 use document::accessors::Context;
 use document::images;
-use document::nodes::{self, PlacedNode, node_label};
+use document::labels::node_label;
+use document::nodes::{self, PlacedNode};
 
 /// Name in messages of a scene from memory.
 const UNNAMED: &str = "the glTF";

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `record` | a job as a file |
 //! | `disk` | files and folders |
+//! | `error` | why a folder cannot be opened |
 //! | `check` | whether the files are as they were written |
 //! | `reserve` | room for changes of jobs on a full disk |
 //! | `upload` | a scene that is being uploaded |
@@ -29,6 +30,7 @@
 
 mod check;
 mod disk;
+mod error;
 mod record;
 mod reserve;
 mod room;
@@ -43,12 +45,13 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
-use files::{LockedFile, read_regular};
+use files::{LockedFile, is_irregular, read_regular};
 use protocol::api::Format;
 
 pub use check::{DataCheck, check};
 pub(crate) use disk::{digest, remove_file};
 use disk::{files_of, sync_folder};
+pub use error::StoreError;
 use reserve::RESERVE;
 pub use room::{Room, expired};
 pub use upload::Upload;
@@ -66,72 +69,6 @@ const PASSING: &str = "passing";
 
 /// Folders whose loss costs nothing but time: backups have none of them.
 const REPLACED: [&str; 2] = ["checkpoints", PASSING];
-
-/// Why a data folder cannot be opened. Its files are left as they are.
-#[derive(Debug, thiserror::Error)]
-pub enum StoreError {
-    /// The operating system refuses.
-    #[error("data folder {} cannot be used: {error}; choose another --data", path.display())]
-    Io {
-        /// The file or folder.
-        path: PathBuf,
-        /// The operating system's error.
-        error: io::Error,
-    },
-    /// Another service uses it.
-    #[error("data folder {} is in use by another service: stop that one, or choose another --data", path.display())]
-    InUse {
-        /// The folder.
-        path: PathBuf,
-    },
-    /// One of its files cannot be one.
-    #[error("{} is a folder, a pipe or a device, where a service keeps a file: remove it (`layout` must be put back), or choose another --data", path.display())]
-    NoFile {
-        /// What is in its place.
-        path: PathBuf,
-    },
-    /// It has another layout.
-    #[error(
-        "data folder {} says {found:?} in its file `layout`, and this release knows {LAYOUT:?}: use the release that \
-         wrote it, or choose another --data",
-        path.display()
-    )]
-    Layout {
-        /// The folder.
-        path: PathBuf,
-        /// Content of its `layout`.
-        found: String,
-    },
-    /// It has files but no layout.
-    #[error("data folder {} has files that are no service's: choose another --data", path.display())]
-    Foreign {
-        /// The folder.
-        path: PathBuf,
-    },
-    /// One of its folders is gone.
-    #[error(
-        "data folder has lost {}, and the other folders depend on it: put it back, or make an empty one to go on \
-         without; files that no job refers to are then set aside",
-        path.display()
-    )]
-    Lost {
-        /// The folder that is missing.
-        path: PathBuf,
-    },
-    /// A record was written by a later release.
-    #[error(
-        "job record {} is of version {theirs}, this release reads up to {ours}: use the release that wrote it",
-        path.display()
-    )]
-    RecordVersion {
-        /// The file.
-        path: PathBuf,
-        /// Its version.
-        theirs: u32,
-        /// That of this release.
-        ours: u32,
-    },
-}
 
 /// The data folder of one service.
 #[derive(Debug)]
@@ -204,8 +141,7 @@ impl Store {
     /// Whether a folder has the layout of this release, with all that belongs to it.
     fn is_laid_out(root: &Path) -> Result<bool, StoreError> {
         let files = ["layout", "lock", RESERVE].map(|name| root.join(name));
-        let is_other = |path: &PathBuf| fs::metadata(path).is_ok_and(|there| !there.is_file());
-        if let Some(path) = files.into_iter().find(is_other) {
+        if let Some(path) = files.into_iter().find(|path| is_irregular(path)) {
             return Err(StoreError::NoFile { path });
         }
         let layout = root.join("layout");

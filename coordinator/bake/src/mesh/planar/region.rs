@@ -2,9 +2,8 @@ use foldhash::{HashMap, HashMapExt};
 
 use glam::DVec3;
 use kernel::disjoint_sets::DisjointSets;
-use kernel::geometry::{Bounds, area_vector};
+use kernel::geometry::Bounds;
 use rayon::prelude::*;
-use smallvec::SmallVec;
 
 use scene::{Facet, Scene, Surface};
 
@@ -27,11 +26,8 @@ impl Region {
 
     /// Area over size: the width of a strip, half the height of a triangle.
     pub fn width(&self, scene: &Scene) -> f64 {
-        let area_of = |(_, facet): (u32, &Facet)| {
-            let corners: SmallVec<[DVec3; 4]> = facet.positions().collect();
-            area_vector(&corners).length()
-        };
-        self.facets(scene).into_iter().map(area_of).sum::<f64>() / self.size
+        let area: f64 = self.facets(scene).iter().map(|(_, facet)| facet.polygon().area()).sum();
+        area / self.size
     }
 }
 
