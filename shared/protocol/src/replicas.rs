@@ -1,8 +1,8 @@
 //! A replica in pieces, on its way to a worker: from a coordinator, or from a worker that holds it.
 
 use bytes::Bytes;
-use tonic::transport::Channel;
 
+use crate::network::Line;
 use crate::security::{Credentials, SecuredChannel};
 use crate::worker::replica_chunk::Body;
 use crate::worker::worker_client::WorkerClient;
@@ -22,7 +22,7 @@ pub fn chunks(header: ReplicaHeader, bytes: Bytes) -> impl Iterator<Item = Repli
 
 /// A caller of a worker.
 #[must_use]
-pub fn client(channel: Channel, credentials: Credentials) -> WorkerClient<SecuredChannel> {
+pub fn client(channel: Line, credentials: Credentials) -> WorkerClient<SecuredChannel> {
     WorkerClient::with_interceptor(channel, credentials)
         .max_decoding_message_size(MAX_MESSAGE_BYTES)
         .max_encoding_message_size(MAX_MESSAGE_BYTES)

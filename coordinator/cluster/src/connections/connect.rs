@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use kernel::row::ROW_VERSION;
-use protocol::network::{self, ByteStream, Network, Way};
+use protocol::network::{self, ByteStream, Line, Network, Way};
 use protocol::replicas::client;
 use protocol::security::{ClientSecurity, Credentials, SecuredChannel, explain};
 use protocol::server;
@@ -24,7 +24,7 @@ use tokio_stream::StreamExt;
 use tokio_stream::wrappers::UnboundedReceiverStream;
 use tokio_util::sync::CancellationToken;
 use tonic::Streaming;
-use tonic::transport::{Channel, Endpoint};
+use tonic::transport::Endpoint;
 use worker::Settings;
 
 use super::error::{ClusterError, is_refusal, reason, words};
@@ -196,8 +196,8 @@ fn with_limits(endpoint: Endpoint) -> Endpoint {
 /// Opens the session and exchanges hellos. Callers limit its time.
 async fn greet(
     address: String,
-    channel: Channel,
-    uploads: Channel,
+    channel: Line,
+    uploads: Line,
     credentials: Credentials,
     remote: bool,
 ) -> Result<Connection, ClusterError> {

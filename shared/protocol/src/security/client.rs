@@ -3,8 +3,10 @@ use std::net::SocketAddr;
 use tonic::metadata::{Ascii, MetadataValue};
 use tonic::service::Interceptor;
 use tonic::service::interceptor::InterceptedService;
-use tonic::transport::{Channel, Endpoint};
+use tonic::transport::Endpoint;
 use tonic::{Request, Status};
+
+use crate::network::Line;
 
 use super::{SecurityError, Token, Transport};
 
@@ -20,7 +22,7 @@ pub struct ClientSecurity {
 }
 
 /// A channel whose calls carry the token.
-pub type SecuredChannel = InterceptedService<Channel, Credentials>;
+pub type SecuredChannel = InterceptedService<Line, Credentials>;
 
 impl ClientSecurity {
     /// Endpoint of a worker that was given as `host:port` and has this socket address.

@@ -1,5 +1,7 @@
 //! The network between coordinator and workers, and between workers: sockets, or a simulation.
 
+mod line;
+
 use std::future::Future;
 use std::io;
 use std::net::SocketAddr;
@@ -9,8 +11,12 @@ use std::sync::Arc;
 use hyper_util::rt::TokioIo;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::{TcpStream, lookup_host};
-use tonic::transport::{Channel, Endpoint, Error, Uri};
+use tokio::sync::watch;
+use tonic::transport::{Endpoint, Error, Uri};
 use tower::service_fn;
+
+pub use line::{CallError, Line};
+use line::{Counted, CountedStream};
 
 /// Future answer of a [`Network`].
 pub type Answer<T> = Pin<Box<dyn Future<Output = io::Result<T>> + Send>>;
@@ -70,24 +76,33 @@ pub fn way(network: Arc<dyn Network>, address: SocketAddr) -> Way {
 pub fn connect(
     endpoint: &Endpoint,
     way: Way,
-) -> Pin<Box<dyn Future<Output = Result<Channel, Error>> + Send + '_>> {
-    Box::pin(endpoint.connect_with_connector(connector(way)))
+) -> Pin<Box<dyn Future<Output = Result<Line, Error>> + Send + '_>> {
+    let (connector, open) = connector(way);
+    Box::pin(async move { Ok(Line::new(endpoint.connect_with_connector(connector).await?, open)) })
 }
 
 /// The same, when the first call is made.
-pub fn connect_lazily(endpoint: &Endpoint, way: Way) -> Channel {
-    endpoint.connect_with_connector_lazy(connector(way))
+pub fn connect_lazily(endpoint: &Endpoint, way: Way) -> Line {
+    let (connector, open) = connector(way);
+    Line::new(endpoint.connect_with_connector_lazy(connector), open)
 }
 
-/// One type for all ways: each would have an HTTP/2 client compiled for it.
+/// One type for all ways: each would have an HTTP/2 client compiled for it. With the number of its connections, those on the way too.
 fn connector(
     way: Way,
-) -> impl tower::Service<Uri, Response = Stream, Error = io::Error, Future = Connecting> {
-    service_fn(move |_: Uri| -> Connecting {
-        let connecting = way();
-        Box::pin(async move { connecting.await.map(TokioIo::new) })
-    })
+) -> (
+    impl tower::Service<Uri, Response = Stream, Error = io::Error, Future = Connecting>,
+    watch::Receiver<usize>,
+) {
+    let (sender, open) = watch::channel(0);
+    let connector = service_fn(move |_: Uri| -> Connecting {
+        let (connecting, counted) = (way(), Counted::new(&sender));
+        Box::pin(
+            async move { Ok(TokioIo::new(CountedStream { stream: connecting.await?, _counted: counted })) },
+        )
+    });
+    (connector, open)
 }
 
-type Stream = TokioIo<Box<dyn ByteStream>>;
+type Stream = TokioIo<CountedStream>;
 type Connecting = Answer<Stream>;
