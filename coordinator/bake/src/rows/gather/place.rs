@@ -33,8 +33,8 @@ pub(super) const FIRST_POINTS: usize = 1024;
 /// Points are added up to this number,
 const MANY_POINTS: usize = 1 << 13;
 
-/// and beyond, up to this one, as long as half as many again leave no more than this part of the error: elsewhere the error is that of
-/// few places, hidden in others.
+/// and beyond, up to this one, as long as half as many again leave no more than this part of the error, and twice in a row its square:
+/// elsewhere the error is that of few places, hidden in others.
 pub(super) const MOST_POINTS: usize = 1 << 15;
 
 /// See [`MOST_POINTS`].
@@ -111,8 +111,9 @@ impl GatherRows {
             let noise = relative(square_noise * (1.0 + INTERPOLATED_NOISE));
             let error = without_noise(relative(drawn.mean_square_error(errors)), noise);
             tracing::debug!(points = self.points.placed, error, noise, "gather points placed");
-            let helps =
-                errors_so_far.iter().rev().nth(1).is_none_or(|before| error <= LEAST_GAIN.powi(2) * before);
+            // One estimate that is far too high makes the next ones look like progress.
+            let mut gains = [LEAST_GAIN, LEAST_GAIN.powi(2)].into_iter().zip(errors_so_far.iter().rev());
+            let helps = gains.all(|(gain, before)| error <= gain * before);
             errors_so_far.push(error);
             let most = if helps { MOST_POINTS } else { MANY_POINTS };
             // Fresh points alone tell of places where no others lie.
