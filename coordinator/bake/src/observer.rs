@@ -80,6 +80,14 @@ pub struct Progress {
     pub time: TimeParts,
 }
 
+impl Progress {
+    /// Part of the rows that have come, of those known to be needed; none while there are none, or no others are waited for.
+    #[must_use]
+    pub fn part(&self) -> Option<f64> {
+        (0 < self.rows && self.rows < self.rows_needed).then(|| self.rows as f64 / self.rows_needed as f64)
+    }
+}
+
 /// Parts of the wall time of a bake, in seconds. While some threads of the workers compute and others do not, each part gets its
 /// share: with one thread of four busy, a quarter of the time is [`Self::rows`].
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]

@@ -55,8 +55,12 @@ pub(crate) fn lit_twice(scene: &Scene, bake: &BakeSettings, holder: &str) -> Opt
     let lamps = scene.lights.len();
     let is_lit_twice = lamps > 0 && bake.only != LightPart::Indirect;
     is_lit_twice.then(|| {
+        let (lamps, light) = match lamps {
+            1 => ("1 lamp stays".into(), "its light is"),
+            _ => (format!("{lamps} lamps stay"), "their light is"),
+        };
         format!(
-            "{lamps} lamps stay in the file, and their light is in {holder}, too: give --only indirect for viewers that show lamps"
+            "{lamps} in the file, and {light} in {holder}, too: give --only indirect for viewers that show lamps"
         )
     })
 }

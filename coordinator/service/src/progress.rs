@@ -143,9 +143,10 @@ impl Live {
         let rows_per_second = rate(seen.progress.rows_per_second, progress.rows.saturating_sub(rows));
         let rays_per_second = rate(seen.progress.rays_per_second, progress.rays.saturating_sub(rays));
         seen.counted = (now, [progress.rows, progress.rays]);
-        let done = progress.rows as f64 / progress.rows_needed.max(1) as f64;
-        let elapsed = (now - seen.began).as_secs_f64();
-        let left = (done > 0.0).then(|| elapsed * (1.0 - done).max(0.0) / done);
+        let missing = progress.rows_needed.saturating_sub(progress.rows);
+        // Where no rows are waited for, something else is done, of which nobody knows how long it takes.
+        let left = (progress.rows > 0 && missing > 0)
+            .then(|| (now - seen.began).as_secs_f64() * missing as f64 / progress.rows as f64);
         let left = left.and_then(|left| Duration::try_from_secs_f64(left).ok());
         seen.progress = api::Progress {
             phase,

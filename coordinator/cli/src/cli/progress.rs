@@ -21,6 +21,9 @@ const BAR_INTERVAL: Duration = Duration::from_millis(100);
 /// What was said so long ago is not what is done now.
 const STALE: Duration = Duration::from_millis(1500);
 
+/// Rows that have come in less time tell no rate.
+const RATED: Duration = Duration::from_millis(500);
+
 /// The progress bar, or a line each second where there is no terminal. It goes on by itself through steps that say nothing.
 pub struct ProgressLine {
     state: Arc<Mutex<State>>,
@@ -30,7 +33,9 @@ pub struct ProgressLine {
 
 struct State {
     bar: ProgressBar,
+    /// Rates and the time left count from here.
     started: Instant,
+    has_rows: bool,
     step: &'static str,
     entered: Instant,
     /// What there was to say last, and when.
@@ -56,6 +61,7 @@ impl ProgressLine {
         let state = State {
             bar,
             started: now,
+            has_rows: false,
             step,
             entered: now,
             message: None,
@@ -75,18 +81,27 @@ impl ProgressLine {
         Self { state, _ticking: ticking }
     }
 
-    /// Shows how far the bake has come.
+    /// Shows how far the bake has come; before it asks for rows there is only the step to tell.
     pub fn show(&self, progress: &Progress) {
-        self.show_step(progress.phase.name(), (progress.rows, progress.rows_needed), |elapsed| {
-            let part = progress.rows as f64 / progress.rows_needed.max(1) as f64;
+        let step = progress.phase.name();
+        if progress.rows_needed == 0 {
+            return self.enter(step);
+        }
+        lock(&self.state).begin_rows();
+        self.show_step(step, (progress.rows, progress.rows_needed), |elapsed| {
+            let speed = if elapsed < RATED.as_secs_f64() {
+                String::new()
+            } else {
+                let rates = [progress.rows, progress.rays].map(|count| count as f64 / elapsed);
+                let left = progress.part().map_or_else(String::new, |part| time_left(elapsed, part));
+                format!(" · {}{left}", rate(rates))
+            };
             format!(
-                "unshot {:.2} % · rows {}/{} · {} · {} vertices · {:.0} s left",
+                "unshot {:.2} % · rows {}/{} · {} vertices{speed}",
                 progress.unshot * 100.0,
                 progress.rows,
                 progress.rows_needed,
-                rate([progress.rows, progress.rays].map(|count| count as f64 / elapsed.max(1e-9))),
                 progress.vertices,
-                left(elapsed, part),
             )
         });
     }
@@ -114,8 +129,7 @@ impl ProgressLine {
     /// Shows so many done of `all`, and the time left.
     pub fn show_part(&self, step: &'static str, (done, all): (u64, u64), what: &str) {
         self.show_step(step, (done, all), |elapsed| {
-            let left = left(elapsed, done as f64 / all.max(1) as f64);
-            format!("{done}/{all} {what} · {left:.0} s left")
+            format!("{done}/{all} {what}{}", time_left(elapsed, done as f64 / all.max(1) as f64))
         });
     }
 
@@ -149,6 +163,13 @@ impl Drop for ProgressLine {
 }
 
 impl State {
+    /// The rates of a bake are those since it first asked for rows.
+    fn begin_rows(&mut self) {
+        if !self.has_rows {
+            (self.has_rows, self.started) = (true, Instant::now());
+        }
+    }
+
     fn enter(&mut self, step: &'static str) {
         if self.step != step {
             (self.step, self.entered, self.message) = (step, Instant::now(), None);
@@ -189,9 +210,10 @@ pub fn rate([rows, rays]: [f64; 2]) -> String {
     if rays > 0.0 { format!("{rows} · {} rays/s", short(rays)) } else { rows }
 }
 
-/// Seconds left where `part` took `elapsed` seconds.
-fn left(elapsed: f64, part: f64) -> f64 {
-    if part > 0.0 { elapsed * (1.0 - part).max(0.0) / part } else { 0.0 }
+/// The time left where `part` took `elapsed` seconds, as the end of a line.
+fn time_left(elapsed: f64, part: f64) -> String {
+    let is_known = part > 0.0 && part <= 1.0;
+    if is_known { format!(" · {:.0} s left", elapsed * (1.0 - part) / part) } else { String::new() }
 }
 
 fn lock(state: &Mutex<State>) -> MutexGuard<'_, State> {
@@ -228,8 +250,6 @@ impl RunObserver for Shown {
 
     fn imported(&mut self, _scene: &Arc<Scene>) {
         self.line.enter("mesh");
-        // Rates and the time left are those of the bake alone.
-        self.line.restart();
     }
 
     fn exporting(&mut self) {
