@@ -162,16 +162,18 @@ class Lightmap(unittest.TestCase):
 
 
 class Progress(unittest.TestCase):
-    LINE = "shoot: unshot 0.39 % · rows 692/1384 · 315 rows/s · 31.1 k rays/s · 1264 vertices · 2 s left"
+    LINE = "shoot: unshot 0.39 % · rows 692/1384 · 1264 vertices · 315 rows/s · 31.1 k rays/s · 2 s left"
 
     def test_lines(self):
         self.assertEqual(str(progress.parse(self.LINE)), "shoot 50 %, 2 s left")
-        self.assertEqual(progress.parse("light: unshot 100.00 % · rows 0/0 · 0 s left"), progress.Progress("light", 0.0))
+        self.assertEqual(progress.parse("light: unshot 100.00 % · rows 0/9 · 8 vertices"), progress.Progress("light", 0.0))
         self.assertEqual(str(progress.parse("export mesh: 3 s")), "export mesh 0 %")
         self.assertIsNone(progress.parse("warning: shoot"))
 
     def test_errors_and_warnings(self):
-        text = f"{self.LINE}\nwarning: a\nwarning: 1 {progress.EXPECTED}: b\nerror: no light;\n  add one\n"
+        lamps = ["1 lamp stays in the file, and its", "2 lamps stay in the file, and their"]
+        expected = "".join(f"warning: {lamp} light is in the lightmap, too: b\n" for lamp in lamps)
+        text = f"{self.LINE}\nwarning: a\n{expected}error: no light;\n  add one\n"
         self.assertEqual(progress.error(text), "no light; add one")
         self.assertEqual(progress.warnings(text), ["a"])
         self.assertEqual(progress.error(f"killed\n{self.LINE}\n"), "killed")

@@ -35,6 +35,7 @@ struct State {
     bar: ProgressBar,
     /// Rates and the time left count from here.
     started: Instant,
+    /// Whether a bake has asked for rows.
     has_rows: bool,
     step: &'static str,
     entered: Instant,
@@ -107,7 +108,7 @@ impl ProgressLine {
     }
 
     /// Shows a step of which so much is done; what there is to say is asked for where it is time to, with the seconds since
-    /// [`Self::restart`].
+    /// [`Self::restart`], or since a bake first asked for rows.
     pub fn show_step(
         &self,
         step: &'static str,

@@ -1,7 +1,7 @@
 use std::future::Future;
 use std::io;
 use std::pin::Pin;
-use std::task::{Context, Poll, ready};
+use std::task::{Context, Poll};
 use std::time::Duration;
 
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
@@ -13,10 +13,11 @@ use tonic::transport::Channel;
 
 use super::ByteStream;
 
-/// How long a call may last without a connection or an attempt at one. One that gets its answer, or its error, gets it at once.
-const FAREWELL: Duration = Duration::from_secs(1);
+/// How long a call still waits once there is neither a connection nor an attempt at one. Its answer or its error, if there is one, comes
+/// sooner.
+const GRACE: Duration = Duration::from_secs(1);
 
-/// A channel on which no call outlives its connection.
+/// A channel on which no call waits for an answer much longer than its connection lasts. Streams that have begun end by themselves.
 ///
 /// A request that is handed to an HTTP/2 client at the very moment its connection ends can get lost between the two, and its call would
 /// wait for ever (hyper issue 4122). With TLS 1.3 that moment is the usual one: a server refuses a certificate when the caller, for whom the
@@ -51,7 +52,7 @@ impl Service<http::Request<Body>> for Line {
     type Future = Pin<Box<dyn Future<Output = Result<Self::Response, CallError>> + Send>>;
 
     fn poll_ready(&mut self, context: &mut Context<'_>) -> Poll<Result<(), CallError>> {
-        Ok(ready!(Service::poll_ready(&mut self.channel, context))?).into()
+        Service::poll_ready(&mut self.channel, context).map_err(CallError::from)
     }
 
     fn call(&mut self, request: http::Request<Body>) -> Self::Future {
@@ -70,7 +71,7 @@ impl Service<http::Request<Body>> for Line {
 /// Waits until there has been no connection for a while, or none can be any more.
 async fn lost(mut open: watch::Receiver<usize>) {
     while open.wait_for(|open| *open == 0).await.is_ok() {
-        match timeout(FAREWELL, open.wait_for(|open| *open > 0)).await {
+        match timeout(GRACE, open.wait_for(|open| *open > 0)).await {
             Ok(Ok(_)) => {}
             Ok(Err(_)) | Err(_) => return,
         }
@@ -152,21 +153,21 @@ mod tests {
         let (sender, open) = watch::channel(0);
         let begun = Instant::now();
         lost(open.clone()).await;
-        assert_eq!(begun.elapsed(), FAREWELL);
+        assert_eq!(begun.elapsed(), GRACE);
 
         // Connections that follow soon enough keep it.
         let connection = Counted::new(&sender);
         let watching = tokio::spawn(lost(open.clone()));
-        sleep(FAREWELL * 9).await;
+        sleep(GRACE * 9).await;
         drop(connection);
-        sleep(FAREWELL / 2).await;
+        sleep(GRACE / 2).await;
         let connection = Counted::new(&sender);
-        sleep(FAREWELL * 9).await;
+        sleep(GRACE * 9).await;
         assert!(!watching.is_finished());
         drop(connection);
         let begun = Instant::now();
         watching.await.unwrap();
-        assert_eq!(begun.elapsed(), FAREWELL);
+        assert_eq!(begun.elapsed(), GRACE);
 
         drop(sender);
         lost(open).await;

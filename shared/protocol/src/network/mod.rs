@@ -87,7 +87,8 @@ pub fn connect_lazily(endpoint: &Endpoint, way: Way) -> Line {
     Line::new(endpoint.connect_with_connector_lazy(connector), open)
 }
 
-/// One type for all ways: each would have an HTTP/2 client compiled for it. With the number of its connections, those on the way too.
+/// One type for all ways: each would have an HTTP/2 client compiled for it. Also returns the number of its
+/// connections, and of those on the way.
 fn connector(
     way: Way,
 ) -> (

@@ -33,8 +33,8 @@ pub(super) const FIRST_POINTS: usize = 1024;
 /// Points are added up to this number,
 const MANY_POINTS: usize = 1 << 13;
 
-/// and beyond, up to this one, as long as half as many again leave no more than this part of the error, and twice in a row its square:
-/// elsewhere the error is that of few places, hidden in others.
+/// and beyond, up to this one, as long as half as many again leave no more than this part of the error, and the last two times together
+/// no more than its square: elsewhere the error is that of few places, hidden in others.
 pub(super) const MOST_POINTS: usize = 1 << 15;
 
 /// See [`MOST_POINTS`].

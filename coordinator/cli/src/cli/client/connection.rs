@@ -158,6 +158,8 @@ impl<'a> Connection<'a> {
 
 #[cfg(test)]
 mod tests {
+    use protocol::network::CallError;
+
     use super::*;
 
     #[test]
@@ -173,5 +175,6 @@ mod tests {
     fn a_connection_that_broke_passes() {
         let broken = std::io::Error::from(std::io::ErrorKind::ConnectionReset);
         assert!(matches!(Trouble::from(Status::from_error(broken.into())), Trouble::Passing(_)));
+        assert!(matches!(Trouble::from(Status::from_error(CallError::Lost.into())), Trouble::Passing(_)));
     }
 }

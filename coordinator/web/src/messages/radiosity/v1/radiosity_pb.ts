@@ -755,7 +755,7 @@ export type Progress = Message<"radiosity.v1.Progress"> & {
   workers: number;
 
   /**
-   * Estimated time left.
+   * Estimated time left; absent while no rows are waited for.
    *
    * @generated from field: google.protobuf.Duration time_left = 9;
    */
