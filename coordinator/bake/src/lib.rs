@@ -47,7 +47,7 @@ pub use error::BakeError;
 pub use error_budget::ErrorBudget;
 pub use jobs::{RowService, ThreadTime};
 pub use light_parts::{LightGroup, LightPart};
-pub use observer::{Observer, Phase, Progress, TimeParts, Unobserved};
+pub use observer::{Observer, Phase, Progress, RATED, TimeParts, Unobserved, time_left, time_of_rows_left};
 pub use occlusion::occlusion;
 pub use relight::{KeptLight, LightChange, NewLight, RelightError, RelightReport, Relit, relight};
 pub use run::{Baked, bake, bake_with_points};

@@ -1,5 +1,7 @@
 //! Observers of a bake: progress, previews, cancellation.
 
+use std::time::Duration;
+
 use serde::Serialize;
 
 use crate::lit::LitMesh;
@@ -80,12 +82,20 @@ pub struct Progress {
     pub time: TimeParts,
 }
 
-impl Progress {
-    /// Part of the rows that have come, of those known to be needed; none while there are none, or no others are waited for.
-    #[must_use]
-    pub fn part(&self) -> Option<f64> {
-        (0 < self.rows && self.rows < self.rows_needed).then(|| self.rows as f64 / self.rows_needed as f64)
-    }
+/// Rows that have come in less time tell no rate.
+pub const RATED: Duration = Duration::from_millis(500);
+
+/// The time that the rest will take, where what is done took `elapsed`; none before something is done.
+#[must_use]
+pub fn time_left(elapsed: Duration, done: u64, all: u64) -> Option<Duration> {
+    let rest = all.checked_sub(done).filter(|_| done > 0)?;
+    Duration::try_from_secs_f64(elapsed.as_secs_f64() * rest as f64 / done as f64).ok()
+}
+
+/// The same for the rows of a bake. While none are waited for something else is done, of which nobody knows how long it takes.
+#[must_use]
+pub fn time_of_rows_left(elapsed: Duration, rows: u64, needed: u64) -> Option<Duration> {
+    time_left(elapsed, rows, needed).filter(|_| elapsed >= RATED && rows < needed)
 }
 
 /// Parts of the wall time of a bake, in seconds. While some threads of the workers compute and others do not, each part gets its
@@ -143,4 +153,21 @@ pub struct Unobserved;
 
 impl Observer for Unobserved {
     fn progress(&mut self, _: &Progress) {}
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn time_is_left_while_rows_are_waited_for() {
+        assert_eq!(time_of_rows_left(RATED * 2, 10, 30), Some(RATED * 4));
+        for (elapsed, rows, needed) in [(RATED / 2, 10, 30), (RATED, 0, 30), (RATED, 30, 30), (RATED, 0, 0)] {
+            assert_eq!(
+                time_of_rows_left(elapsed, rows, needed),
+                None,
+                "{rows} of {needed} after {elapsed:?}"
+            );
+        }
+    }
 }

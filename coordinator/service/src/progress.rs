@@ -4,6 +4,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
+use bake::time_of_rows_left;
 use protocol::api;
 use tokio::sync::watch;
 
@@ -16,9 +17,6 @@ const INTERVAL: Duration = Duration::from_millis(200);
 
 /// How long previews are made after somebody asked for one.
 const INTEREST: Duration = Duration::from_secs(30);
-
-/// Rows that have come in less time do not tell how long others take.
-const RATED: Duration = Duration::from_millis(500);
 
 /// Seconds over which the rates of rows and rays are averaged.
 const RATE_SECONDS: f64 = 3.0;
@@ -150,8 +148,9 @@ impl Live {
         if progress.rows_needed > 0 {
             seen.rows_began.get_or_insert(now);
         }
-        let left =
-            seen.rows_began.and_then(|began| time_left(now - began, progress.rows, progress.rows_needed));
+        let left = seen
+            .rows_began
+            .and_then(|began| time_of_rows_left(now - began, progress.rows, progress.rows_needed));
         seen.progress = api::Progress {
             phase,
             unshot: progress.unshot,
@@ -175,25 +174,9 @@ impl Live {
     }
 }
 
-/// The time that the rows which are waited for will take, where others took `elapsed`. While none are waited for something else is done, of
-/// which nobody knows how long it takes.
-fn time_left(elapsed: Duration, rows: u64, needed: u64) -> Option<Duration> {
-    let is_known = elapsed >= RATED && 0 < rows && rows < needed;
-    let seconds = elapsed.as_secs_f64() * needed.saturating_sub(rows) as f64 / rows.max(1) as f64;
-    Duration::try_from_secs_f64(seconds).ok().filter(|_| is_known)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn time_is_left_while_rows_are_waited_for() {
-        assert_eq!(time_left(RATED * 2, 10, 30), Some(RATED * 4));
-        for (elapsed, rows, needed) in [(RATED / 2, 10, 30), (RATED, 0, 30), (RATED, 30, 30), (RATED, 0, 0)] {
-            assert_eq!(time_left(elapsed, rows, needed), None, "{rows} of {needed} after {elapsed:?}");
-        }
-    }
 
     #[test]
     fn watchers_are_told_of_steps_and_not_of_every_row() {

@@ -4,7 +4,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use bake::{Observer, Progress};
+use bake::{Observer, Progress, RATED, time_left, time_of_rows_left};
 use cluster::metrics::{BakeMetrics, Metrics};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use pipeline::run::RunObserver;
@@ -20,9 +20,6 @@ const BAR_INTERVAL: Duration = Duration::from_millis(100);
 
 /// What was said so long ago is not what is done now.
 const STALE: Duration = Duration::from_millis(1500);
-
-/// Rows that have come in less time tell no rate.
-const RATED: Duration = Duration::from_millis(500);
 
 /// The progress bar, or a line each second where there is no terminal. It goes on by itself through steps that say nothing.
 pub struct ProgressLine {
@@ -90,12 +87,12 @@ impl ProgressLine {
         }
         lock(&self.state).begin_rows();
         self.show_step(step, (progress.rows, progress.rows_needed), |elapsed| {
-            let speed = if elapsed < RATED.as_secs_f64() {
+            let speed = if elapsed < RATED {
                 String::new()
             } else {
-                let rates = [progress.rows, progress.rays].map(|count| count as f64 / elapsed);
-                let left = progress.part().map_or_else(String::new, |part| time_left(elapsed, part));
-                format!(" · {}{left}", rate(rates))
+                let rates = [progress.rows, progress.rays].map(|count| count as f64 / elapsed.as_secs_f64());
+                let left = time_of_rows_left(elapsed, progress.rows, progress.rows_needed);
+                format!(" · {}{}", rate(rates), words(left))
             };
             format!(
                 "unshot {:.2} % · rows {}/{} · {} vertices{speed}",
@@ -107,13 +104,13 @@ impl ProgressLine {
         });
     }
 
-    /// Shows a step of which so much is done; what there is to say is asked for where it is time to, with the seconds since
+    /// Shows a step of which so much is done; what there is to say is asked for where it is time to, with the time since
     /// [`Self::restart`], or since a bake first asked for rows.
     pub fn show_step(
         &self,
         step: &'static str,
         (done, all): (u64, u64),
-        message: impl FnOnce(f64) -> String,
+        message: impl FnOnce(Duration) -> String,
     ) {
         let mut state = lock(&self.state);
         state.enter(step);
@@ -121,7 +118,7 @@ impl ProgressLine {
         if state.message.as_ref().is_some_and(|(said, _)| said.elapsed() < interval) {
             return;
         }
-        state.message = Some((Instant::now(), message(state.started.elapsed().as_secs_f64())));
+        state.message = Some((Instant::now(), message(state.started.elapsed())));
         state.bar.set_length(all);
         state.bar.set_position(done);
         state.show();
@@ -130,7 +127,7 @@ impl ProgressLine {
     /// Shows so many done of `all`, and the time left.
     pub fn show_part(&self, step: &'static str, (done, all): (u64, u64), what: &str) {
         self.show_step(step, (done, all), |elapsed| {
-            format!("{done}/{all} {what}{}", time_left(elapsed, done as f64 / all.max(1) as f64))
+            format!("{done}/{all} {what}{}", words(time_left(elapsed, done, all)))
         });
     }
 
@@ -211,10 +208,9 @@ pub fn rate([rows, rays]: [f64; 2]) -> String {
     if rays > 0.0 { format!("{rows} · {} rays/s", short(rays)) } else { rows }
 }
 
-/// The time left where `part` took `elapsed` seconds, as the end of a line.
-fn time_left(elapsed: f64, part: f64) -> String {
-    let is_known = part > 0.0 && part <= 1.0;
-    if is_known { format!(" · {:.0} s left", elapsed * (1.0 - part) / part) } else { String::new() }
+/// The time left, if it is known, as the end of a line.
+fn words(left: Option<Duration>) -> String {
+    left.map_or_else(String::new, |left| format!(" · {:.0} s left", left.as_secs_f64()))
 }
 
 fn lock(state: &Mutex<State>) -> MutexGuard<'_, State> {
