@@ -12,7 +12,7 @@ class HALFLIGHT_Settings(bpy.types.PropertyGroup):
         items=[
             ("DRAFT", "Draft", "To see where light falls, 10 % error"),
             ("PREVIEW", "Preview", "To work with, 5 % error"),
-            ("FINAL", "Final", "To publish, 0.75 % error"),
+            ("FINAL", "Final", "To publish, 1 % error"),
         ],
         default="PREVIEW",
     )

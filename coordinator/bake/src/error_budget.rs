@@ -16,7 +16,7 @@ pub struct ErrorBudget {
     pub mesh: f64,
     /// Interpolation between vertices: measured at validation samples.
     pub receivers: f64,
-    /// Constant radiosity of each share: measured at validation samples, against the light of the refined mesh.
+    /// Shares that count as wholes, each with one radiosity: measured at validation samples, against the light of the refined mesh.
     pub shooters: f64,
     /// All parts.
     pub total: f64,

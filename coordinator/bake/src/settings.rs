@@ -36,7 +36,7 @@ impl Quality {
         match self {
             Self::Draft => (0.1, 0.3),
             Self::Preview => (0.05, 0.15),
-            Self::Final => (0.0075, 0.006),
+            Self::Final => (0.01, 0.005),
         }
     }
 }

@@ -1,10 +1,16 @@
 //! Scenes of a few facets, for tests.
 
+use crate::mesh::{Mesh, Share};
 use glam::DVec3;
 use kernel::geometry::{PlaneId, area_vector};
 use scene::{
     Corner, Facet, Frame, ImportReport, Light, LightEntry, LightKind, Scene, Side, SourceDocument, Surface,
 };
+
+/// Width of [`overlaid`].
+pub const SIZE: f64 = 1000.0;
+
+const LONGEST_EDGE: f64 = 300.0;
 
 /// A facet with these corners, counter-clockwise seen from its lit side.
 pub fn facet(plane: u32, corners: &[[f64; 3]]) -> Facet {
@@ -57,4 +63,22 @@ pub fn scene(surfaces: Vec<Vec<Facet>>, lights: Vec<LightKind>) -> Scene {
         import_report: ImportReport::default(),
         degenerate_triangles: 0,
     }
+}
+
+/// A square in a sloping plane, its mesh, divided by this number of slanting lines and the shares of the one without them.
+pub fn overlaid(lines: u32) -> (Scene, Mesh, Vec<Share>) {
+    let at = |x: f64, z: f64| [x * SIZE, z * SIZE / 2.0, z * SIZE];
+    let [a, b, c, d] = [at(0.0, 0.0), at(0.0, 1.0), at(1.0, 1.0), at(1.0, 0.0)];
+    let scene = scene(vec![vec![facet(0, &[a, b, c]), facet(0, &[a, c, d])]], vec![]);
+    let line = |index: u32| {
+        let x = SIZE * (0.2 + 0.6 * f64::from(index) / f64::from(lines));
+        [(x, 0.1 * SIZE), (x + 0.05 * SIZE, 0.9 * SIZE)].map(|(x, z)| DVec3::new(x, z / 2.0, z))
+    };
+    let lines = vec![vec![(0..lines).map(line).collect(), vec![]]];
+    let mesh_of = |lines: &[_]| Mesh::new(&scene, SIZE, LONGEST_EDGE, 8, lines);
+    let (mesh, without) = (mesh_of(&lines), mesh_of(&[]));
+    let shares = mesh.overlaid(&without, without.shares(&scene), LONGEST_EDGE, &scene);
+    assert_eq!(shares.len(), without.vertices.len());
+    assert!(mesh.vertices.len() > 2 * shares.len(), "{} vertices", mesh.vertices.len());
+    (scene, mesh, shares)
 }

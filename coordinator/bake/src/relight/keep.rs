@@ -12,7 +12,7 @@ use crate::error::Result;
 use crate::mesh::PatchId;
 use crate::observer::Phase;
 use crate::refinement::SamplePoints;
-use crate::rows::{Problem, Rows, ShareValues, Solution};
+use crate::rows::{LocalRadiosity, Problem, Radiosity, Rows, ShareValues, Solution};
 use crate::settings::RowStrategy;
 use crate::solver::cache::ColumnCache;
 use crate::stages::{
@@ -31,8 +31,16 @@ const BYTES: u64 = 24;
 struct SolvedPart {
     sources: Vec<LightSource>,
     radiosity: Vec<DVec3>,
+    local: Option<LocalRadiosity>,
     part: KeptPart,
     unit: Unit,
+}
+
+impl SolvedPart {
+    /// Radiosity of the shares, and within them.
+    fn radiosity(&self) -> Radiosity<'_> {
+        Radiosity { shares: &self.radiosity, local: self.local.as_ref() }
+    }
 }
 
 /// The unit in which light is kept.
@@ -40,15 +48,23 @@ struct SolvedPart {
 enum Unit {
     /// As it is.
     AsItIs,
-    /// Divided by this, and white: of a light with one channel.
-    White(f64),
+    /// Divided by this, and white: of a light with one channel, this colour.
+    White(DVec3),
 }
 
 impl Unit {
     fn of(self, light: DVec3) -> DVec3 {
         match self {
             Self::AsItIs => light,
-            Self::White(sum) => DVec3::splat(light.element_sum() / sum),
+            Self::White(colour) => DVec3::splat(light.element_sum() / colour.element_sum()),
+        }
+    }
+
+    /// Light that is kept, as it is.
+    fn light(self, kept: DVec3) -> DVec3 {
+        match self {
+            Self::AsItIs => kept,
+            Self::White(colour) => colour * kept,
         }
     }
 }
@@ -75,7 +91,7 @@ pub fn keep_light(cx: &mut Context, measured: &mut Measured) -> Result<Option<Ke
     }
     cx.work.sweeps = sweeps;
     if parts.iter().any(|solved| solved.part.irradiance.is_empty()) {
-        solved.gather_at_vertices(cx, &mut parts)?;
+        solved.gather_at_vertices(cx, &means, &mut parts)?;
     }
     solved.gather_at_samples(cx, validation, &mut parts)?;
     let mesh = &solved.mesh.mesh;
@@ -146,7 +162,7 @@ impl Solved {
                 };
             }
         }
-        let unit = if is_sky && !is_white { Unit::White(sky.element_sum()) } else { Unit::AsItIs };
+        let unit = if is_sky && !is_white { Unit::White(sky) } else { Unit::AsItIs };
         let kept = |light: &[DVec3]| light.iter().map(|light| unit.of(*light).as_vec3()).collect();
         let (direct, solution) = if alone && !is_white {
             (self.direct.clone(), self.solution.clone())
@@ -154,7 +170,8 @@ impl Solved {
             let direct = self.direct_of(cx, &sources)?;
             let tolerance = cx.settings.threshold * PART_TOLERANCE;
             let dark = self.dark(cx, &sources)?;
-            let problem = Problem { mesh: &self.mesh, values: means, direct: &direct, tolerance };
+            let (mesh, exposed) = (&self.mesh, &self.exposed);
+            let problem = Problem { mesh, values: means, exposed, direct: &direct, tolerance };
             let Rows { source, table } = &mut self.rows;
             let solution = source.solve(cx, table, &problem, columns, dark)?;
             (direct, solution)
@@ -170,23 +187,39 @@ impl Solved {
             noise: if is_sky && !is_white { noise / sky.max_element() } else { noise },
             residual: solution.residual,
         };
-        Ok(SolvedPart { sources, radiosity: solution.radiosity, part, unit })
+        Ok(SolvedPart { sources, radiosity: solution.radiosity, local: solution.local, part, unit })
     }
 
     /// Gathers the light of each part at the vertices: rows that are not kept are made once for as many parts as fit into memory.
-    fn gather_at_vertices(&mut self, cx: &mut Context, parts: &mut [SolvedPart]) -> Result<()> {
+    fn gather_at_vertices(
+        &mut self,
+        cx: &mut Context,
+        means: &ShareValues,
+        parts: &mut [SolvedPart],
+    ) -> Result<()> {
         let vertices = self.mesh.mesh.vertices.len();
-        let together = (MOST_GATHERED / (vertices * size_of::<DVec3>()).max(1)).max(1);
+        let together = (MOST_GATHERED / (2 * vertices * size_of::<DVec3>()).max(1)).max(1);
         for parts in parts.chunks_mut(together) {
-            let radiosities: Vec<&[DVec3]> = parts.iter().map(|solved| &*solved.radiosity).collect();
-            let gathered = self.rows.table.gather_at_vertices(cx, &radiosities)?;
-            for (solved, reflected) in parts.iter_mut().zip(gathered) {
-                let direct = &solved.part.direct;
-                let all = direct
+            let direct_of = |solved: &SolvedPart| {
+                let direct = solved.part.direct.iter();
+                direct.map(|kept| solved.unit.light(kept.as_dvec3())).collect()
+            };
+            let directs: Vec<Vec<DVec3>> = parts.iter().map(direct_of).collect();
+            let (mesh, exposed, tolerance) = (&self.mesh, &self.exposed, cx.settings.threshold);
+            let problem = |direct| Problem { mesh, values: means, exposed, direct, tolerance };
+            let radiosities = parts.iter().map(|solved| &*solved.radiosity);
+            let problems: Vec<Problem> = directs.iter().map(|direct| problem(direct)).collect();
+            let problems: Vec<(&Problem, &[DVec3])> = problems.iter().zip(radiosities).collect();
+            let gathered = self.rows.table.gather_at_vertices(cx, &problems)?;
+            for (solved, (reflected, local)) in parts.iter_mut().zip(gathered) {
+                let all = solved
+                    .part
+                    .direct
                     .iter()
                     .zip(reflected)
                     .map(|(direct, light)| (direct.as_dvec3() + solved.unit.of(light)).as_vec3());
                 solved.part.irradiance = all.collect();
+                solved.local = Some(local);
             }
         }
         Ok(())
@@ -205,7 +238,7 @@ impl Solved {
         let receivers = samples.receivers(samples.count());
         let lights: Vec<Lights> = parts
             .iter()
-            .map(|solved| Lights { sources: &solved.sources, radiosity: &solved.radiosity })
+            .map(|solved| Lights { sources: &solved.sources, radiosity: solved.radiosity() })
             .collect();
         let light = irradiance_at(cx, &self.mesh, &mut self.rows, Place::Once(&receivers), &lights)?.light;
         for (solved, mut light) in parts.iter_mut().zip(light) {

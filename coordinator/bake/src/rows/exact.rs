@@ -6,11 +6,14 @@ use kernel::replica::Receivers;
 use kernel::row::{Shape, Shooter};
 
 use super::factors::{Factors, solved};
+use super::local_radiosity::Radiosity;
 use super::means::ShareValues;
+use super::near::NearShares;
+use super::problem::Problem;
 use super::share_mesh::ShareMesh;
 use super::shoot;
 use super::solution::Solution;
-use super::source::{Cover, Gathered, LeafLight, Problem, RowSource};
+use super::source::{Cover, Gathered, LeafLight, RowSource};
 use super::table::RowTable;
 use crate::channels::{Channels, Gathering};
 use crate::context::Context;
@@ -89,7 +92,7 @@ impl RowSource for ExactRows {
         receivers: &Receivers,
         _: Option<&[Surroundings]>,
     ) -> Result<SetId> {
-        Ok(table.add_set(cx.client.publish_receivers(receivers)))
+        Ok(table.add_set(cx.client.publish_receivers(receivers), Some(&receivers.receivers)))
     }
 
     fn gather(
@@ -98,7 +101,7 @@ impl RowSource for ExactRows {
         mesh: &ShareMesh,
         table: &mut RowTable,
         sets: &[SetId],
-        radiosities: &[&[DVec3]],
+        radiosities: &[Radiosity],
         wants_cover: bool,
     ) -> Result<Vec<Gathered>> {
         let empty = |set: &SetId| Cover::of(if wants_cover { table.set(*set).count() } else { 0 });
@@ -108,7 +111,7 @@ impl RowSource for ExactRows {
                 covers[set].add(slab, |row| mesh.materials[shares[row].index()].opacity);
             }
         };
-        let light = table.gather_each(cx, sets, radiosities, look)?;
+        let light = table.gather_each(cx, &mesh.mesh, sets, radiosities, look)?;
         let mut by_set: Vec<Gathered> =
             covers.into_iter().map(|cover| Gathered { light: vec![], cover }).collect();
         for light in light {
@@ -122,17 +125,28 @@ impl RowSource for ExactRows {
         cx: &mut Context,
         mesh: &ShareMesh,
         table: &mut RowTable,
-        (set, _): (ReceiverSet, &Receivers),
-        radiosities: &[&[DVec3]],
+        (set, receivers): (ReceiverSet, &Receivers),
+        radiosities: &[Radiosity],
     ) -> Result<Gathered> {
         let mut light: Vec<Gathering> =
             radiosities.iter().map(|_| cx.channels.gathering(set.count())).collect();
         let mut sums = vec![0.0; set.count()];
+        let mut near = NearShares::default();
         cx.client.each_row(table.shooters(), &[set], |_, share, row, _| {
-            light.iter_mut().zip(radiosities).for_each(|(light, radiosity)| light.add(row, radiosity[share]));
+            light
+                .iter_mut()
+                .zip(radiosities)
+                .for_each(|(light, radiosity)| light.add(row, radiosity.wholes()[share]));
+            near.add(ShareId(share as u32), row);
             add_to_sums(row, mesh.materials[share].opacity, &mut sums);
         })?;
-        let light = light.into_iter().map(Gathering::into_irradiance).collect();
+        near.sort();
+        let mut light: Vec<Vec<DVec3>> = light.into_iter().map(Gathering::into_irradiance).collect();
+        for (light, radiosity) in light.iter_mut().zip(radiosities) {
+            near.each_light(&mesh.mesh, &receivers.receivers, *radiosity, |receiver, _, near| {
+                light[receiver] += near;
+            });
+        }
         Ok(Gathered { light, cover: Cover { sums, ..Cover::default() } })
     }
 

@@ -1,5 +1,6 @@
 use glam::DVec3;
 
+use super::local_radiosity::{LocalRadiosity, Radiosity};
 use crate::error::{BakeError, Result};
 use crate::refinement::SamplePoints;
 
@@ -8,6 +9,8 @@ use crate::refinement::SamplePoints;
 pub struct Solution {
     /// Radiosity of each share.
     pub radiosity: Vec<DVec3>,
+    /// How it differs within them, where the strategy needs that.
+    pub local: Option<LocalRadiosity>,
     /// Irradiance of each vertex.
     pub irradiance: Vec<DVec3>,
     /// The refinement samples, with the light there.
@@ -23,6 +26,11 @@ pub struct Solution {
 }
 
 impl Solution {
+    /// Radiosity of the shares, and within them.
+    pub fn radiosity(&self) -> Radiosity<'_> {
+        Radiosity { shares: &self.radiosity, local: self.local.as_ref() }
+    }
+
     /// Sets the irradiance of the vertices: direct and reflected light.
     pub fn set_irradiance(
         &mut self,

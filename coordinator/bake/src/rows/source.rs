@@ -3,7 +3,9 @@ use std::borrow::Cow;
 use glam::DVec3;
 use kernel::replica::Receivers;
 
+use super::local_radiosity::Radiosity;
 use super::means::ShareValues;
+use super::problem::Problem;
 use super::share_mesh::ShareMesh;
 use super::solution::Solution;
 use super::table::RowTable;
@@ -66,7 +68,7 @@ pub trait RowSource: Send {
         mesh: &ShareMesh,
         table: &mut RowTable,
         sets: &[SetId],
-        radiosities: &[&[DVec3]],
+        radiosities: &[Radiosity],
         wants_cover: bool,
     ) -> Result<Vec<Gathered>>;
 
@@ -77,7 +79,7 @@ pub trait RowSource: Send {
         mesh: &ShareMesh,
         table: &mut RowTable,
         receivers: (ReceiverSet, &Receivers),
-        radiosities: &[&[DVec3]],
+        radiosities: &[Radiosity],
     ) -> Result<Gathered>;
 
     /// The same of many receivers, whose light may be interpolated as that of vertices is.
@@ -87,7 +89,7 @@ pub trait RowSource: Send {
         mesh: &ShareMesh,
         table: &mut RowTable,
         receivers: (ReceiverSet, &Receivers),
-        radiosities: &[&[DVec3]],
+        radiosities: &[Radiosity],
     ) -> Result<Gathered> {
         self.gather_once(cx, mesh, table, receivers, radiosities)
     }
@@ -197,18 +199,6 @@ pub fn leaving<'a>(radiosity: &'a [DVec3], glow: Option<&[DVec3]>) -> Cow<'a, [D
     })
 }
 
-/// What a solution is to solve.
-pub struct Problem<'a> {
-    /// The mesh with its shares.
-    pub mesh: &'a ShareMesh,
-    /// Where shares take their irradiance from.
-    pub values: &'a ShareValues,
-    /// Irradiance of the vertices from the light sources.
-    pub direct: &'a [DVec3],
-    /// The bound of what is missing, relative to the reflected flux.
-    pub tolerance: f64,
-}
-
 impl Problem<'_> {
     /// Solves for radiosity and irradiance.
     pub fn solve(
@@ -220,7 +210,7 @@ impl Problem<'_> {
     ) -> Result<Solution> {
         let mut solution = source.solve(cx, table, self, &mut None, solution)?;
         if solution.irradiance.is_empty() {
-            table.complete(cx, self.mesh, self.direct, &mut solution)?;
+            table.complete(cx, self, &mut solution)?;
         }
         Ok(solution)
     }

@@ -3,18 +3,20 @@
 use foldhash::{HashMap, HashMapExt};
 
 use glam::DVec3;
+use kernel::replica::Receiver;
 use kernel::row::{Row, Shooter};
 use smallvec::SmallVec;
 
-use super::share_mesh::ShareMesh;
-use super::solution::Solution;
+use super::local_radiosity::Radiosity;
+use super::near::NearShares;
 use super::vertices::VertexSets;
 use crate::channels::Gathering;
 use crate::context::Context;
 use crate::error::Result;
 use crate::jobs::{ReceiverSet, RowBatch, RowClient};
+use crate::mesh::Mesh;
 use crate::solver::ShareId;
-use crate::solver::bounds::{Bounds, add_slab_to_sums};
+use crate::solver::bounds::Bounds;
 use crate::solver::cache::{RowCache, SetId};
 use crate::solver::slab::{Slab, each_slab};
 
@@ -29,6 +31,8 @@ const LARGEST_BLOCK: usize = 1024;
 pub struct RowTable {
     shooters: Vec<Shooter>,
     sets: Vec<ReceiverSet>,
+    /// By set: the receivers, where the parts of near shares count one by one.
+    near: Vec<Option<NearSet>>,
     cache: RowCache,
     /// By set and share: the variance of the row, once it was made.
     variances: Vec<Vec<Option<f64>>>,
@@ -52,6 +56,7 @@ impl RowTable {
         Self {
             shooters,
             sets: vec![],
+            near: vec![],
             cache: RowCache::new(bytes),
             variances: vec![],
             vertices: VertexSets::default(),
@@ -63,9 +68,10 @@ impl RowTable {
         }
     }
 
-    /// Adds a set of receivers.
-    pub fn add_set(&mut self, set: ReceiverSet) -> SetId {
+    /// Adds a set of receivers. To `near` ones light comes from the parts of near shares.
+    pub fn add_set(&mut self, set: ReceiverSet, near: Option<&[Receiver]>) -> SetId {
         self.sets.push(set);
+        self.near.push(near.map(|receivers| NearSet { receivers: receivers.to_vec(), shares: None }));
         self.variances.push(vec![None; self.shooters.len()]);
         self.cache.add_set(self.shooters.len())
     }
@@ -93,7 +99,7 @@ impl RowTable {
     /// Releases all sets and drops all rows.
     pub fn end(&mut self, client: &mut RowClient) {
         self.sets.drain(..).for_each(|set| client.release(set));
-        (self.shooters, self.variances) = (vec![], vec![]);
+        (self.shooters, self.variances, self.near) = (vec![], vec![], vec![]);
         self.cache = RowCache::new(0);
     }
 
@@ -112,13 +118,17 @@ impl RowTable {
     pub fn gather_each(
         &mut self,
         cx: &mut Context,
+        mesh: &Mesh,
         sets: &[SetId],
-        radiosities: &[&[DVec3]],
+        radiosities: &[Radiosity],
         mut look: impl FnMut(usize, &[ShareId], &Slab) + Send,
     ) -> Result<Vec<Vec<Vec<DVec3>>>> {
         let nothing = |set: &SetId| cx.channels.gathering(self.set(*set).count());
         let mut gathered: Vec<Vec<Gathering>> =
             radiosities.iter().map(|_| sets.iter().map(nothing).collect()).collect();
+        let is_new = |set: &SetId| self.near[set.index()].as_ref().is_some_and(|near| near.shares.is_none());
+        let mut new: Vec<Option<NearShares>> =
+            sets.iter().map(|set| is_new(set).then(NearShares::default)).collect();
         self.each(
             cx.client,
             sets,
@@ -131,66 +141,53 @@ impl RowTable {
                     each_slab(&rows, |first, slab| {
                         let shares = &shares[first..first + slab.rows().len()];
                         look(set, shares, slab);
+                        if let Some(near) = &mut new[set] {
+                            shares.iter().zip(slab.rows()).for_each(|(share, row)| near.add(*share, row));
+                        }
                         for (gathered, radiosity) in gathered.iter_mut().zip(radiosities) {
-                            gathered[set].add_slab(slab, |row| radiosity[shares[row].index()]);
+                            let wholes = radiosity.wholes();
+                            gathered[set].add_slab(slab, |row| wholes[shares[row].index()]);
                         }
                     });
                 }
             },
         )?;
         self.most_bytes = self.most_bytes.max(self.cache.most_bytes());
-        let irradiance = |sets: Vec<Gathering>| sets.into_iter().map(Gathering::into_irradiance).collect();
-        Ok(gathered.into_iter().map(irradiance).collect())
+        for (set, mut shares) in sets.iter().zip(new).filter_map(|(set, new)| Some((set, new?))) {
+            shares.sort();
+            if let Some(near) = &mut self.near[set.index()] {
+                near.shares = Some(shares);
+            }
+        }
+        let of_radiosity = |(gathered, radiosity): (Vec<Gathering>, &Radiosity)| {
+            let with_near = |(gathered, set): (Gathering, &SetId)| {
+                let mut light = gathered.into_irradiance();
+                self.each_near(mesh, *set, *radiosity, |receiver, _, near| light[receiver] += near);
+                light
+            };
+            gathered.into_iter().zip(sets).map(with_near).collect()
+        };
+        Ok(gathered.into_iter().zip(radiosities).map(of_radiosity).collect())
     }
 
-    /// Gathers the irradiance of a solution at all vertices and refinement samples.
-    pub fn complete(
-        &mut self,
-        cx: &mut Context,
-        mesh: &ShareMesh,
-        direct: &[DVec3],
-        solution: &mut Solution,
-    ) -> Result<()> {
-        let sets: Vec<SetId> = self.vertices.sets().chain(self.samples).collect();
-        // They do not change, and passes are many.
-        let misses_sums = self.samples.is_some() && !solution.samples.has_row_sums();
-        let mut sums = vec![0.0; solution.samples.count()];
-        let last = sets.len().saturating_sub(1);
-        let look = |set: usize, shares: &[ShareId], slab: &Slab| {
-            if misses_sums && set == last {
-                add_slab_to_sums(slab, |row| mesh.materials[shares[row].index()].opacity, &mut sums);
-            }
-        };
-        let mut gathered =
-            self.gather_each(cx, &sets, &[&solution.radiosity], look)?.pop().unwrap_or_default();
-        if misses_sums {
-            solution.samples.set_row_sums(&sums);
+    /// What the parts of near shares give each receiver of a set beside what these do as wholes, pair by pair.
+    pub fn each_near(
+        &self,
+        mesh: &Mesh,
+        set: SetId,
+        radiosity: Radiosity,
+        take: impl FnMut(usize, ShareId, DVec3),
+    ) {
+        if let Some(NearSet { receivers, shares: Some(shares) }) = &self.near[set.index()] {
+            shares.each_light(mesh, receivers, radiosity, take);
         }
-        if self.samples.is_some()
-            && let Some(gathered) = gathered.pop()
-        {
-            solution.samples.set_gathered(&gathered);
-        }
-        let reflected = self.at_vertices(gathered);
-        solution.set_irradiance(direct, reflected)
     }
 
     /// What all vertices get, from what the receivers of their sets do.
-    fn at_vertices(&self, by_set: Vec<Vec<DVec3>>) -> Vec<DVec3> {
+    pub fn at_vertices(&self, by_set: Vec<Vec<DVec3>>) -> Vec<DVec3> {
         let mut reflected = self.vertices.join(by_set);
         self.bounds.apply(0, &mut reflected);
         reflected
-    }
-
-    /// Irradiance that shares of each of these radiosities give all vertices, in one pass over the rows.
-    pub fn gather_at_vertices(
-        &mut self,
-        cx: &mut Context,
-        radiosities: &[&[DVec3]],
-    ) -> Result<Vec<Vec<DVec3>>> {
-        let sets: Vec<SetId> = self.vertices.sets().collect();
-        let all = self.gather_each(cx, &sets, radiosities, |_, _, _| ())?;
-        Ok(all.into_iter().map(|gathered| self.at_vertices(gathered)).collect())
     }
 
     /// Notes that a row was made.
@@ -283,6 +280,12 @@ impl RowTable {
         }
         all
     }
+}
+
+/// Receivers of a set with the shares that are near to them, once rows were seen.
+struct NearSet {
+    receivers: Vec<Receiver>,
+    shares: Option<NearShares>,
 }
 
 /// A share with its rows.

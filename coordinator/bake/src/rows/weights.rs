@@ -64,7 +64,7 @@ fn add_leaves(mesh: &Mesh, parent: PatchId, corner: usize, weights: &mut Vec<(us
 }
 
 /// Adds `part` times the integral over a patch, of what [`add_quarter`] integrates.
-fn add_whole(mesh: &Mesh, id: PatchId, part: f64, weights: &mut Vec<(usize, f64)>) {
+pub fn add_whole(mesh: &Mesh, id: PatchId, part: f64, weights: &mut Vec<(usize, f64)>) {
     let fan = mesh.fan(id);
     let (count, all) = (fan.len(), fan.iter().sum::<f64>());
     for (index, corner) in mesh.patch(id).corners.iter().enumerate() {
@@ -75,7 +75,7 @@ fn add_whole(mesh: &Mesh, id: PatchId, part: f64, weights: &mut Vec<(usize, f64)
 
 /// Adds `part` times the integral over a corner's part of a patch: of what is linear over the triangles around the patch's centre,
 /// which has the mean of the corners.
-fn add_quarter(mesh: &Mesh, id: PatchId, corner: usize, part: f64, weights: &mut Vec<(usize, f64)>) {
+pub fn add_quarter(mesh: &Mesh, id: PatchId, corner: usize, part: f64, weights: &mut Vec<(usize, f64)>) {
     let patch = mesh.patch(id);
     let count = patch.corners.len();
     let fan = mesh.fan(id);
@@ -160,29 +160,9 @@ fn area_and_centroid(corners: &[DVec3]) -> (f64, DVec3) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::test_scenes::{facet, scene};
+    use crate::test_scenes::{SIZE, overlaid};
 
-    const SIZE: f64 = 1000.0;
-    const LONGEST_EDGE: f64 = 300.0;
     const EXACT: f64 = 1e-9;
-
-    /// The mesh of a square in a sloping plane, divided by this number of slanting lines, and the shares of the one without them.
-    fn overlaid(lines: u32) -> (Mesh, Vec<Share>) {
-        let at = |x: f64, z: f64| [x * SIZE, z * SIZE / 2.0, z * SIZE];
-        let [a, b, c, d] = [at(0.0, 0.0), at(0.0, 1.0), at(1.0, 1.0), at(1.0, 0.0)];
-        let scene = scene(vec![vec![facet(0, &[a, b, c]), facet(0, &[a, c, d])]], vec![]);
-        let line = |index: u32| {
-            let x = SIZE * (0.2 + 0.6 * f64::from(index) / f64::from(lines));
-            [(x, 0.1 * SIZE), (x + 0.05 * SIZE, 0.9 * SIZE)].map(|(x, z)| DVec3::new(x, z / 2.0, z))
-        };
-        let lines = vec![vec![(0..lines).map(line).collect(), vec![]]];
-        let mesh_of = |lines: &[_]| Mesh::new(&scene, SIZE, LONGEST_EDGE, 8, lines);
-        let (mesh, without) = (mesh_of(&lines), mesh_of(&[]));
-        let shares = mesh.overlaid(&without, without.shares(&scene), LONGEST_EDGE, &scene);
-        assert_eq!(shares.len(), without.vertices.len());
-        assert!(mesh.vertices.len() > 2 * shares.len(), "{} vertices", mesh.vertices.len());
-        (mesh, shares)
-    }
 
     fn means(mesh: &Mesh, shares: &[Share], values: &[f64]) -> Vec<f64> {
         let exposed = vec![true; mesh.vertices.len()];
@@ -194,7 +174,7 @@ mod tests {
 
     #[test]
     fn shares_of_another_mesh_get_all_the_flux_of_this_one() {
-        let (mesh, shares) = overlaid(40);
+        let (_, mesh, shares) = overlaid(40);
         let values: Vec<f64> = (0..mesh.vertices.len()).map(|vertex| (vertex as f64).sin() + 2.0).collect();
         let seen: Vec<DVec3> = values.iter().map(|value| DVec3::splat(*value)).collect();
         let expected: f64 = mesh.leaves().map(|(id, patch)| patch.area * mesh.mean(id, &seen).x).sum();
@@ -208,7 +188,7 @@ mod tests {
 
     #[test]
     fn means_of_linear_light_are_exact_on_divided_meshes_too() {
-        let (mut mesh, shares) = overlaid(40);
+        let (_, mut mesh, shares) = overlaid(40);
         for _ in 0..2 {
             let leaves: Vec<PatchId> = mesh.leaves().map(|(id, _)| id).collect();
             leaves.into_iter().step_by(3).for_each(|id| mesh.divide(id));

@@ -81,9 +81,9 @@ impl Solved {
             let first_key = sort.first_key + (index * AT_ONCE) as u64;
             let receivers = some.iter().map(|point| points[*point]).collect();
             let receivers = Receivers { first_key, receivers };
-            let whole = Lights { sources: &self.sources.all, radiosity: &self.solution.radiosity };
+            let whole = Lights { sources: &self.sources.all, radiosity: self.solution.radiosity() };
             let of_layers =
-                layers.iter().map(|layer| Lights { sources: &layer.sources, radiosity: &layer.radiosity });
+                layers.iter().map(|layer| Lights { sources: &layer.sources, radiosity: layer.radiosity() });
             let lights: Vec<Lights> = [whole].into_iter().chain(of_layers).collect();
             let place = (sort.place)(&receivers);
             let Received { light: found, cover } =

@@ -65,7 +65,7 @@ impl Solved {
         // The sun on a roof and the sky under a floor are not lost light of the scene.
         let inside: Vec<LightSource> =
             self.sources.all.iter().filter(|source| !source.is_outside).cloned().collect();
-        let lights = Lights { sources: &inside, radiosity: &self.solution.radiosity };
+        let lights = Lights { sources: &inside, radiosity: self.solution.radiosity() };
         let received = irradiance_at(cx, &self.mesh, &mut self.rows, Place::Once(&receivers), &[lights])?;
         let irradiance = received.light.into_iter().flat_map(|light| light.all);
         let fronts = self.mean_irradiance(scene);

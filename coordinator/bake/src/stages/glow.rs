@@ -14,7 +14,7 @@ use super::light::{LightSource, MANY_EMITTERS, Origin};
 use crate::context::Context;
 use crate::error::Result;
 use crate::error_budget::INTERPOLATED_NOISE;
-use crate::rows::{Rows, ShareMesh};
+use crate::rows::{Radiosity, Rows, ShareMesh};
 use crate::solver::cache::SetId;
 
 /// Largest exitance of what glows, relative to the mean irradiance: brighter things would leave spots in dark places.
@@ -153,7 +153,7 @@ pub fn light_at(
 ) -> Result<Vec<Vec<DVec3>>> {
     let Some(glow) = glow(mesh, sources) else { return Ok(vec![]) };
     let Rows { source, table } = rows;
-    let gathered = source.gather(cx, mesh, table, sets, &[&glow], false)?;
+    let gathered = source.gather(cx, mesh, table, sets, &[Radiosity::even(&glow)], false)?;
     Ok(gathered.into_iter().flat_map(|gathered| gathered.light).collect())
 }
 

@@ -7,7 +7,7 @@ use super::glow::{add, glow};
 use super::light::{self, Direct, LightSource};
 use crate::context::Context;
 use crate::error::Result;
-use crate::rows::{Cover, Gathered, Rows, ShareMesh};
+use crate::rows::{Cover, Gathered, Radiosity, Rows, ShareMesh};
 use crate::solver::cache::SetId;
 
 /// Where irradiance is wanted.
@@ -25,8 +25,8 @@ pub enum Place<'a> {
 pub struct Lights<'a> {
     /// The sources.
     pub sources: &'a [LightSource],
-    /// Radiosity of each share.
-    pub radiosity: &'a [DVec3],
+    /// Radiosity of the shares.
+    pub radiosity: Radiosity<'a>,
 }
 
 /// Irradiance of some receivers.
@@ -65,7 +65,8 @@ pub fn irradiance_at(
     }
     let glows: Vec<Option<Vec<DVec3>>> = lights.iter().map(|light| glow(mesh, light.sources)).collect();
     let reflected = lights.iter().map(|light| light.radiosity);
-    let radiosities: Vec<&[DVec3]> = reflected.chain(glows.iter().flatten().map(Vec::as_slice)).collect();
+    let even = glows.iter().flatten().map(|glow| Radiosity::even(glow));
+    let radiosities: Vec<Radiosity> = reflected.chain(even).collect();
     let Gathered { light, cover } = match place {
         Place::Kept(id) => {
             source.gather(cx, mesh, table, &[id], &radiosities, true)?.pop().unwrap_or_default()

@@ -15,7 +15,7 @@ use crate::light_parts::{LightGroup, LightPart};
 use crate::lit::LitLayer;
 use crate::observer::Phase;
 use crate::refinement::best_fit_of_part;
-use crate::rows::{Problem, Rows};
+use crate::rows::{LocalRadiosity, Problem, Radiosity, Rows};
 use scene::Scene;
 
 /// Most bytes of names that a message lists.
@@ -97,7 +97,15 @@ pub struct Layer {
     /// Its sources.
     pub sources: Vec<LightSource>,
     /// Radiosity that they give the shares; black where only direct light is wanted.
-    pub radiosity: Vec<DVec3>,
+    radiosity: Vec<DVec3>,
+    local: Option<LocalRadiosity>,
+}
+
+impl Layer {
+    /// Radiosity of the shares, and within them.
+    pub fn radiosity(&self) -> Radiosity<'_> {
+        Radiosity { shares: &self.radiosity, local: self.local.as_ref() }
+    }
 }
 
 impl Solved {
@@ -121,15 +129,17 @@ impl Solved {
             };
             let sources: Vec<LightSource> = self.sources.all.iter().filter(is_meant).cloned().collect();
             let direct = self.direct_of(cx, &sources)?;
-            let (part, radiosity) = if cx.settings.only == LightPart::Direct {
-                (direct, vec![DVec3::ZERO; self.mesh.shares.len()])
+            let (part, radiosity, local) = if cx.settings.only == LightPart::Direct {
+                (direct, vec![DVec3::ZERO; self.mesh.shares.len()], None)
             } else {
                 let tolerance = cx.settings.threshold * PART_TOLERANCE;
                 let dark = self.dark(cx, &sources)?;
-                let problem = Problem { mesh: &self.mesh, values: &means, direct: &direct, tolerance };
+                let (mesh, exposed) = (&self.mesh, &self.exposed);
+                let problem = Problem { mesh, values: &means, exposed, direct: &direct, tolerance };
                 let Rows { source, table } = &mut self.rows;
                 let solution = problem.solve(cx, source.as_mut(), table, dark)?;
-                (cx.settings.only.of_all(&solution.irradiance, &direct), solution.radiosity)
+                let part = cx.settings.only.of_all(&solution.irradiance, &direct);
+                (part, solution.radiosity, solution.local)
             };
             let lit = LitLayer {
                 name: group.name.clone(),
@@ -141,7 +151,7 @@ impl Solved {
                     &part,
                 ),
             };
-            layers.push(Layer { lit, sources, radiosity });
+            layers.push(Layer { lit, sources, radiosity, local });
         }
         cx.work.sweeps = sweeps;
         cx.end_step("groups");

@@ -120,7 +120,7 @@ impl Solved {
             return Ok(vec![]);
         }
         let receivers = samples.receivers(samples.count());
-        let lights = Lights { sources: &self.sources.all, radiosity: &self.solution.radiosity };
+        let lights = Lights { sources: &self.sources.all, radiosity: self.solution.radiosity() };
         let Received { light, cover } =
             irradiance_at(cx, &self.mesh, &mut self.rows, Place::Once(&receivers), &[lights])?;
         samples.set_row_sums(&cover.sums);

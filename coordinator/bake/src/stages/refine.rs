@@ -7,12 +7,17 @@ use crate::context::Context;
 use crate::error::Result;
 use crate::mesh::{PatchId, VertexId};
 use crate::refinement::{Obstacle, Plan, Step, long_patches};
+use crate::settings::BakeSettings;
 
 /// Factor of the limit of refinement where the error was found too large and no patch was divided,
 pub const UNSEEN_STEP: f64 = 0.7;
 
 /// as often as this.
 const MOST_UNSEEN_STEPS: u32 = 12;
+
+/// Part of the asked error that contrast is aimed at where rows are exact: there vertices cost little, and pictures show what is wrong
+/// in dark places.
+const CONTRAST_OF_EXACT: f64 = 0.45;
 
 /// A bake on a refined mesh, solved for with the means over it.
 pub struct Refined {
@@ -31,7 +36,7 @@ impl Solved {
     pub fn refine(mut self, cx: &mut Context, limit: &mut f64, must_divide: bool) -> Result<Refined> {
         let mut plan = Plan {
             limit: *limit,
-            contrast: cx.settings.contrast.unwrap_or(f64::INFINITY),
+            contrast: self.contrast(cx.settings),
             found_per_predicted: self.found_per_predicted,
             shortest_edge: cx.shortest_edge(),
             max_vertices: cx.settings.most_vertices(cx.scene),
@@ -68,6 +73,13 @@ impl Solved {
         cx.end_step("refine");
         self.final_solve(cx)?;
         Ok(Refined { solved: self, obstacle })
+    }
+
+    /// Contrast of errors at which refinement ends.
+    fn contrast(&self, settings: &BakeSettings) -> f64 {
+        let is_exact = self.rows.source.leaves_cost_rows();
+        let most = if is_exact { CONTRAST_OF_EXACT * settings.asked_error() } else { f64::INFINITY };
+        settings.contrast.map_or(f64::INFINITY, |contrast| contrast.min(most))
     }
 
     /// Divides patches until none is longer than was asked for, or there are as many vertices as may be.

@@ -102,7 +102,7 @@ impl Lit {
         let row_sums = source.row_sums(&mesh, &sums);
         let values = source.first_values(&mesh, &exposed);
         let tolerance = cx.settings.threshold.max(FIRST_TOLERANCE);
-        let problem = Problem { mesh: &mesh, values: &values, direct: &direct, tolerance };
+        let problem = Problem { mesh: &mesh, values: &values, exposed: &exposed, direct: &direct, tolerance };
         let solution = Solution { radiosity, samples, middles, ..Solution::default() };
         let solution = problem.solve(cx, source.as_mut(), table, solution)?;
         cx.end_step("shoot");
@@ -139,8 +139,10 @@ impl Solved {
         cx.client.monitor.enter(Phase::FinalSolve, self.mesh.mesh.vertices.len());
         self.takes_means = true;
         let means = self.means();
-        let Self { mesh, rows: Rows { source, table }, direct, solution, .. } = self;
-        let problem = Problem { mesh, values: &means, direct, tolerance: cx.settings.threshold };
+        self.mesh.patch_materials.update(cx.scene, &self.mesh.mesh);
+        let Self { mesh, rows: Rows { source, table }, direct, solution, exposed, .. } = self;
+        let tolerance = cx.settings.threshold;
+        let problem = Problem { mesh, values: &means, exposed, direct, tolerance };
         let start = std::mem::take(solution);
         *solution = problem.solve(cx, source.as_mut(), table, start)?;
         self.revealed = RevealedErrors::new(&self.mesh.mesh, &self.solution.irradiance);
@@ -241,7 +243,7 @@ impl Solved {
     pub fn receive(&mut self, cx: &mut Context, first: VertexId) -> Result<()> {
         cx.client.monitor.enter(Phase::Refine, self.mesh.mesh.vertices.len());
         let set = self.rows.add_vertices(cx, &self.mesh.mesh, first)?;
-        let lights = Lights { sources: &self.sources.all, radiosity: &self.solution.radiosity };
+        let lights = Lights { sources: &self.sources.all, radiosity: self.solution.radiosity() };
         let Received { light, cover } =
             irradiance_at(cx, &self.mesh, &mut self.rows, Place::Kept(set), &[lights])?;
         let bounds = &mut self.rows.table.bounds;
@@ -331,6 +333,7 @@ impl Solved {
         let mut solution = Solution {
             radiosity: vec![DVec3::ZERO; self.mesh.shares.len()],
             irradiance: vec![],
+            local: None,
             ..self.solution.clone()
         };
         if let Some(id) = self.rows.table.middles {

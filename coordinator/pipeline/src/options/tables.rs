@@ -54,7 +54,7 @@ const ROWS: &[Choice] = &[
 const QUALITIES: &[Choice] = &[
     choice("draft", api::Quality::Draft as i32, "draft: to see where light falls, 10 % error"),
     choice("preview", api::Quality::Preview as i32, "preview: to work with, 5 % error"),
-    choice("final", api::Quality::Final as i32, "final: to publish, 0.75 % error, smooth in the dark too"),
+    choice("final", api::Quality::Final as i32, "final: to publish, 1 % error, smooth in the dark too"),
 ];
 
 fn quality(number: f64) -> Quality {

@@ -32,10 +32,12 @@ use glam::DVec3;
 use kernel::occluder::Occluder;
 use kernel::replica::Receivers;
 
+use super::local_radiosity::Radiosity;
 use super::means::{Means, ShareValues};
+use super::problem::Problem;
 use super::share_mesh::ShareMesh;
 use super::solution::Solution;
-use super::source::{Cover, Gathered, LeafLight, Problem, RowSource};
+use super::source::{Cover, Gathered, LeafLight, RowSource};
 use super::table::RowTable;
 use super::vertices::COARSE;
 use crate::context::Context;
@@ -180,7 +182,7 @@ impl RowSource for GatherRows {
         receivers: &Receivers,
         around: Option<&[Surroundings]>,
     ) -> Result<SetId> {
-        let id = table.add_set(cx.client.publish_receivers(receivers));
+        let id = table.add_set(cx.client.publish_receivers(receivers), None);
         let shooter_edge = cx.settings.shooter_edge * cx.extent();
         let mut set = Set::new(&receivers.receivers, around, shooter_edge, self.rays);
         if !self.points.receivers.is_empty() {
@@ -196,11 +198,11 @@ impl RowSource for GatherRows {
         mesh: &ShareMesh,
         _: &mut RowTable,
         sets: &[SetId],
-        radiosities: &[&[DVec3]],
+        radiosities: &[Radiosity],
         wants_cover: bool,
     ) -> Result<Vec<Gathered>> {
         let lights: Vec<Vec<DVec3>> =
-            radiosities.iter().map(|radiosity| self.points.gather(radiosity)).collect();
+            radiosities.iter().map(|radiosity| self.points.gather(radiosity.shares)).collect();
         let covered = wants_cover.then(|| self.points.covered(&mesh.materials));
         let gathered = |set: &SetId| Gathered {
             light: lights.iter().map(|light| self.at_set(*set, light)).collect(),
@@ -219,11 +221,11 @@ impl RowSource for GatherRows {
         mesh: &ShareMesh,
         _: &mut RowTable,
         (_, receivers): (ReceiverSet, &Receivers),
-        radiosities: &[&[DVec3]],
+        radiosities: &[Radiosity],
     ) -> Result<Gathered> {
         let Some(polygons) = self.polygons else { return Ok(Gathered::default()) };
         let views = views(cx.client, polygons, &hemispheres(receivers, |_| measured_rays(cx.settings)))?;
-        let at = |radiosity: &&[DVec3]| views.iter().map(|view| gathered(view, radiosity)).collect();
+        let at = |radiosity: &Radiosity| views.iter().map(|view| gathered(view, radiosity.shares)).collect();
         let sums = views.iter().map(|view| covered(view, &mesh.materials)).collect();
         Ok(Gathered {
             light: radiosities.iter().map(at).collect(),
@@ -237,10 +239,11 @@ impl RowSource for GatherRows {
         mesh: &ShareMesh,
         _: &mut RowTable,
         (_, receivers): (ReceiverSet, &Receivers),
-        radiosities: &[&[DVec3]],
+        radiosities: &[Radiosity],
     ) -> Result<Gathered> {
         self.weigh_once(cx, receivers, |weights, points| {
-            let light = radiosities.iter().map(|radiosity| weights.of(&points.gather(radiosity))).collect();
+            let light =
+                radiosities.iter().map(|radiosity| weights.of(&points.gather(radiosity.shares))).collect();
             let sums = weights.of(&points.covered(&mesh.materials)).into_iter();
             let sums = sums.map(|sum| sum.x.clamp(0.0, 1.0)).collect();
             Gathered { light, cover: Cover { sums, ..Cover::default() } }

@@ -1,0 +1,237 @@
+//! How radiosity differs within shares.
+
+use std::ops::Range;
+
+use glam::DVec3;
+use kernel::geometry::area_vector;
+use rayon::prelude::*;
+use scene::Scene;
+use smallvec::SmallVec;
+
+use super::share_mesh::ShareMesh;
+use super::weights::add_quarter;
+use crate::mesh::{Mesh, Patch, PatchId, Share, overlap};
+
+/// Patches that a thread takes at a time.
+const AT_ONCE: usize = 256;
+
+/// Radiosity of the shares, and within them where that is known.
+#[derive(Clone, Copy)]
+pub struct Radiosity<'a> {
+    /// Of each share.
+    pub shares: &'a [DVec3],
+    /// Of their parts.
+    pub local: Option<&'a LocalRadiosity>,
+}
+
+impl<'a> Radiosity<'a> {
+    /// Shares whose parts are all alike.
+    pub fn even(shares: &'a [DVec3]) -> Self {
+        Self { shares, local: None }
+    }
+
+    /// Of each share, where it counts as a whole.
+    pub fn wholes(self) -> &'a [DVec3] {
+        self.local.map_or(self.shares, |local| &local.wholes)
+    }
+}
+
+/// A part of a share.
+#[derive(Debug, Clone, Copy)]
+pub enum Part {
+    /// A patch.
+    Patch(PatchId),
+    /// What belongs to a corner of a patch that is not divided.
+    Quarter(PatchId, usize),
+}
+
+/// Radiosity of the parts of shares, from the irradiance of vertices.
+#[derive(Clone)]
+pub struct LocalRadiosity {
+    /// Of each patch that there was.
+    patches: Vec<DVec3>,
+    /// Of the quarters of each, in the order of its corners; none of divided patches.
+    quarters: Vec<SmallVec<[DVec3; 4]>>,
+    /// The parts of each share, and the mean over them.
+    shares: Vec<(Vec<Part>, DVec3)>,
+    /// Radiosity of each share, where it counts as a whole.
+    wholes: Vec<DVec3>,
+}
+
+impl LocalRadiosity {
+    /// The radiosity where the vertices get this irradiance, of which only what is exposed sees any surface, and shares have this one
+    /// as wholes.
+    pub fn new(
+        scene: &Scene,
+        mesh: &ShareMesh,
+        exposed: &[bool],
+        irradiance: &[DVec3],
+        wholes: Vec<DVec3>,
+    ) -> Self {
+        let of = &mesh.mesh;
+        let quarters_of = |(index, patch): (usize, &Patch)| -> SmallVec<[DVec3; 4]> {
+            if patch.first_child.is_some() {
+                return SmallVec::new();
+            }
+            let id = PatchId(index as u32);
+            let reflectance = mesh.patch_materials.of(scene, of, id).reflectance;
+            let mean = |corner| reflectance * mean_of_quarter(of, (id, corner), exposed, irradiance);
+            (0..patch.corners.len()).map(mean).collect()
+        };
+        let patches = of.patches.par_iter().enumerate().with_min_len(AT_ONCE);
+        let quarters: Vec<_> = patches.map(quarters_of).collect();
+        let mut local =
+            Self { patches: vec![DVec3::ZERO; of.patches.len()], quarters, shares: vec![], wholes };
+        // Children follow their parents.
+        for id in (0..of.patches.len() as u32).rev().map(PatchId) {
+            let corners = 0..of.patch(id).corners.len();
+            local.patches[id.index()] = local.mean(of, corners.map(|corner| local.part(of, id, corner)));
+        }
+        let of_share = |share: &Share| {
+            let parts = local.parts_of(of, share);
+            let mean = local.mean(of, parts.iter().copied());
+            (parts, mean)
+        };
+        local.shares = mesh.shares.par_iter().with_min_len(AT_ONCE).map(of_share).collect();
+        local
+    }
+
+    fn parts_of(&self, mesh: &Mesh, share: &Share) -> Vec<Part> {
+        let mut parts: Vec<Part> =
+            share.corners.iter().map(|(id, corner)| self.part(mesh, *id, *corner)).collect();
+        for (id, polygon) in &share.overlaps {
+            self.add_parts_within(mesh, &share.polygons[*polygon].corners, *id, &mut parts);
+        }
+        parts
+    }
+
+    /// Adds the parts of a patch that lie within a polygon of its plane, quarters of leaves by half or more.
+    fn add_parts_within(&self, mesh: &Mesh, polygon: &[DVec3], id: PatchId, parts: &mut Vec<Part>) {
+        let corners = mesh.corners(id);
+        if overlap(polygon, &corners)[..] == corners[..] {
+            parts.push(Part::Patch(id));
+            return;
+        }
+        for corner in 0..corners.len() {
+            match self.part(mesh, id, corner) {
+                Part::Patch(child) => self.add_parts_within(mesh, polygon, child, parts),
+                quarter @ Part::Quarter(..) => {
+                    let quad = mesh.corner_quad(id, corner);
+                    let within = area_vector(&overlap(polygon, &quad)).length();
+                    if within >= 0.5 * area_vector(&quad).length() {
+                        parts.push(quarter);
+                    }
+                }
+            }
+        }
+    }
+
+    /// The part of a patch at one of its corners.
+    pub fn part(&self, mesh: &Mesh, id: PatchId, corner: usize) -> Part {
+        let child = mesh.patch(id).first_child.map(|first| PatchId(first.0 + corner as u32));
+        // What was divided since then is as it was.
+        let known: Range<usize> = 0..self.patches.len();
+        child.filter(|child| known.contains(&child.index())).map_or(Part::Quarter(id, corner), Part::Patch)
+    }
+
+    /// The parts of a share.
+    pub fn parts(&self, share: usize) -> &[Part] {
+        &self.shares[share].0
+    }
+
+    /// Radiosity of a part.
+    pub fn of_part(&self, part: Part) -> DVec3 {
+        match part {
+            Part::Patch(id) => self.patches[id.index()],
+            Part::Quarter(id, corner) => self.quarters[id.index()][corner],
+        }
+    }
+
+    /// Mean radiosity of the parts of a share.
+    pub fn of_share(&self, share: usize) -> DVec3 {
+        self.shares[share].1
+    }
+
+    /// Radiosity of a share, where it counts as a whole.
+    pub fn whole(&self, share: usize) -> DVec3 {
+        self.wholes[share]
+    }
+
+    /// Gives all receivers back what near ones lost of each share's flux, so that as much arrives as leaves.
+    pub fn give_back(&mut self, mesh: &ShareMesh, lost: &[DVec3]) {
+        for ((whole, lost), share) in self.wholes.iter_mut().zip(lost).zip(&mesh.shares) {
+            *whole = (*whole + *lost / share.area).max(DVec3::ZERO);
+        }
+    }
+
+    /// What counts as a whole, for another radiosity of the same shares.
+    pub fn into_wholes(self) -> Vec<DVec3> {
+        self.wholes
+    }
+
+    /// Mean over the area of some parts.
+    fn mean(&self, mesh: &Mesh, parts: impl Iterator<Item = Part>) -> DVec3 {
+        let (mut flux, mut whole) = (DVec3::ZERO, 0.0);
+        for part in parts {
+            let area = match part {
+                Part::Patch(id) => mesh.patch(id).area,
+                Part::Quarter(id, corner) => area_vector(&mesh.corner_quad(id, corner)).length(),
+            };
+            flux += self.of_part(part) * area;
+            whole += area;
+        }
+        if whole > 0.0 { flux / whole } else { DVec3::ZERO }
+    }
+}
+
+/// Mean over a quarter of a leaf of what its exposed corners get.
+fn mean_of_quarter(
+    mesh: &Mesh,
+    (id, corner): (PatchId, usize),
+    exposed: &[bool],
+    irradiance: &[DVec3],
+) -> DVec3 {
+    let mut weights = vec![];
+    add_quarter(mesh, id, corner, 1.0, &mut weights);
+    let (mut sum, mut whole) = (DVec3::ZERO, 0.0);
+    for (vertex, weight) in weights.into_iter().filter(|(vertex, _)| exposed[*vertex]) {
+        sum += irradiance[vertex] * weight;
+        whole += weight;
+    }
+    if whole > 0.0 { sum / whole } else { DVec3::ZERO }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_scenes::{SIZE, overlaid};
+
+    /// Light that rises from one side of a square to the other is known within shares of another mesh, too.
+    #[test]
+    fn shares_of_another_mesh_have_parts() {
+        let (scene, mut mesh, shares) = overlaid(40);
+        for _ in 0..2 {
+            let leaves: Vec<PatchId> = mesh.leaves().map(|(id, _)| id).collect();
+            leaves.into_iter().step_by(3).for_each(|id| mesh.divide(id));
+        }
+        let light = |x: f64| DVec3::splat(1.0 + x / SIZE);
+        let irradiance: Vec<DVec3> = mesh.vertices.iter().map(|vertex| light(vertex.position.x)).collect();
+        let mesh = ShareMesh::new(&scene, mesh, shares);
+        let local = LocalRadiosity::new(&scene, &mesh, &vec![true; irradiance.len()], &irradiance, vec![]);
+        for (index, share) in mesh.shares.iter().enumerate() {
+            let area = |part: &Part| match part {
+                Part::Patch(id) => mesh.mesh.patch(*id).area,
+                Part::Quarter(id, corner) => area_vector(&mesh.mesh.corner_quad(*id, *corner)).length(),
+            };
+            let covered: f64 = local.parts(index).iter().map(area).sum();
+            assert!((0.4..1.4).contains(&(covered / share.area)), "{covered} of {}", share.area);
+            let centroids = share.polygons.iter().map(|polygon| {
+                let middle = polygon.corners.iter().sum::<DVec3>() / polygon.corners.len() as f64;
+                middle * polygon.area() / share.area
+            });
+            let expected = 0.5 * light(centroids.sum::<DVec3>().x);
+            let off = (local.of_share(index) - expected).x;
+            assert!(off.abs() < 0.02, "{expected} is off by {off}");
+        }
+    }
+}

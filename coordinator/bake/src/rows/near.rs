@@ -1,0 +1,223 @@
+//! Near light: where a share fills much of a receiver's sky, its parts count each with its own radiosity.
+//!
+//! Rows take a share's radiosity as constant. Beside a corner that is far off: the receiver sees the few parts next to it, which are
+//! darker than the mean of a share that reaches well into the room. What the row tells of visibility holds for all parts alike.
+
+use glam::DVec3;
+use kernel::form_factor::point_to_polygon;
+use kernel::replica::Receiver;
+use kernel::row::Row;
+use rayon::prelude::*;
+use smallvec::SmallVec;
+
+use super::local_radiosity::{LocalRadiosity, Part, Radiosity};
+use crate::mesh::Mesh;
+use crate::solver::ShareId;
+
+/// Form factor from which on a share is near.
+const NEAR: f32 = 0.015;
+
+/// Form factor from which on a part counts by its own parts.
+const LARGE: f64 = 0.02;
+
+/// Pairs that a thread takes at a time.
+const AT_ONCE: usize = 64;
+
+/// A share that is near to a receiver.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct NearShare {
+    receiver: u32,
+    share: ShareId,
+    factor: f32,
+}
+
+/// The shares that are near to some receivers.
+#[derive(Debug, Clone, Default)]
+pub struct NearShares(Vec<NearShare>);
+
+impl NearShares {
+    /// Adds the receivers that a share is near to, given its row.
+    pub fn add(&mut self, share: ShareId, row: &Row) {
+        for (first, mask, factors) in row.groups() {
+            if factors.iter().all(|factor| *factor < NEAR) {
+                continue;
+            }
+            let mut rest = mask;
+            for factor in factors {
+                let receiver = first as u32 + rest.trailing_zeros();
+                rest &= rest.wrapping_sub(1);
+                if *factor >= NEAR {
+                    self.0.push(NearShare { receiver, share, factor: *factor });
+                }
+            }
+        }
+    }
+
+    /// Sorts them by receiver, when all rows were added.
+    pub fn sort(&mut self) {
+        self.0.sort_unstable_by_key(|near| (near.receiver, near.share));
+        self.0.shrink_to_fit();
+    }
+
+    /// What the parts of near shares give each receiver beside what these do as wholes, pair by pair.
+    pub fn each_light(
+        &self,
+        mesh: &Mesh,
+        receivers: &[Receiver],
+        radiosity: Radiosity,
+        mut take: impl FnMut(usize, ShareId, DVec3),
+    ) {
+        let Some(local) = radiosity.local else { return };
+        let light = |near: &NearShare| difference(mesh, &receivers[near.receiver as usize], near, local);
+        let all: Vec<DVec3> = self.0.par_iter().with_min_len(AT_ONCE).map(light).collect();
+        self.0.iter().zip(all).for_each(|(near, light)| take(near.receiver as usize, near.share, light));
+    }
+}
+
+/// What a receiver gets from the parts of a share beside what it gets from the whole.
+fn difference(mesh: &Mesh, receiver: &Receiver, near: &NearShare, local: &LocalRadiosity) -> DVec3 {
+    let share = near.share.index();
+    let mut seen = Seen { mesh, receiver, local, light: DVec3::ZERO, factor: 0.0 };
+    local.parts(share).iter().for_each(|part| seen.add(*part));
+    if seen.factor <= 0.0 {
+        return DVec3::ZERO;
+    }
+    // No part takes more away than the whole gives.
+    let difference = (seen.light / seen.factor - local.of_share(share)).max(-local.whole(share));
+    difference * f64::from(near.factor)
+}
+
+/// What a receiver would get from parts if nothing stood between.
+struct Seen<'a> {
+    mesh: &'a Mesh,
+    receiver: &'a Receiver,
+    local: &'a LocalRadiosity,
+    light: DVec3,
+    factor: f64,
+}
+
+impl Seen<'_> {
+    fn add(&mut self, part: Part) {
+        let corners: SmallVec<[DVec3; 8]> = match part {
+            Part::Patch(id) => {
+                self.mesh.patch(id).corners.iter().map(|corner| self.mesh.position(*corner)).collect()
+            }
+            Part::Quarter(id, corner) => SmallVec::from_slice(&self.mesh.corner_quad(id, corner)),
+        };
+        let factor = point_to_polygon(self.receiver.position, self.receiver.normal, &corners);
+        match part {
+            Part::Patch(id) if factor >= LARGE => {
+                for corner in 0..self.mesh.patch(id).corners.len() {
+                    self.add(self.local.part(self.mesh, id, corner));
+                }
+            }
+            _ => {
+                self.light += self.local.of_part(part) * factor;
+                self.factor += factor;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use kernel::geometry::PlaneId;
+    use scene::Scene;
+
+    use super::*;
+    use crate::mesh::PatchId;
+    use crate::rows::ShareMesh;
+    use crate::test_scenes::{facet, scene};
+
+    const SIZE: f64 = 1000.0;
+
+    /// Light that rises from a corner into a wall.
+    fn rising(position: DVec3) -> f64 {
+        1.0 + (position.y / 100.0).min(3.0)
+    }
+
+    /// A wall above the x axis, divided so often after its shares were dealt out.
+    fn wall(levels: u32) -> (Scene, ShareMesh) {
+        let corners = [[0.0, 0.0, 0.0], [SIZE, 0.0, 0.0], [SIZE, SIZE, 0.0], [0.0, SIZE, 0.0]];
+        let scene = scene(vec![vec![facet(0, &corners)]], vec![]);
+        let mesh = Mesh::new(&scene, SIZE, SIZE, 12, &[]);
+        let shares = mesh.shares(&scene);
+        let mut wall = ShareMesh::new(&scene, mesh, shares);
+        for _ in 0..levels {
+            let leaves: Vec<PatchId> = wall.mesh.leaves().map(|(id, _)| id).collect();
+            leaves.into_iter().for_each(|id| wall.mesh.divide(id));
+        }
+        (scene, wall)
+    }
+
+    /// What the shares of a wall give a receiver on the floor so far in front of it: as wholes, and with their parts.
+    fn beside_a_wall(distance: f64) -> [f64; 2] {
+        let (scene, shares) = wall(5);
+        let vertices = &shares.mesh.vertices;
+        let light: Vec<DVec3> = vertices.iter().map(|vertex| DVec3::splat(rising(vertex.position))).collect();
+        let wholes = vec![DVec3::ONE; shares.shares.len()];
+        let local = LocalRadiosity::new(&scene, &shares, &vec![true; light.len()], &light, wholes);
+        let even: Vec<DVec3> = (0..shares.shares.len()).map(|share| local.of_share(share)).collect();
+        let position = DVec3::new(0.4 * SIZE, 0.0, distance);
+        let receiver = Receiver { position, normal: DVec3::Y, plane: PlaneId(1) };
+        let mut near = NearShares::default();
+        let mut as_wholes = 0.0;
+        for (index, share) in shares.shares.iter().enumerate() {
+            let factor: f64 =
+                share.polygons.iter().map(|part| point_to_polygon(position, DVec3::Y, &part.corners)).sum();
+            as_wholes += factor * even[index].x;
+            near.add(ShareId(index as u32), &Row::new(&[factor as f32]));
+        }
+        near.sort();
+        let mut with_parts = as_wholes;
+        let radiosity = Radiosity { shares: &even, local: Some(&local) };
+        near.each_light(&shares.mesh, &[receiver], radiosity, |_, _, light| with_parts += light.x);
+        [as_wholes, with_parts]
+    }
+
+    /// The same from strips of the wall, thin against its distance.
+    fn from_strips(distance: f64) -> f64 {
+        let strips = 4000;
+        let height = SIZE / f64::from(strips);
+        let of_strip = |index: u32| {
+            let (low, high) = (height * f64::from(index), height * f64::from(index + 1));
+            let corners = [
+                DVec3::new(0.0, low, 0.0),
+                DVec3::new(SIZE, low, 0.0),
+                DVec3::new(SIZE, high, 0.0),
+                DVec3::new(0.0, high, 0.0),
+            ];
+            let factor = point_to_polygon(DVec3::new(0.4 * SIZE, 0.0, distance), DVec3::Y, &corners);
+            // Half of what falls on the wall leaves it.
+            0.5 * factor * rising(DVec3::Y * (low + high) / 2.0)
+        };
+        (0..strips).map(of_strip).sum()
+    }
+
+    #[test]
+    fn a_receiver_in_a_corner_sees_the_parts_next_to_it() {
+        for distance in [20.0, 60.0, 200.0] {
+            let exact = from_strips(distance);
+            let [as_wholes, with_parts] = beside_a_wall(distance).map(|light| (light / exact - 1.0).abs());
+            assert!(with_parts < 0.01, "{distance}: off by {with_parts}");
+            assert!(with_parts < 0.25 * as_wholes, "{distance}: {with_parts}, as wholes {as_wholes}");
+        }
+    }
+
+    #[test]
+    fn parts_that_are_alike_change_nothing() {
+        let (scene, shares) = wall(0);
+        let light = vec![DVec3::ONE; shares.mesh.vertices.len()];
+        // What sees nothing does not count, however dark it is.
+        for dark in [None, Some(0)] {
+            let (mut light, mut exposed) = (light.clone(), vec![true; light.len()]);
+            if let Some(dark) = dark {
+                (light[dark], exposed[dark]) = (DVec3::ZERO, false);
+            }
+            let local = LocalRadiosity::new(&scene, &shares, &exposed, &light, vec![]);
+            for share in 0..shares.shares.len() {
+                assert!((local.of_share(share) - DVec3::splat(0.5)).length() < 1e-12, "{dark:?}");
+            }
+        }
+    }
+}
