@@ -20,9 +20,9 @@ MARGIN = 1.03
 
 
 def largest_setting(target, found_error):
-    """The largest of a list of settings, from 1.5 down to 0.3 times the target, whose found error is at most the target;
+    """The largest of a list of settings, from 4 down to 0.3 times the target, whose found error is at most the target;
     None where none is. Each is tried: the error need not fall with the setting."""
-    factor = 1.5
+    factor = 4.0
     while factor >= 0.3:
         setting = float(f"{target * factor:.3g}")
         if found_error(setting) <= target:

@@ -19,6 +19,7 @@ mod tests;
 mod time;
 
 pub use client::{RowBatch, RowClient};
+pub use monitor::Monitor;
 pub use plan::ReceiverSet;
 pub use service::RowService;
 pub use time::ThreadTime;

@@ -23,6 +23,9 @@ use scene::Scene;
 /// Most bytes of irradiances gathered at the same time.
 const MOST_GATHERED: usize = 1 << 30;
 
+/// Bytes for each vertex while the light of a part is gathered: irradiances, and radiosity within shares.
+const BYTES_GATHERED: usize = 400;
+
 /// Bytes kept for each light and each vertex or sample point. Vertices: total and direct irradiance as f32; samples: total
 /// irradiance as f64.
 const BYTES: u64 = 24;
@@ -90,10 +93,20 @@ pub fn keep_light(cx: &mut Context, measured: &mut Measured) -> Result<Option<Ke
         parts.push(solved.part(cx, group, is_alone, &means, &mut columns)?);
     }
     cx.work.sweeps = sweeps;
-    if parts.iter().any(|solved| solved.part.irradiance.is_empty()) {
-        solved.gather_at_vertices(cx, &means, &mut parts)?;
+    let is_dark = |solved: &SolvedPart| solved.part.irradiance.is_empty();
+    let together = if parts.iter().any(is_dark) {
+        // What is gathered of a part takes more than what is kept of it.
+        MOST_GATHERED / (solved.mesh.mesh.vertices.len() * BYTES_GATHERED).max(1)
+    } else {
+        parts.len()
+    };
+    for some in parts.chunks_mut(together.max(1)) {
+        if some.iter().any(is_dark) {
+            solved.gather_at_vertices(cx, &means, some)?;
+        }
+        solved.gather_at_samples(cx, validation, some)?;
+        some.iter_mut().for_each(|solved| solved.local = None);
     }
-    solved.gather_at_samples(cx, validation, &mut parts)?;
     let mesh = &solved.mesh.mesh;
     let mut divided: Vec<(PatchId, PatchId)> = vec![];
     for (index, patch) in mesh.patches.iter().enumerate() {
@@ -190,42 +203,38 @@ impl Solved {
         Ok(SolvedPart { sources, radiosity: solution.radiosity, local: solution.local, part, unit })
     }
 
-    /// Gathers the light of each part at the vertices: rows that are not kept are made once for as many parts as fit into memory.
+    /// Gathers the light of parts at the vertices.
     fn gather_at_vertices(
         &mut self,
         cx: &mut Context,
         means: &ShareValues,
         parts: &mut [SolvedPart],
     ) -> Result<()> {
-        let vertices = self.mesh.mesh.vertices.len();
-        let together = (MOST_GATHERED / (2 * vertices * size_of::<DVec3>()).max(1)).max(1);
-        for parts in parts.chunks_mut(together) {
-            let direct_of = |solved: &SolvedPart| {
-                let direct = solved.part.direct.iter();
-                direct.map(|kept| solved.unit.light(kept.as_dvec3())).collect()
-            };
-            let directs: Vec<Vec<DVec3>> = parts.iter().map(direct_of).collect();
-            let (mesh, exposed, tolerance) = (&self.mesh, &self.exposed, cx.settings.threshold);
-            let problem = |direct| Problem { mesh, values: means, exposed, direct, tolerance };
-            let radiosities = parts.iter().map(|solved| &*solved.radiosity);
-            let problems: Vec<Problem> = directs.iter().map(|direct| problem(direct)).collect();
-            let problems: Vec<(&Problem, &[DVec3])> = problems.iter().zip(radiosities).collect();
-            let gathered = self.rows.table.gather_at_vertices(cx, &problems)?;
-            for (solved, (reflected, local)) in parts.iter_mut().zip(gathered) {
-                let all = solved
-                    .part
-                    .direct
-                    .iter()
-                    .zip(reflected)
-                    .map(|(direct, light)| (direct.as_dvec3() + solved.unit.of(light)).as_vec3());
-                solved.part.irradiance = all.collect();
-                solved.local = Some(local);
-            }
+        let direct_of = |solved: &SolvedPart| {
+            let direct = solved.part.direct.iter();
+            direct.map(|kept| solved.unit.light(kept.as_dvec3())).collect()
+        };
+        let directs: Vec<Vec<DVec3>> = parts.iter().map(direct_of).collect();
+        let (mesh, exposed, tolerance) = (&self.mesh, &self.exposed, cx.settings.threshold);
+        let problem = |direct| Problem { mesh, values: means, exposed, direct, tolerance };
+        let radiosities = parts.iter().map(|solved| &*solved.radiosity);
+        let problems: Vec<Problem> = directs.iter().map(|direct| problem(direct)).collect();
+        let problems: Vec<(&Problem, &[DVec3])> = problems.iter().zip(radiosities).collect();
+        let gathered = self.rows.table.gather_at_vertices(cx, &problems)?;
+        for (solved, (reflected, local)) in parts.iter_mut().zip(gathered) {
+            let all = solved
+                .part
+                .direct
+                .iter()
+                .zip(reflected)
+                .map(|(direct, light)| (direct.as_dvec3() + solved.unit.of(light)).as_vec3());
+            solved.part.irradiance = all.collect();
+            solved.local = Some(local);
         }
         Ok(())
     }
 
-    /// Gathers the light of each part at sample points, all in one pass over the rows.
+    /// Gathers the light of parts at sample points.
     fn gather_at_samples(
         &mut self,
         cx: &mut Context,

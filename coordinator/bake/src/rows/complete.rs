@@ -65,60 +65,87 @@ impl RowTable {
         Ok(near.into_iter().map(|(gathered, local)| (self.at_vertices(gathered), local)).collect())
     }
 
-    /// Adds near light to what the sets get of even shares: those of the vertices, and others after them.
+    /// Adds near light to what the sets get of even shares: those of the vertices, each of which has a receiver of its own, and others
+    /// after them.
     ///
-    /// What near receivers lose of a share's flux all others get, so that the light balances: a pass over the rows more.
+    /// What near receivers lose of a share's flux all get that see it, in a pass over the rows more. So light balances; of a share that
+    /// sees the open sky a part is lost there.
     fn with_near(
         &mut self,
         cx: &mut Context,
         sets: &[SetId],
-        mut gathered: Vec<BySet>,
+        gathered: Vec<BySet>,
         parts: &[(&Problem, &[DVec3])],
     ) -> Result<Vec<(BySet, LocalRadiosity)>> {
         let Some((Problem { mesh, .. }, _)) = parts.first() else { return Ok(vec![]) };
-        let areas = areas_of_vertices(&mesh.mesh);
-        let (mut locals, mut estimates, mut given_back) = (vec![], vec![], vec![]);
-        for (gathered, (problem, radiosity)) in gathered.iter().zip(parts) {
-            cx.client.monitor.check()?;
-            let irradiance = self.irradiance(problem, gathered.clone());
-            let (scene, exposed) = (cx.scene, problem.exposed);
-            let mut local = LocalRadiosity::new(scene, mesh, exposed, &irradiance, radiosity.to_vec());
-            let near = Radiosity { shares: radiosity, local: Some(&local) };
-            let mut estimate = gathered.clone();
-            let mut lost = vec![DVec3::ZERO; radiosity.len()];
-            let mut first = 0;
-            for (set, light) in self.vertices.sets().zip(&mut estimate) {
-                self.each_near(&mesh.mesh, set, near, |receiver, share, near| {
+        let areas = self.areas_of_vertices(&mesh.mesh);
+        let (mut all, mut given_back) = (vec![], vec![]);
+        for (gathered, (problem, radiosity)) in gathered.into_iter().zip(parts) {
+            let (estimate, lost) = self.estimate(cx, problem, &gathered, &areas)?;
+            let lost = lost.into_iter().zip(&mesh.shares).map(|(lost, share)| lost / share.area);
+            let lost: Vec<DVec3> = lost.collect();
+            let wholes = radiosity.iter().zip(&lost).map(|(radiosity, lost)| *radiosity + *lost).collect();
+            all.push((gathered, estimate, wholes));
+            given_back.push(lost);
+        }
+        if given_back.iter().flatten().any(|light| *light != DVec3::ZERO) {
+            let even: Vec<Radiosity> = given_back.iter().map(|light| Radiosity::even(light)).collect();
+            let light = self.gather_each(cx, &mesh.mesh, sets, &even, |_, _, _| ())?;
+            for ((gathered, estimate, _), light) in all.iter_mut().zip(&light) {
+                add(gathered, light);
+                add(estimate, light);
+            }
+        }
+        let mut lit = vec![];
+        for ((mut gathered, estimate, wholes), (problem, radiosity)) in all.into_iter().zip(parts) {
+            let irradiance = self.irradiance(problem, estimate);
+            let local = LocalRadiosity::new(cx.scene, mesh, problem.exposed, &irradiance, wholes);
+            let radiosity = Radiosity { shares: radiosity, local: Some(&local) };
+            for (set, light) in sets.iter().zip(&mut gathered) {
+                self.add_near(cx, &mesh.mesh, *set, radiosity, light)?;
+            }
+            lit.push((gathered, local));
+        }
+        Ok(lit)
+    }
+
+    /// What receivers would get if each part of a share were as bright as even shares make it, and the flux of each share that near
+    /// vertices lose so.
+    fn estimate(
+        &self,
+        cx: &mut Context,
+        problem: &Problem,
+        gathered: &BySet,
+        areas: &[f64],
+    ) -> Result<(BySet, Vec<DVec3>)> {
+        let irradiance = self.irradiance(problem, gathered.clone());
+        let local = LocalRadiosity::new(cx.scene, problem.mesh, problem.exposed, &irradiance, vec![]);
+        let mut estimate = gathered.clone();
+        let mut lost = vec![DVec3::ZERO; problem.mesh.shares.len()];
+        let mut first = 0;
+        for (set, light) in self.vertices.sets().zip(&mut estimate) {
+            if let Some((receivers, near)) = self.near(set) {
+                let mesh = &problem.mesh.mesh;
+                near.each_light(&mut cx.client.monitor, mesh, receivers, &local, |receiver, share, near| {
                     light[receiver] += near;
                     lost[share.index()] -= near * areas[first + receiver];
-                });
-                first += light.len();
+                })?;
             }
-            local.give_back(mesh, &lost);
-            let wholes = (0..radiosity.len()).map(|share| local.whole(share) - radiosity[share]);
-            given_back.push(wholes.collect::<Vec<DVec3>>());
-            locals.push(local);
-            estimates.push(estimate);
+            first += light.len();
         }
-        let given_back: Vec<Radiosity> = given_back.iter().map(|light| Radiosity::even(light)).collect();
-        let given_back = self.gather_each(cx, &mesh.mesh, sets, &given_back, |_, _, _| ())?;
-        for light in [&mut gathered, &mut estimates] {
-            add_all(light, &given_back);
+        Ok((estimate, lost))
+    }
+
+    /// The area that each vertex stands for in means over patches, smaller where its light is bounded.
+    fn areas_of_vertices(&self, mesh: &Mesh) -> Vec<f64> {
+        let mut areas = vec![DVec3::ZERO; mesh.vertices.len()];
+        let mut weights = vec![];
+        for (id, _) in mesh.leaves() {
+            add_whole(mesh, id, 1.0, &mut weights);
+            weights.drain(..).for_each(|(vertex, weight)| areas[vertex].x += weight);
         }
-        let of_parts = locals.into_iter().zip(estimates).zip(parts);
-        let mut all = vec![];
-        for (mut gathered, ((local, estimate), (problem, radiosity))) in gathered.into_iter().zip(of_parts) {
-            cx.client.monitor.check()?;
-            let irradiance = self.irradiance(problem, estimate);
-            let wholes = local.into_wholes();
-            let local = LocalRadiosity::new(cx.scene, mesh, problem.exposed, &irradiance, wholes);
-            let near = Radiosity { shares: radiosity, local: Some(&local) };
-            for (set, light) in sets.iter().zip(&mut gathered) {
-                self.each_near(&mesh.mesh, *set, near, |receiver, _, near| light[receiver] += near);
-            }
-            all.push((gathered, local));
-        }
-        Ok(all)
+        self.bounds.apply(0, &mut areas);
+        areas.into_iter().map(|area| area.x).collect()
     }
 
     /// Irradiance of all vertices, from what the receivers of their sets get of shares.
@@ -129,18 +156,6 @@ impl RowTable {
     }
 }
 
-fn add_all(light: &mut [BySet], other: &[BySet]) {
-    let pairs = light.iter_mut().flatten().flatten().zip(other.iter().flatten().flatten());
-    pairs.for_each(|(light, other)| *light += *other);
-}
-
-/// The area that each vertex stands for in means over patches.
-fn areas_of_vertices(mesh: &Mesh) -> Vec<f64> {
-    let mut areas = vec![0.0; mesh.vertices.len()];
-    let mut weights = vec![];
-    for (id, _) in mesh.leaves() {
-        add_whole(mesh, id, 1.0, &mut weights);
-        weights.drain(..).for_each(|(vertex, weight)| areas[vertex] += weight);
-    }
-    areas
+fn add(light: &mut BySet, other: &BySet) {
+    light.iter_mut().flatten().zip(other.iter().flatten()).for_each(|(light, other)| *light += *other);
 }

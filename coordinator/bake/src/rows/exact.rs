@@ -143,9 +143,7 @@ impl RowSource for ExactRows {
         near.sort();
         let mut light: Vec<Vec<DVec3>> = light.into_iter().map(Gathering::into_irradiance).collect();
         for (light, radiosity) in light.iter_mut().zip(radiosities) {
-            near.each_light(&mesh.mesh, &receivers.receivers, *radiosity, |receiver, _, near| {
-                light[receiver] += near;
-            });
+            near.add_light(&mut cx.client.monitor, &mesh.mesh, &receivers.receivers, *radiosity, light)?;
         }
         Ok(Gathered { light, cover: Cover { sums, ..Cover::default() } })
     }

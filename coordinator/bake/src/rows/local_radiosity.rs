@@ -1,7 +1,5 @@
 //! How radiosity differs within shares.
 
-use std::ops::Range;
-
 use glam::DVec3;
 use kernel::geometry::area_vector;
 use rayon::prelude::*;
@@ -45,15 +43,34 @@ pub enum Part {
     Quarter(PatchId, usize),
 }
 
+/// A mean over the exposed area of a part.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Mean {
+    /// Mean radiosity.
+    pub radiosity: DVec3,
+    /// The area; none where the part sees no surface.
+    pub area: f64,
+}
+
+impl Mean {
+    /// The mean of parts.
+    fn of(parts: impl Iterator<Item = Self>) -> Self {
+        let (flux, area) = parts.fold((DVec3::ZERO, 0.0), |(flux, area), part| {
+            (flux + part.radiosity * part.area, area + part.area)
+        });
+        if area > 0.0 { Self { radiosity: flux / area, area } } else { Self::default() }
+    }
+}
+
 /// Radiosity of the parts of shares, from the irradiance of vertices.
 #[derive(Clone)]
 pub struct LocalRadiosity {
     /// Of each patch that there was.
-    patches: Vec<DVec3>,
+    patches: Vec<Mean>,
     /// Of the quarters of each, in the order of its corners; none of divided patches.
-    quarters: Vec<SmallVec<[DVec3; 4]>>,
+    quarters: Vec<SmallVec<[Mean; 4]>>,
     /// The parts of each share, and the mean over them.
-    shares: Vec<(Vec<Part>, DVec3)>,
+    shares: Vec<(Vec<Part>, Mean)>,
     /// Radiosity of each share, where it counts as a whole.
     wholes: Vec<DVec3>,
 }
@@ -69,27 +86,31 @@ impl LocalRadiosity {
         wholes: Vec<DVec3>,
     ) -> Self {
         let of = &mesh.mesh;
-        let quarters_of = |(index, patch): (usize, &Patch)| -> SmallVec<[DVec3; 4]> {
+        let quarters_of = |(index, patch): (usize, &Patch)| -> SmallVec<[Mean; 4]> {
             if patch.first_child.is_some() {
                 return SmallVec::new();
             }
             let id = PatchId(index as u32);
             let reflectance = mesh.patch_materials.of(scene, of, id).reflectance;
-            let mean = |corner| reflectance * mean_of_quarter(of, (id, corner), exposed, irradiance);
-            (0..patch.corners.len()).map(mean).collect()
+            let quarter = |corner| {
+                let irradiance = mean_of_quarter(of, (id, corner), exposed, irradiance);
+                Mean { radiosity: reflectance * irradiance.radiosity, ..irradiance }
+            };
+            (0..patch.corners.len()).map(quarter).collect()
         };
         let patches = of.patches.par_iter().enumerate().with_min_len(AT_ONCE);
         let quarters: Vec<_> = patches.map(quarters_of).collect();
         let mut local =
-            Self { patches: vec![DVec3::ZERO; of.patches.len()], quarters, shares: vec![], wholes };
+            Self { patches: vec![Mean::default(); of.patches.len()], quarters, shares: vec![], wholes };
         // Children follow their parents.
         for id in (0..of.patches.len() as u32).rev().map(PatchId) {
             let corners = 0..of.patch(id).corners.len();
-            local.patches[id.index()] = local.mean(of, corners.map(|corner| local.part(of, id, corner)));
+            let parts = corners.map(|corner| local.of_part(local.part(of, id, corner)));
+            local.patches[id.index()] = Mean::of(parts);
         }
         let of_share = |share: &Share| {
             let parts = local.parts_of(of, share);
-            let mean = local.mean(of, parts.iter().copied());
+            let mean = Mean::of(parts.iter().map(|part| local.of_part(*part)));
             (parts, mean)
         };
         local.shares = mesh.shares.par_iter().with_min_len(AT_ONCE).map(of_share).collect();
@@ -108,7 +129,11 @@ impl LocalRadiosity {
     /// Adds the parts of a patch that lie within a polygon of its plane, quarters of leaves by half or more.
     fn add_parts_within(&self, mesh: &Mesh, polygon: &[DVec3], id: PatchId, parts: &mut Vec<Part>) {
         let corners = mesh.corners(id);
-        if overlap(polygon, &corners)[..] == corners[..] {
+        let covered = overlap(polygon, &corners);
+        if covered.is_empty() {
+            return;
+        }
+        if covered[..] == corners[..] {
             parts.push(Part::Patch(id));
             return;
         }
@@ -130,8 +155,8 @@ impl LocalRadiosity {
     pub fn part(&self, mesh: &Mesh, id: PatchId, corner: usize) -> Part {
         let child = mesh.patch(id).first_child.map(|first| PatchId(first.0 + corner as u32));
         // What was divided since then is as it was.
-        let known: Range<usize> = 0..self.patches.len();
-        child.filter(|child| known.contains(&child.index())).map_or(Part::Quarter(id, corner), Part::Patch)
+        let is_known = |child: &PatchId| child.index() < self.patches.len();
+        child.filter(is_known).map_or(Part::Quarter(id, corner), Part::Patch)
     }
 
     /// The parts of a share.
@@ -139,8 +164,8 @@ impl LocalRadiosity {
         &self.shares[share].0
     }
 
-    /// Radiosity of a part.
-    pub fn of_part(&self, part: Part) -> DVec3 {
+    /// Mean over a part.
+    pub fn of_part(&self, part: Part) -> Mean {
         match part {
             Part::Patch(id) => self.patches[id.index()],
             Part::Quarter(id, corner) => self.quarters[id.index()][corner],
@@ -149,38 +174,7 @@ impl LocalRadiosity {
 
     /// Mean radiosity of the parts of a share.
     pub fn of_share(&self, share: usize) -> DVec3 {
-        self.shares[share].1
-    }
-
-    /// Radiosity of a share, where it counts as a whole.
-    pub fn whole(&self, share: usize) -> DVec3 {
-        self.wholes[share]
-    }
-
-    /// Gives all receivers back what near ones lost of each share's flux, so that as much arrives as leaves.
-    pub fn give_back(&mut self, mesh: &ShareMesh, lost: &[DVec3]) {
-        for ((whole, lost), share) in self.wholes.iter_mut().zip(lost).zip(&mesh.shares) {
-            *whole = (*whole + *lost / share.area).max(DVec3::ZERO);
-        }
-    }
-
-    /// What counts as a whole, for another radiosity of the same shares.
-    pub fn into_wholes(self) -> Vec<DVec3> {
-        self.wholes
-    }
-
-    /// Mean over the area of some parts.
-    fn mean(&self, mesh: &Mesh, parts: impl Iterator<Item = Part>) -> DVec3 {
-        let (mut flux, mut whole) = (DVec3::ZERO, 0.0);
-        for part in parts {
-            let area = match part {
-                Part::Patch(id) => mesh.patch(id).area,
-                Part::Quarter(id, corner) => area_vector(&mesh.corner_quad(id, corner)).length(),
-            };
-            flux += self.of_part(part) * area;
-            whole += area;
-        }
-        if whole > 0.0 { flux / whole } else { DVec3::ZERO }
+        self.shares[share].1.radiosity
     }
 }
 
@@ -190,15 +184,11 @@ fn mean_of_quarter(
     (id, corner): (PatchId, usize),
     exposed: &[bool],
     irradiance: &[DVec3],
-) -> DVec3 {
+) -> Mean {
     let mut weights = vec![];
     add_quarter(mesh, id, corner, 1.0, &mut weights);
-    let (mut sum, mut whole) = (DVec3::ZERO, 0.0);
-    for (vertex, weight) in weights.into_iter().filter(|(vertex, _)| exposed[*vertex]) {
-        sum += irradiance[vertex] * weight;
-        whole += weight;
-    }
-    if whole > 0.0 { sum / whole } else { DVec3::ZERO }
+    let exposed = weights.into_iter().filter(|(vertex, _)| exposed[*vertex]);
+    Mean::of(exposed.map(|(vertex, weight)| Mean { radiosity: irradiance[vertex], area: weight }))
 }
 
 #[cfg(test)]

@@ -11,6 +11,8 @@ use rayon::prelude::*;
 use smallvec::SmallVec;
 
 use super::local_radiosity::{LocalRadiosity, Part, Radiosity};
+use crate::error::Result;
+use crate::jobs::Monitor;
 use crate::mesh::Mesh;
 use crate::solver::ShareId;
 
@@ -22,6 +24,9 @@ const LARGE: f64 = 0.02;
 
 /// Pairs that a thread takes at a time.
 const AT_ONCE: usize = 64;
+
+/// Pairs after which a cancelled bake ends: some hundredths of a second.
+const BETWEEN_CHECKS: usize = 1 << 14;
 
 /// A share that is near to a receiver.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -62,15 +67,34 @@ impl NearShares {
     /// What the parts of near shares give each receiver beside what these do as wholes, pair by pair.
     pub fn each_light(
         &self,
+        monitor: &mut Monitor,
+        mesh: &Mesh,
+        receivers: &[Receiver],
+        local: &LocalRadiosity,
+        mut take: impl FnMut(usize, ShareId, DVec3),
+    ) -> Result<()> {
+        let light = |near: &NearShare| difference(mesh, &receivers[near.receiver as usize], near, local);
+        for some in self.0.chunks(BETWEEN_CHECKS) {
+            monitor.check()?;
+            let all: Vec<DVec3> = some.par_iter().with_min_len(AT_ONCE).map(light).collect();
+            some.iter().zip(all).for_each(|(near, light)| take(near.receiver as usize, near.share, light));
+        }
+        Ok(())
+    }
+
+    /// Adds the same to the light of the receivers. Light that is taken away leaves none below zero.
+    pub fn add_light(
+        &self,
+        monitor: &mut Monitor,
         mesh: &Mesh,
         receivers: &[Receiver],
         radiosity: Radiosity,
-        mut take: impl FnMut(usize, ShareId, DVec3),
-    ) {
-        let Some(local) = radiosity.local else { return };
-        let light = |near: &NearShare| difference(mesh, &receivers[near.receiver as usize], near, local);
-        let all: Vec<DVec3> = self.0.par_iter().with_min_len(AT_ONCE).map(light).collect();
-        self.0.iter().zip(all).for_each(|(near, light)| take(near.receiver as usize, near.share, light));
+        light: &mut [DVec3],
+    ) -> Result<()> {
+        let Some(local) = radiosity.local else { return Ok(()) };
+        self.each_light(monitor, mesh, receivers, local, |receiver, _, near| light[receiver] += near)?;
+        light.iter_mut().for_each(|light| *light = light.max(DVec3::ZERO));
+        Ok(())
     }
 }
 
@@ -82,9 +106,7 @@ fn difference(mesh: &Mesh, receiver: &Receiver, near: &NearShare, local: &LocalR
     if seen.factor <= 0.0 {
         return DVec3::ZERO;
     }
-    // No part takes more away than the whole gives.
-    let difference = (seen.light / seen.factor - local.of_share(share)).max(-local.whole(share));
-    difference * f64::from(near.factor)
+    (seen.light / seen.factor - local.of_share(share)) * f64::from(near.factor)
 }
 
 /// What a receiver would get from parts if nothing stood between.
@@ -98,6 +120,10 @@ struct Seen<'a> {
 
 impl Seen<'_> {
     fn add(&mut self, part: Part) {
+        let mean = self.local.of_part(part);
+        if mean.area <= 0.0 {
+            return;
+        }
         let corners: SmallVec<[DVec3; 8]> = match part {
             Part::Patch(id) => {
                 self.mesh.patch(id).corners.iter().map(|corner| self.mesh.position(*corner)).collect()
@@ -112,7 +138,7 @@ impl Seen<'_> {
                 }
             }
             _ => {
-                self.light += self.local.of_part(part) * factor;
+                self.light += mean.radiosity * factor;
                 self.factor += factor;
             }
         }
@@ -126,6 +152,7 @@ mod tests {
 
     use super::*;
     use crate::mesh::PatchId;
+    use crate::observer::Unobserved;
     use crate::rows::ShareMesh;
     use crate::test_scenes::{facet, scene};
 
@@ -170,8 +197,10 @@ mod tests {
         }
         near.sort();
         let mut with_parts = as_wholes;
-        let radiosity = Radiosity { shares: &even, local: Some(&local) };
-        near.each_light(&shares.mesh, &[receiver], radiosity, |_, _, light| with_parts += light.x);
+        let (mesh, mut observer) = (&shares.mesh, Unobserved);
+        let mut monitor = Monitor::new(&mut observer);
+        near.each_light(&mut monitor, mesh, &[receiver], &local, |_, _, light| with_parts += light.x)
+            .unwrap();
         [as_wholes, with_parts]
     }
 
@@ -204,19 +233,19 @@ mod tests {
         }
     }
 
+    /// What sees nothing does not count, however dark it is: one corner of a leaf, or a whole leaf.
     #[test]
-    fn parts_that_are_alike_change_nothing() {
-        let (scene, shares) = wall(0);
-        let light = vec![DVec3::ONE; shares.mesh.vertices.len()];
-        // What sees nothing does not count, however dark it is.
-        for dark in [None, Some(0)] {
-            let (mut light, mut exposed) = (light.clone(), vec![true; light.len()]);
-            if let Some(dark) = dark {
-                (light[dark], exposed[dark]) = (DVec3::ZERO, false);
-            }
-            let local = LocalRadiosity::new(&scene, &shares, &exposed, &light, vec![]);
-            for share in 0..shares.shares.len() {
-                assert!((local.of_share(share) - DVec3::splat(0.5)).length() < 1e-12, "{dark:?}");
+    fn parts_that_see_nothing_do_not_count() {
+        let (scene, wall) = wall(3);
+        let vertices = &wall.mesh.vertices;
+        for hidden in [0.0, 0.3 * SIZE] {
+            let exposed: Vec<bool> =
+                vertices.iter().map(|vertex| vertex.position.max_element() > hidden).collect();
+            assert!(!exposed.iter().all(|exposed| *exposed));
+            let light: Vec<DVec3> = exposed.iter().map(|exposed| DVec3::splat(f64::from(*exposed))).collect();
+            let local = LocalRadiosity::new(&scene, &wall, &exposed, &light, vec![]);
+            for share in 0..wall.shares.len() {
+                assert!((local.of_share(share) - DVec3::splat(0.5)).length() < 1e-12, "{hidden}");
             }
         }
     }

@@ -68,7 +68,7 @@ impl RowTable {
         }
     }
 
-    /// Adds a set of receivers. To `near` ones light comes from the parts of near shares.
+    /// Adds a set of receivers. Where these are given, too, near shares light them part by part.
     pub fn add_set(&mut self, set: ReceiverSet, near: Option<&[Receiver]>) -> SetId {
         self.sets.push(set);
         self.near.push(near.map(|receivers| NearSet { receivers: receivers.to_vec(), shares: None }));
@@ -159,28 +159,34 @@ impl RowTable {
                 near.shares = Some(shares);
             }
         }
-        let of_radiosity = |(gathered, radiosity): (Vec<Gathering>, &Radiosity)| {
-            let with_near = |(gathered, set): (Gathering, &SetId)| {
-                let mut light = gathered.into_irradiance();
-                self.each_near(mesh, *set, *radiosity, |receiver, _, near| light[receiver] += near);
-                light
-            };
-            gathered.into_iter().zip(sets).map(with_near).collect()
-        };
-        Ok(gathered.into_iter().zip(radiosities).map(of_radiosity).collect())
+        let mut light = vec![];
+        for (gathered, radiosity) in gathered.into_iter().zip(radiosities) {
+            let mut by_set: Vec<_> = gathered.into_iter().map(Gathering::into_irradiance).collect();
+            for (set, light) in sets.iter().zip(&mut by_set) {
+                self.add_near(cx, mesh, *set, *radiosity, light)?;
+            }
+            light.push(by_set);
+        }
+        Ok(light)
     }
 
-    /// What the parts of near shares give each receiver of a set beside what these do as wholes, pair by pair.
-    pub fn each_near(
+    /// Adds to the light of a set what the parts of near shares give beside what these do as wholes.
+    pub fn add_near(
         &self,
+        cx: &mut Context,
         mesh: &Mesh,
         set: SetId,
         radiosity: Radiosity,
-        take: impl FnMut(usize, ShareId, DVec3),
-    ) {
-        if let Some(NearSet { receivers, shares: Some(shares) }) = &self.near[set.index()] {
-            shares.each_light(mesh, receivers, radiosity, take);
-        }
+        light: &mut [DVec3],
+    ) -> Result<()> {
+        let Some((receivers, near)) = self.near(set) else { return Ok(()) };
+        near.add_light(&mut cx.client.monitor, mesh, receivers, radiosity, light)
+    }
+
+    /// The receivers of a set, with the shares that are near to them, where these count part by part.
+    pub fn near(&self, set: SetId) -> Option<(&[Receiver], &NearShares)> {
+        let NearSet { receivers, shares } = self.near[set.index()].as_ref()?;
+        Some((receivers, shares.as_ref()?))
     }
 
     /// What all vertices get, from what the receivers of their sets do.

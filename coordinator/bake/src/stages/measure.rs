@@ -144,8 +144,8 @@ impl Solved {
         Ok(samples.on_leaves(&self.mesh.mesh, samples.differences(&between)))
     }
 
-    /// Relative error of the light of shares, each of constant radiosity: against that of the leaves of the refined mesh, each with
-    /// its own mean, at all samples, or at the first where leaves cost rows. Returns what it is at least, too.
+    /// Relative error of the light of shares that count as wholes: against that of the leaves of the refined mesh, each with its own
+    /// mean, at all samples, or at the first where leaves cost rows. Returns what it is at least, too.
     fn error_of_shooters(
         &self,
         cx: &mut Context,

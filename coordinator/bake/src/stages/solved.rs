@@ -68,7 +68,8 @@ impl Lit {
     /// Solves for the light on the shooting mesh, well enough to see where it must be refined.
     #[tracing::instrument(skip_all)]
     pub fn solve(self, cx: &mut Context) -> Result<Solved> {
-        let Self { mesh, mut rows, sources, mut samples, mut middles, direct } = self;
+        let Self { mut mesh, mut rows, sources, mut samples, mut middles, direct } = self;
+        mesh.patch_materials.update(cx.scene, &mesh.mesh);
         cx.client.monitor.enter(Phase::Shoot, mesh.mesh.vertices.len());
         let Direct { all: mut direct, from_lights, from_outside } = direct;
         let mut radiosity = {

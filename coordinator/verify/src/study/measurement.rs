@@ -50,7 +50,7 @@ pub struct ErrorEstimate {
     pub mesh: f64,
     /// Interpolation between vertices: measured at random points between them.
     pub receivers: f64,
-    /// Constant radiosity of each share, where it varies: measured at random points, against the light of the refined mesh.
+    /// Shares that count as wholes, each with one radiosity: measured at random points, against the light of the refined mesh.
     pub shooters: f64,
     /// All of them.
     pub total: f64,
