@@ -1,13 +1,13 @@
 //! Scenes of a few facets, for tests.
 
-use crate::mesh::{Mesh, Share};
+use crate::mesh::{Mesh, PatchId, Share};
 use glam::DVec3;
 use kernel::geometry::{PlaneId, area_vector};
 use scene::{
     Corner, Facet, Frame, ImportReport, Light, LightEntry, LightKind, Scene, Side, SourceDocument, Surface,
 };
 
-/// Width of [`overlaid`].
+/// Width of what is tested.
 pub const SIZE: f64 = 1000.0;
 
 const LONGEST_EDGE: f64 = 300.0;
@@ -63,6 +63,12 @@ pub fn scene(surfaces: Vec<Vec<Facet>>, lights: Vec<LightKind>) -> Scene {
         import_report: ImportReport::default(),
         degenerate_triangles: 0,
     }
+}
+
+/// Divides every so many-th leaf of a mesh.
+pub fn divide(mesh: &mut Mesh, every: usize) {
+    let leaves: Vec<PatchId> = mesh.leaves().map(|(id, _)| id).collect();
+    leaves.into_iter().step_by(every).for_each(|id| mesh.divide(id));
 }
 
 /// A square in a sloping plane, its mesh, divided by this number of slanting lines and the shares of the one without them.

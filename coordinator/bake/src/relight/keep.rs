@@ -12,7 +12,7 @@ use crate::error::Result;
 use crate::mesh::PatchId;
 use crate::observer::Phase;
 use crate::refinement::SamplePoints;
-use crate::rows::{LocalRadiosity, Problem, Radiosity, Rows, ShareValues, Solution};
+use crate::rows::{LocalRadiosity, Problem, Radiosity, Rows, ShareValues, Solution, VertexLight};
 use crate::settings::RowStrategy;
 use crate::solver::cache::ColumnCache;
 use crate::stages::{
@@ -102,7 +102,7 @@ pub fn keep_light(cx: &mut Context, measured: &mut Measured) -> Result<Option<Ke
     };
     for some in parts.chunks_mut(together.max(1)) {
         if some.iter().any(is_dark) {
-            solved.gather_at_vertices(cx, &means, some)?;
+            solved.gather_at_vertices(cx, some)?;
         }
         solved.gather_at_samples(cx, validation, some)?;
         some.iter_mut().for_each(|solved| solved.local = None);
@@ -204,23 +204,17 @@ impl Solved {
     }
 
     /// Gathers the light of parts at the vertices.
-    fn gather_at_vertices(
-        &mut self,
-        cx: &mut Context,
-        means: &ShareValues,
-        parts: &mut [SolvedPart],
-    ) -> Result<()> {
+    fn gather_at_vertices(&mut self, cx: &mut Context, parts: &mut [SolvedPart]) -> Result<()> {
         let direct_of = |solved: &SolvedPart| {
             let direct = solved.part.direct.iter();
             direct.map(|kept| solved.unit.light(kept.as_dvec3())).collect()
         };
         let directs: Vec<Vec<DVec3>> = parts.iter().map(direct_of).collect();
-        let (mesh, exposed, tolerance) = (&self.mesh, &self.exposed, cx.settings.threshold);
-        let problem = |direct| Problem { mesh, values: means, exposed, direct, tolerance };
-        let radiosities = parts.iter().map(|solved| &*solved.radiosity);
-        let problems: Vec<Problem> = directs.iter().map(|direct| problem(direct)).collect();
-        let problems: Vec<(&Problem, &[DVec3])> = problems.iter().zip(radiosities).collect();
-        let gathered = self.rows.table.gather_at_vertices(cx, &problems)?;
+        let lights = parts.iter().zip(&directs);
+        let lights: Vec<VertexLight> =
+            lights.map(|(solved, direct)| VertexLight { radiosity: &solved.radiosity, direct }).collect();
+        let on = (&self.mesh, &*self.exposed);
+        let gathered = self.rows.table.gather_at_vertices(cx, on, &lights)?;
         for (solved, (reflected, local)) in parts.iter_mut().zip(gathered) {
             let all = solved
                 .part

@@ -4,6 +4,7 @@ use glam::DVec3;
 
 use super::local_radiosity::{LocalRadiosity, Radiosity};
 use super::problem::Problem;
+use super::share_mesh::ShareMesh;
 use super::solution::Solution;
 use super::table::RowTable;
 use super::weights::add_whole;
@@ -17,6 +18,14 @@ use crate::solver::slab::Slab;
 
 /// Light of the receivers of some sets, set by set.
 type BySet = Vec<Vec<DVec3>>;
+
+/// What lights all vertices.
+pub struct VertexLight<'a> {
+    /// Radiosity of the shares.
+    pub radiosity: &'a [DVec3],
+    /// Irradiance of the vertices from the light sources.
+    pub direct: &'a [DVec3],
+}
 
 impl RowTable {
     /// Gathers the irradiance of a solution at all vertices and refinement samples.
@@ -37,7 +46,9 @@ impl RowTable {
         if misses_sums {
             solution.samples.set_row_sums(&sums);
         }
-        let near = self.with_near(cx, &sets, gathered, &[(problem, &solution.radiosity)])?;
+        let Problem { mesh, exposed, direct, .. } = *problem;
+        let light = VertexLight { radiosity: &solution.radiosity, direct };
+        let near = self.with_near(cx, (mesh, exposed), &sets, gathered, &[light])?;
         for (mut gathered, local) in near {
             solution.local = Some(local);
             if self.samples.is_some()
@@ -45,23 +56,23 @@ impl RowTable {
             {
                 solution.samples.set_gathered(&gathered);
             }
-            solution.set_irradiance(problem.direct, self.at_vertices(gathered))?;
+            solution.set_irradiance(direct, self.at_vertices(gathered))?;
         }
         Ok(())
     }
 
-    /// Irradiance that the shares give all vertices, and the radiosity within shares: for several problems on one mesh, each with the
-    /// radiosity of its shares, in two passes over the rows.
+    /// Irradiance that the shares give all vertices, of which only what is exposed sees any surface, and the radiosity within shares: of
+    /// several lights, in two passes over the rows.
     pub fn gather_at_vertices(
         &mut self,
         cx: &mut Context,
-        parts: &[(&Problem, &[DVec3])],
+        (mesh, exposed): (&ShareMesh, &[bool]),
+        lights: &[VertexLight],
     ) -> Result<Vec<(Vec<DVec3>, LocalRadiosity)>> {
-        let Some((Problem { mesh, .. }, _)) = parts.first() else { return Ok(vec![]) };
         let sets: Vec<SetId> = self.vertices.sets().collect();
-        let even: Vec<Radiosity> = parts.iter().map(|(_, radiosity)| Radiosity::even(radiosity)).collect();
+        let even: Vec<Radiosity> = lights.iter().map(|light| Radiosity::even(light.radiosity)).collect();
         let gathered = self.gather_each(cx, &mesh.mesh, &sets, &even, |_, _, _| ())?;
-        let near = self.with_near(cx, &sets, gathered, parts)?;
+        let near = self.with_near(cx, (mesh, exposed), &sets, gathered, lights)?;
         Ok(near.into_iter().map(|(gathered, local)| (self.at_vertices(gathered), local)).collect())
     }
 
@@ -73,18 +84,19 @@ impl RowTable {
     fn with_near(
         &mut self,
         cx: &mut Context,
+        (mesh, exposed): (&ShareMesh, &[bool]),
         sets: &[SetId],
         gathered: Vec<BySet>,
-        parts: &[(&Problem, &[DVec3])],
+        lights: &[VertexLight],
     ) -> Result<Vec<(BySet, LocalRadiosity)>> {
-        let Some((Problem { mesh, .. }, _)) = parts.first() else { return Ok(vec![]) };
         let areas = self.areas_of_vertices(&mesh.mesh);
         let (mut all, mut given_back) = (vec![], vec![]);
-        for (gathered, (problem, radiosity)) in gathered.into_iter().zip(parts) {
-            let (estimate, lost) = self.estimate(cx, problem, &gathered, &areas)?;
+        for (gathered, light) in gathered.into_iter().zip(lights) {
+            let (estimate, lost) = self.estimate(cx, (mesh, exposed), light.direct, &gathered, &areas)?;
             let lost = lost.into_iter().zip(&mesh.shares).map(|(lost, share)| lost / share.area);
             let lost: Vec<DVec3> = lost.collect();
-            let wholes = radiosity.iter().zip(&lost).map(|(radiosity, lost)| *radiosity + *lost).collect();
+            let wholes =
+                light.radiosity.iter().zip(&lost).map(|(radiosity, lost)| *radiosity + *lost).collect();
             all.push((gathered, estimate, wholes));
             given_back.push(lost);
         }
@@ -97,13 +109,10 @@ impl RowTable {
             }
         }
         let mut lit = vec![];
-        for ((mut gathered, estimate, wholes), (problem, radiosity)) in all.into_iter().zip(parts) {
-            let irradiance = self.irradiance(problem, estimate);
-            let local = LocalRadiosity::new(cx.scene, mesh, problem.exposed, &irradiance, wholes);
-            let radiosity = Radiosity { shares: radiosity, local: Some(&local) };
-            for (set, light) in sets.iter().zip(&mut gathered) {
-                self.add_near(cx, &mesh.mesh, *set, radiosity, light)?;
-            }
+        for ((mut gathered, estimate, wholes), light) in all.into_iter().zip(lights) {
+            let irradiance = self.irradiance(light.direct, estimate);
+            let local = LocalRadiosity::new(cx.scene, mesh, exposed, &irradiance, wholes);
+            self.add_near(cx, &mesh.mesh, sets, &local, &mut gathered)?;
             lit.push((gathered, local));
         }
         Ok(lit)
@@ -114,22 +123,28 @@ impl RowTable {
     fn estimate(
         &self,
         cx: &mut Context,
-        problem: &Problem,
+        (mesh, exposed): (&ShareMesh, &[bool]),
+        direct: &[DVec3],
         gathered: &BySet,
         areas: &[f64],
     ) -> Result<(BySet, Vec<DVec3>)> {
-        let irradiance = self.irradiance(problem, gathered.clone());
-        let local = LocalRadiosity::new(cx.scene, problem.mesh, problem.exposed, &irradiance, vec![]);
+        let irradiance = self.irradiance(direct, gathered.clone());
+        let local = LocalRadiosity::new(cx.scene, mesh, exposed, &irradiance, vec![]);
         let mut estimate = gathered.clone();
-        let mut lost = vec![DVec3::ZERO; problem.mesh.shares.len()];
+        let mut lost = vec![DVec3::ZERO; mesh.shares.len()];
         let mut first = 0;
         for (set, light) in self.vertices.sets().zip(&mut estimate) {
             if let Some((receivers, near)) = self.near(set) {
-                let mesh = &problem.mesh.mesh;
-                near.each_light(&mut cx.client.monitor, mesh, receivers, &local, |receiver, share, near| {
-                    light[receiver] += near;
-                    lost[share.index()] -= near * areas[first + receiver];
-                })?;
+                near.each_light(
+                    &mut cx.client.monitor,
+                    &mesh.mesh,
+                    receivers,
+                    &local,
+                    |receiver, share, near| {
+                        light[receiver] += near;
+                        lost[share.index()] -= near * areas[first + receiver];
+                    },
+                )?;
             }
             first += light.len();
         }
@@ -149,10 +164,10 @@ impl RowTable {
     }
 
     /// Irradiance of all vertices, from what the receivers of their sets get of shares.
-    fn irradiance(&self, problem: &Problem, mut gathered: BySet) -> Vec<DVec3> {
+    fn irradiance(&self, direct: &[DVec3], mut gathered: BySet) -> Vec<DVec3> {
         gathered.truncate(self.vertices.sets().count());
         let reflected = self.at_vertices(gathered);
-        problem.direct.iter().zip(reflected).map(|(direct, light)| *direct + light).collect()
+        direct.iter().zip(reflected).map(|(direct, light)| *direct + light).collect()
     }
 }
 

@@ -143,7 +143,9 @@ impl RowSource for ExactRows {
         near.sort();
         let mut light: Vec<Vec<DVec3>> = light.into_iter().map(Gathering::into_irradiance).collect();
         for (light, radiosity) in light.iter_mut().zip(radiosities) {
-            near.add_light(&mut cx.client.monitor, &mesh.mesh, &receivers.receivers, *radiosity, light)?;
+            if let Some(local) = radiosity.local {
+                near.add_light(&mut cx.client.monitor, &mesh.mesh, &receivers.receivers, local, light)?;
+            }
         }
         Ok(Gathered { light, cover: Cover { sums, ..Cover::default() } })
     }

@@ -194,26 +194,19 @@ fn mean_of_quarter(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::test_scenes::{SIZE, overlaid};
+    use crate::test_scenes::{SIZE, divide, overlaid};
 
     /// Light that rises from one side of a square to the other is known within shares of another mesh, too.
     #[test]
     fn shares_of_another_mesh_have_parts() {
         let (scene, mut mesh, shares) = overlaid(40);
-        for _ in 0..2 {
-            let leaves: Vec<PatchId> = mesh.leaves().map(|(id, _)| id).collect();
-            leaves.into_iter().step_by(3).for_each(|id| mesh.divide(id));
-        }
+        (0..2).for_each(|_| divide(&mut mesh, 3));
         let light = |x: f64| DVec3::splat(1.0 + x / SIZE);
         let irradiance: Vec<DVec3> = mesh.vertices.iter().map(|vertex| light(vertex.position.x)).collect();
         let mesh = ShareMesh::new(&scene, mesh, shares);
         let local = LocalRadiosity::new(&scene, &mesh, &vec![true; irradiance.len()], &irradiance, vec![]);
         for (index, share) in mesh.shares.iter().enumerate() {
-            let area = |part: &Part| match part {
-                Part::Patch(id) => mesh.mesh.patch(*id).area,
-                Part::Quarter(id, corner) => area_vector(&mesh.mesh.corner_quad(*id, *corner)).length(),
-            };
-            let covered: f64 = local.parts(index).iter().map(area).sum();
+            let covered: f64 = local.parts(index).iter().map(|part| local.of_part(*part).area).sum();
             assert!((0.4..1.4).contains(&(covered / share.area)), "{covered} of {}", share.area);
             let centroids = share.polygons.iter().map(|polygon| {
                 let middle = polygon.corners.iter().sum::<DVec3>() / polygon.corners.len() as f64;

@@ -40,6 +40,7 @@ mod weights;
 
 use crate::settings::RowStrategy;
 
+pub use complete::VertexLight;
 pub use cost::{exact_rows_cost_less, most_vertices_of_exact_rows};
 pub use exact::ExactRows;
 pub use gather::GatherRows;

@@ -10,7 +10,7 @@ use kernel::row::Row;
 use rayon::prelude::*;
 use smallvec::SmallVec;
 
-use super::local_radiosity::{LocalRadiosity, Part, Radiosity};
+use super::local_radiosity::{LocalRadiosity, Part};
 use crate::error::Result;
 use crate::jobs::Monitor;
 use crate::mesh::Mesh;
@@ -43,19 +43,11 @@ pub struct NearShares(Vec<NearShare>);
 impl NearShares {
     /// Adds the receivers that a share is near to, given its row.
     pub fn add(&mut self, share: ShareId, row: &Row) {
-        for (first, mask, factors) in row.groups() {
-            if factors.iter().all(|factor| *factor < NEAR) {
-                continue;
+        row.for_each(|receiver, factor| {
+            if factor >= NEAR {
+                self.0.push(NearShare { receiver: receiver as u32, share, factor });
             }
-            let mut rest = mask;
-            for factor in factors {
-                let receiver = first as u32 + rest.trailing_zeros();
-                rest &= rest.wrapping_sub(1);
-                if *factor >= NEAR {
-                    self.0.push(NearShare { receiver, share, factor: *factor });
-                }
-            }
-        }
+        });
     }
 
     /// Sorts them by receiver, when all rows were added.
@@ -88,10 +80,9 @@ impl NearShares {
         monitor: &mut Monitor,
         mesh: &Mesh,
         receivers: &[Receiver],
-        radiosity: Radiosity,
+        local: &LocalRadiosity,
         light: &mut [DVec3],
     ) -> Result<()> {
-        let Some(local) = radiosity.local else { return Ok(()) };
         self.each_light(monitor, mesh, receivers, local, |receiver, _, near| light[receiver] += near)?;
         light.iter_mut().for_each(|light| *light = light.max(DVec3::ZERO));
         Ok(())
@@ -151,12 +142,9 @@ mod tests {
     use scene::Scene;
 
     use super::*;
-    use crate::mesh::PatchId;
     use crate::observer::Unobserved;
     use crate::rows::ShareMesh;
-    use crate::test_scenes::{facet, scene};
-
-    const SIZE: f64 = 1000.0;
+    use crate::test_scenes::{SIZE, divide, facet, scene};
 
     /// Light that rises from a corner into a wall.
     fn rising(position: DVec3) -> f64 {
@@ -170,10 +158,7 @@ mod tests {
         let mesh = Mesh::new(&scene, SIZE, SIZE, 12, &[]);
         let shares = mesh.shares(&scene);
         let mut wall = ShareMesh::new(&scene, mesh, shares);
-        for _ in 0..levels {
-            let leaves: Vec<PatchId> = wall.mesh.leaves().map(|(id, _)| id).collect();
-            leaves.into_iter().for_each(|id| wall.mesh.divide(id));
-        }
+        (0..levels).for_each(|_| divide(&mut wall.mesh, 1));
         (scene, wall)
     }
 

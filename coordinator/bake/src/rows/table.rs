@@ -7,7 +7,7 @@ use kernel::replica::Receiver;
 use kernel::row::{Row, Shooter};
 use smallvec::SmallVec;
 
-use super::local_radiosity::Radiosity;
+use super::local_radiosity::{LocalRadiosity, Radiosity};
 use super::near::NearShares;
 use super::vertices::VertexSets;
 use crate::channels::Gathering;
@@ -162,25 +162,29 @@ impl RowTable {
         let mut light = vec![];
         for (gathered, radiosity) in gathered.into_iter().zip(radiosities) {
             let mut by_set: Vec<_> = gathered.into_iter().map(Gathering::into_irradiance).collect();
-            for (set, light) in sets.iter().zip(&mut by_set) {
-                self.add_near(cx, mesh, *set, *radiosity, light)?;
+            if let Some(local) = radiosity.local {
+                self.add_near(cx, mesh, sets, local, &mut by_set)?;
             }
             light.push(by_set);
         }
         Ok(light)
     }
 
-    /// Adds to the light of a set what the parts of near shares give beside what these do as wholes.
+    /// Adds to the light of some sets what the parts of near shares give beside what these do as wholes.
     pub fn add_near(
         &self,
         cx: &mut Context,
         mesh: &Mesh,
-        set: SetId,
-        radiosity: Radiosity,
-        light: &mut [DVec3],
+        sets: &[SetId],
+        local: &LocalRadiosity,
+        by_set: &mut [Vec<DVec3>],
     ) -> Result<()> {
-        let Some((receivers, near)) = self.near(set) else { return Ok(()) };
-        near.add_light(&mut cx.client.monitor, mesh, receivers, radiosity, light)
+        for (set, light) in sets.iter().zip(by_set) {
+            if let Some((receivers, near)) = self.near(*set) {
+                near.add_light(&mut cx.client.monitor, mesh, receivers, local, light)?;
+            }
+        }
+        Ok(())
     }
 
     /// The receivers of a set, with the shares that are near to them, where these count part by part.

@@ -160,7 +160,7 @@ fn area_and_centroid(corners: &[DVec3]) -> (f64, DVec3) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::test_scenes::{SIZE, overlaid};
+    use crate::test_scenes::{SIZE, divide, overlaid};
 
     const EXACT: f64 = 1e-9;
 
@@ -189,10 +189,7 @@ mod tests {
     #[test]
     fn means_of_linear_light_are_exact_on_divided_meshes_too() {
         let (_, mut mesh, shares) = overlaid(40);
-        for _ in 0..2 {
-            let leaves: Vec<PatchId> = mesh.leaves().map(|(id, _)| id).collect();
-            leaves.into_iter().step_by(3).for_each(|id| mesh.divide(id));
-        }
+        (0..2).for_each(|_| divide(&mut mesh, 3));
         let light = |position: DVec3| 1.0 + position.dot(DVec3::new(0.002, 0.001, 0.003));
         let values: Vec<f64> = mesh.vertices.iter().map(|vertex| light(vertex.position)).collect();
         for (mean, share) in means(&mesh, &shares, &values).into_iter().zip(&shares) {

@@ -43,7 +43,6 @@ impl Refined {
     pub fn measure(self, cx: &mut Context, shooters: Option<[f64; 2]>) -> Result<Measured> {
         let Self { mut solved, obstacle } = self;
         cx.client.monitor.enter(Phase::Measure, solved.mesh.mesh.vertices.len());
-        solved.mesh.patch_materials.update(cx.scene, &solved.mesh.mesh);
         let fitted = solved.fitted();
         let prediction = solved.predict(cx, &fitted);
         solved.rounds_measured += 1;
