@@ -17,6 +17,20 @@ pub struct LitMesh {
     pub unshot: Vec<DVec3>,
     /// Of each vertex, the part of its hemisphere in which nothing stands near; empty where nobody asked for it.
     pub occlusion: Vec<f64>,
+    /// Vertices that something which touches them covers, with the irradiance of what is seen beside them, in order. Viewers that
+    /// round would else show dots of their darkness along lit edges.
+    pub covered: Vec<(u32, DVec3)>,
+}
+
+impl LitMesh {
+    /// The irradiance that viewers are to show at a vertex: its own, or that beside it where it is covered.
+    #[must_use]
+    pub fn shown_irradiance(&self, vertex: u32) -> DVec3 {
+        match self.covered.binary_search_by_key(&vertex, |(covered, _)| *covered) {
+            Ok(found) => self.covered[found].1,
+            Err(_) => self.vertices[vertex as usize].irradiance,
+        }
+    }
 }
 
 /// The light of some sources alone.

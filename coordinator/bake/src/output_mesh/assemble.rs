@@ -69,6 +69,6 @@ impl Working {
             LitLayer { irradiance: irradiance.collect(), ..layer.clone() }
         };
         let layers = lit.layers.par_iter().map(layer).collect();
-        LitMesh { vertices, surfaces, layers, unshot, occlusion: vec![] }
+        LitMesh { vertices, surfaces, layers, unshot, ..LitMesh::default() }
     }
 }

@@ -21,10 +21,12 @@
 //! | `assemble` | the lit mesh of what is left |
 //! | `own_triangles` | the input's own triangles where their corners suffice |
 //! | `sealed` | the dark insides of closed bodies |
+//! | `covered` | what is shown where touching surfaces cover each other |
 
 mod assemble;
 mod collapse;
 mod conform;
+mod covered;
 mod fit;
 mod flip;
 mod grid;
@@ -59,7 +61,9 @@ const PART_OF_ERROR: f64 = 0.25;
 #[must_use]
 pub fn output_mesh(scene: &Scene, lit: LitMesh, error: Option<&ErrorBudget>) -> (LitMesh, f64) {
     let (lit, difference) = of_lit_facets(scene, lit, error);
-    (sealed::add_conforming(scene, lit), difference)
+    let mut lit = sealed::add_conforming(scene, lit);
+    lit.covered = covered::covered(scene, &lit);
+    (lit, difference)
 }
 
 /// The output of what the bake has light of.

@@ -178,7 +178,7 @@ impl RefinedPrimitive {
         self.irradiances.push(finite(surface, irradiance, "irradiance")?);
         let (rgb, alpha) = tint.split_at(tint.len().min(3));
         let rgb = if rgb.is_empty() { DVec3::ONE } else { Vec3::from_slice(rgb).as_dvec3() };
-        let colour = display_colour(irradiance * rgb * show.diffuse, show.exposure);
+        let colour = display_colour(lit.shown_irradiance(vertex) * rgb * show.diffuse, show.exposure);
         self.colours.extend(finite(surface, colour, "colour")?);
         self.colours.extend(alpha);
         Ok(())
