@@ -4,13 +4,15 @@
 //! |---|---|
 //! | `region` | facets of one plane that hang together |
 //! | `arrangement` | borders and lines, cut where they meet |
-//! | `triangles` | constrained Delaunay triangles of good shape |
+//! | `grading` | points that let triangles grow with the distance from what is small |
+//! | `triangles` | constrained Delaunay triangles of all these |
 //! | `quads` | pairs of triangles as quadrilaterals |
 //!
 //! A line is an edge of the pieces for as long as it runs, and no longer: the triangles around it grow with the distance, so that
 //! a small thing on a large wall costs few vertices.
 
 mod arrangement;
+mod grading;
 mod quads;
 mod region;
 mod triangles;
@@ -48,11 +50,13 @@ impl Axes {
     fn new(facet: &Facet) -> Self {
         let normal = facet.normal;
         let origin = facet.corners[0].position;
-        let farthest = facet
+        let next = facet.positions().cycle().skip(1);
+        let longest = facet
             .positions()
-            .map(|position| position - origin)
+            .zip(next)
+            .map(|(from, to)| to - from)
             .fold(DVec3::ZERO, |a, b| if b.length_squared() > a.length_squared() { b } else { a });
-        let along = farthest - normal * normal.dot(farthest);
+        let along = longest - normal * normal.dot(longest);
         let x = along.try_normalize().unwrap_or_else(|| normal.any_orthonormal_vector());
         Self { origin, x, y: normal.cross(x) }
     }

@@ -3,22 +3,21 @@ use foldhash::{HashMap, HashMapExt};
 use glam::DVec2;
 use kernel::disjoint_sets::DisjointSets;
 use spade::handles::FixedFaceHandle;
-use spade::{
-    AngleLimit, ConstrainedDelaunayTriangulation, HasPosition, Point2, RefinementParameters, Triangulation,
-};
+use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation};
 
 use super::Axes;
 use super::arrangement::Arrangement;
+use super::grading::Grading;
 use scene::Facet;
-
-/// Angles below this are removed, in degrees: Ruppert's algorithm ends for certain up to 20.7.
-const LEAST_ANGLE: f64 = 20.0;
 
 /// Part by which the area of the triangles may differ from that of the facets.
 const AREA_TOLERANCE: f64 = 1e-6;
 
 /// Coordinates are moved away from 0 by this many frame units, since those next to 0 are refused.
 const AWAY: f64 = 8192.0;
+
+/// Coordinates are multiples of 1 over this: then middles of segments lie on them to the last bit, and leave no slivers there.
+const STEPS: f64 = (1 << 30) as f64;
 
 /// Triangles of a region.
 pub struct Triangles {
@@ -66,20 +65,27 @@ pub fn triangulate(
     axes: &Axes,
     finest: f64,
 ) -> Option<Triangles> {
+    let places: Vec<DVec2> = arrangement.points.iter().map(|place| on_grid(*place + AWAY)).collect();
+    let ends: Vec<[DVec2; 2]> =
+        arrangement.segments.iter().map(|ends| ends.map(|end| places[end as usize])).collect();
+    let grading = Grading::new(&ends, finest);
     let site = |(point, place): (usize, &DVec2)| Site {
-        place: Point2::new(place.x + AWAY, place.y + AWAY),
+        place: Point2::new(place.x, place.y),
         point: Some(point as u32),
     };
-    let sites: Vec<Site> = arrangement.points.iter().enumerate().map(site).collect();
-    let count = sites.len();
-    let segments = arrangement.segments.iter().map(|ends| ends.map(|end| end as usize)).collect();
-    let mut delaunay = Delaunay::try_bulk_load_cdt(sites, segments, |_| ()).ok()?;
-    let better = RefinementParameters::<f64>::new()
-        .exclude_outer_faces(true)
-        .with_angle_limit(AngleLimit::from_deg(LEAST_ANGLE))
-        .with_min_required_area(finest * finest / 4.0)
-        .with_max_additional_vertices(4 * count + 64);
-    delaunay.refine(better);
+    let mut sites: Vec<Site> = places.iter().enumerate().map(site).collect();
+    let mut segments: Vec<[usize; 2]> = vec![];
+    for (numbers, ends) in arrangement.segments.iter().zip(&ends) {
+        let mut last = numbers[0] as usize;
+        grading.split(*ends, &mut |place| {
+            segments.push([last, sites.len()]);
+            last = sites.len();
+            sites.push(Point2::new(place.x, place.y).into());
+        });
+        segments.push([last, numbers[1] as usize]);
+    }
+    sites.extend(grading.points.iter().map(|place| Site::from(Point2::new(place.x, place.y))));
+    let delaunay = Delaunay::try_bulk_load_cdt(sites, segments, |_| ()).ok()?;
     let all = inside(&delaunay, facets, axes);
     let area = |triangle: &Triangle| {
         let [a, b, c] = triangle.corners.map(|corner| all.vertices[corner as usize].0);
@@ -152,6 +158,10 @@ fn inside(delaunay: &Delaunay, facets: &[(u32, &Facet)], axes: &Axes) -> Triangl
         }
     }
     Triangles { vertices, triangles }
+}
+
+fn on_grid(place: DVec2) -> DVec2 {
+    (place * STEPS).round() / STEPS
 }
 
 fn holds(outline: &[DVec2], point: DVec2) -> bool {
