@@ -51,7 +51,7 @@ impl Cornell {
 }
 
 /// Long enough that things can go wrong in its middle: some seconds of one thread.
-static LONG: Cornell = Cornell::new(["--mesh-error", "0.002"]);
+static LONG: Cornell = Cornell::new(["--mesh-error", "0.0028"]);
 
 /// A line of the coordinator's by which a bake is well under way, with most of its work to come.
 const UNDER_WAY: &str = "refine: ";
