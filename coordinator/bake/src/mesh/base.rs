@@ -11,7 +11,7 @@ use super::line::{Contact, distance_to_line};
 use super::order::FacetPlaces;
 use super::pieces::{Lengths, cut_along, cut_long, lengths};
 use super::planar::{self, Piece, Region, regions};
-use super::welding::Welder;
+use super::welding::weld;
 use super::{FEW_FACETS, Mesh, Patch, PatchId, VertexId, WELD, edge};
 use scene::{Facet, Scene};
 
@@ -88,20 +88,17 @@ impl Mesh {
             })
             .collect();
         let pieces = pieces?;
-        let mut welder = Welder::for_points(scene.vertex_count - scene.sealed_vertex_count);
         let facet = |surface: usize, facet: u32| &scene.surfaces[surface].facets[facet as usize];
-        let facets = scene.surfaces.iter().flat_map(|surface| &surface.facets);
-        facets.filter(lit).for_each(|facet| welder.add_corners(facet));
-        let mut places = vec![];
-        for ((region, pieces), lines) in regions.iter().zip(&pieces).zip(&contacts) {
-            for piece in pieces {
-                let own = facet(region.surface, piece.facet);
-                welder.add_ends(&piece.lines, own);
-                welder.add(&piece.corners, own);
-                places.push((region.surface as u32, piece, lines));
-            }
-        }
-        let welded = welder.weld(|polygon| &places[polygon].1.lines);
+        let facets: Vec<&Facet> =
+            scene.surfaces.iter().flat_map(|surface| &surface.facets).filter(lit).collect();
+        let places = regions.iter().zip(&pieces).zip(&contacts).flat_map(|((region, pieces), lines)| {
+            pieces.iter().map(move |piece| (region.surface as u32, piece, lines))
+        });
+        let places: Vec<(u32, &Piece, &Vec<Line>)> = places.collect();
+        let with_facets = places.par_iter().with_min_len(1024);
+        let with_facets =
+            with_facets.map(|(surface, piece, _)| (facet(*surface as usize, piece.facet), *piece));
+        let welded = weld(&facets, &with_facets.collect::<Vec<_>>());
         let mut mesh = Self {
             vertices: welded.vertices,
             facet_places: FacetPlaces::new(scene),

@@ -8,7 +8,8 @@
 //! | `shadow` | lines where the shadows of point lights, spots and the sun end |
 //! | `planar` | cuts flat regions along lines, by constrained Delaunay triangulation |
 //! | `pieces` | cuts long pieces across |
-//! | `welding` | corners to vertices; T-vertices made corners |
+//! | `points` | which corners are the same point |
+//! | `welding` | points to vertices; T-vertices made corners |
 //! | `outline` | outlines that pass through a corner twice made simple |
 //! | `subdivision` | divides patches, keeping neighbours within one level of each other |
 //! | `leaves_at` | which leaves lie along an edge |
@@ -37,6 +38,7 @@ mod outline;
 mod overlay;
 mod pieces;
 mod planar;
+mod points;
 mod receivers;
 mod shadow;
 mod shares;
