@@ -17,8 +17,8 @@ pub struct LitMesh {
     pub unshot: Vec<DVec3>,
     /// Of each vertex, the part of its hemisphere in which nothing stands near; empty where nobody asked for it.
     pub occlusion: Vec<f64>,
-    /// Vertices that something which touches them covers, with the irradiance of what is seen beside them, in order. Viewers that
-    /// round would else show dots of their darkness along lit edges.
+    /// Vertices that something which touches them covers, and those of the insides of closed bodies, with the irradiance of what is
+    /// seen beside them, in order. Viewers that round would else show dots of their darkness along lit edges. Empty in previews.
     pub covered: Vec<(u32, DVec3)>,
 }
 

@@ -129,6 +129,7 @@ fn nodes_names_and_materials_are_kept() {
 
 #[test]
 fn light_stands_at_every_vertex() {
+    let mut all_covered = 0;
     for scene in LitScene::all() {
         let (lit, _) = scene.read();
         let (mut vertices, mut triangles) = (0, 0);
@@ -156,7 +157,8 @@ fn light_stands_at_every_vertex() {
                 let shown = irradiance.map(|value| (f64::from(value) * scene.exported.exposure).min(1.0));
                 let off = (0..3).map(|i| (f64::from(colour[i]) - shown[i]).abs()).fold(0.0, f64::max);
                 if off > 1e-6 {
-                    assert_eq!(*irradiance, [0.0; 3], "{}: {colour:?}, not {shown:?}", scene.name);
+                    let is_dark = shown.iter().all(|channel| *channel < 1e-3);
+                    assert!(is_dark, "{}: {colour:?}, not {shown:?}", scene.name);
                     covered.push((position, *colour));
                 } else if *irradiance != [0.0; 3] {
                     lit_at.entry(position.map(f32::to_bits)).or_default().push(*colour);
@@ -166,6 +168,7 @@ fn light_stands_at_every_vertex() {
             triangles += reader.read_indices().unwrap().into_u32().count() / 3;
         }
         assert_eq!((vertices, triangles), (scene.exported.vertices, scene.exported.triangles));
+        all_covered += covered.len();
         for (position, colour) in covered {
             let beside = &lit_at[&position.map(f32::to_bits)];
             for channel in 0..3 {
@@ -175,6 +178,7 @@ fn light_stands_at_every_vertex() {
             }
         }
     }
+    assert!(all_covered > 0, "boxes stand on floors");
 }
 
 #[test]

@@ -91,14 +91,18 @@ impl Mesh {
         let facet = |surface: usize, facet: u32| &scene.surfaces[surface].facets[facet as usize];
         let facets: Vec<&Facet> =
             scene.surfaces.iter().flat_map(|surface| &surface.facets).filter(lit).collect();
-        let places = regions.iter().zip(&pieces).zip(&contacts).flat_map(|((region, pieces), lines)| {
+        let with_facets: Vec<(&Facet, &Piece)> = regions
+            .iter()
+            .zip(&pieces)
+            .flat_map(|(region, pieces)| {
+                pieces.iter().map(move |piece| (facet(region.surface, piece.facet), piece))
+            })
+            .collect();
+        let welded = weld(&facets, &with_facets);
+        let places = regions.iter().zip(&contacts).zip(&pieces);
+        let places = places.flat_map(|((region, lines), pieces)| {
             pieces.iter().map(move |piece| (region.surface as u32, piece, lines))
         });
-        let places: Vec<(u32, &Piece, &Vec<Line>)> = places.collect();
-        let with_facets = places.par_iter().with_min_len(1024);
-        let with_facets =
-            with_facets.map(|(surface, piece, _)| (facet(*surface as usize, piece.facet), *piece));
-        let welded = weld(&facets, &with_facets.collect::<Vec<_>>());
         let mut mesh = Self {
             vertices: welded.vertices,
             facet_places: FacetPlaces::new(scene),
@@ -106,7 +110,7 @@ impl Mesh {
             ..Self::default()
         };
         mesh.patches.reserve(welded.polygons.len());
-        for ((surface, piece, lines), corners) in places.into_iter().zip(welded.polygons) {
+        for ((surface, piece, lines), corners) in places.zip(welded.polygons) {
             if !corners.is_empty() {
                 mesh.mark_hovering(&corners, piece, lines);
                 mesh.add_leaf(surface, piece.facet, corners.into(), None);

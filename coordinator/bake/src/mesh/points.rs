@@ -14,7 +14,7 @@ use scene::{Corner, Facet};
 /// Distinguishes the two directions of a plane. Perpendicular to no likely normal, so that rounding does not decide.
 const NO_COMMON_NORMAL: DVec3 = DVec3::new(0.537_7, 0.651_3, 0.535_4);
 
-/// Parts in which points are found, side by side; smoothing groups are dealt out to them.
+/// Parts in which points are found, side by side; smoothing groups are dealt out to them, since corners of several are never one.
 const PARTS: u8 = 16;
 
 /// Which corners at one position have the same normal: those of one plane and direction, or of one smooth normal.
@@ -27,33 +27,36 @@ pub enum SmoothingGroup {
 /// Index of a point. A vertex is a point, or a part of one where a contact divides the surface around it.
 pub type PointId = u32;
 
-/// A corner that is to become a point.
+/// A corner that is to become a point, of a piece of a facet or of the facet itself.
 #[derive(Debug, Clone, Copy)]
-pub struct Spot {
-    position: DVec3,
-    normal: DVec3,
-    plane: PlaneId,
-    group: SmoothingGroup,
-    cell: IVec3,
+pub struct UnweldedCorner<'a> {
+    corner: Corner,
+    facet: &'a Facet,
     part: u8,
 }
 
-impl Spot {
-    /// The corner of a piece of a facet, or of the facet itself.
-    pub fn new(corner: &Corner, facet: &Facet) -> Self {
-        let Corner { position, normal } = *corner;
-        let group = if normal == facet.normal {
-            SmoothingGroup::Flat(facet.plane, facet.normal.dot(NO_COMMON_NORMAL) > 0.0)
-        } else {
-            SmoothingGroup::Smooth((normal * 1e6).round().as_ivec3().to_array())
-        };
-        let cell = (position / WELD).round().as_ivec3();
-        let part = (FixedState::default().hash_one(group) % u64::from(PARTS)) as u8;
-        Self { position, normal, plane: facet.plane, group, cell, part }
+impl<'a> UnweldedCorner<'a> {
+    pub fn new(corner: Corner, facet: &'a Facet) -> Self {
+        let part = FixedState::default().hash_one(group(&corner, facet)) % u64::from(PARTS);
+        Self { corner, facet, part: part as u8 }
+    }
+
+    fn vertex(&self) -> Vertex {
+        let Corner { position, normal } = self.corner;
+        let smooth = normal != self.facet.normal;
+        Vertex { position, normal, plane: self.facet.plane, smooth, hovering: None }
     }
 }
 
-/// The points of all spots, in the order of the first of each.
+fn group(corner: &Corner, facet: &Facet) -> SmoothingGroup {
+    if corner.normal == facet.normal {
+        SmoothingGroup::Flat(facet.plane, facet.normal.dot(NO_COMMON_NORMAL) > 0.0)
+    } else {
+        SmoothingGroup::Smooth((corner.normal * 1e6).round().as_ivec3().to_array())
+    }
+}
+
+/// The points of all corners, in the order of the first of each.
 pub struct Points {
     /// Each point as a vertex.
     pub vertices: Vec<Vertex>,
@@ -61,55 +64,49 @@ pub struct Points {
     pub groups: Vec<SmoothingGroup>,
     /// The points of each plane.
     pub flat: Vec<(SmoothingGroup, Vec<PointId>)>,
-    /// The point of each spot.
-    pub of_spots: Vec<PointId>,
+    /// The point of each corner.
+    pub of_corners: Vec<PointId>,
 }
 
 impl Points {
-    /// Welds spots that are the same point.
+    /// Welds corners that are the same point.
     #[must_use]
-    pub fn new(spots: &[Spot]) -> Self {
+    pub fn new(corners: &[UnweldedCorner]) -> Self {
         let mut of_parts = vec![vec![]; usize::from(PARTS)];
-        for (index, spot) in (0..).zip(spots) {
-            of_parts[usize::from(spot.part)].push(index);
+        for (index, corner) in (0..).zip(corners) {
+            of_parts[usize::from(corner.part)].push(index);
         }
-        let parts: Vec<PartOfPoints> = of_parts.par_iter().map(|own| PartOfPoints::new(spots, own)).collect();
-        let mut first_of = vec![0; spots.len()];
-        for (spot, first) in parts.iter().flat_map(|part| &part.first_of) {
-            first_of[*spot as usize] = *first;
+        let parts: Vec<PartOfPoints> =
+            of_parts.par_iter().map(|own| PartOfPoints::new(corners, own)).collect();
+        let mut first_of = vec![0; corners.len()];
+        for (corner, first) in parts.iter().flat_map(|part| &part.first_of) {
+            first_of[*corner as usize] = *first;
         }
-        let mut number = vec![0; spots.len()];
-        let mut firsts: Vec<&Spot> = vec![];
-        for (index, spot) in spots.iter().enumerate() {
+        let mut number = vec![0; corners.len()];
+        let mut firsts: Vec<&UnweldedCorner> = vec![];
+        for (index, corner) in corners.iter().enumerate() {
             if first_of[index] == index as u32 {
                 number[index] = firsts.len() as PointId;
-                firsts.push(spot);
+                firsts.push(corner);
             }
         }
-        let vertex = |spot: &&Spot| Vertex {
-            position: spot.position,
-            normal: spot.normal,
-            plane: spot.plane,
-            smooth: matches!(spot.group, SmoothingGroup::Smooth(_)),
-            hovering: None,
-        };
         let numbered = |first: u32| number[first as usize];
         let flat = parts.into_par_iter().flat_map_iter(|part| {
             part.flat.into_iter().map(|(group, firsts)| (group, firsts.into_iter().map(numbered).collect()))
         });
         Self {
-            vertices: firsts.par_iter().map(vertex).collect(),
-            groups: firsts.par_iter().map(|spot| spot.group).collect(),
+            vertices: firsts.par_iter().map(|first| first.vertex()).collect(),
+            groups: firsts.par_iter().map(|first| group(&first.corner, first.facet)).collect(),
             flat: flat.collect(),
-            of_spots: first_of.into_par_iter().map(numbered).collect(),
+            of_corners: first_of.into_par_iter().map(numbered).collect(),
         }
     }
 }
 
-/// The points of some groups, each known by its first spot.
+/// The points of some groups, each known by its first corner.
 #[derive(Default)]
 struct PartOfPoints {
-    /// Pairs of a spot and the first spot of its point.
+    /// Pairs of a corner and the first corner of its point.
     first_of: Vec<(u32, u32)>,
     found: HashMap<(IVec3, SmoothingGroup), u32>,
     /// Cells that have a point of any group: far fewer than there are points.
@@ -118,17 +115,20 @@ struct PartOfPoints {
 }
 
 impl PartOfPoints {
-    fn new(spots: &[Spot], own: &[u32]) -> Self {
+    fn new(corners: &[UnweldedCorner], own: &[u32]) -> Self {
         let mut all = Self { first_of: Vec::with_capacity(own.len()), ..Self::default() };
-        for (index, spot) in own.iter().map(|index| (*index, &spots[*index as usize])) {
-            let here = (spot.cell, spot.group);
-            let known = all.found.get(&here).copied().or_else(|| all.near(spots, spot));
+        for index in own.iter().copied() {
+            let UnweldedCorner { corner, facet, .. } = &corners[index as usize];
+            let group = group(corner, facet);
+            let cell = (corner.position / WELD).round().as_ivec3();
+            let here = (cell, group);
+            let known = all.found.get(&here).copied().or_else(|| all.near(corners, corner.position, here));
             let first = known.unwrap_or_else(|| {
-                if let SmoothingGroup::Flat(..) = spot.group {
-                    all.flat.entry(spot.group).or_default().push(index);
+                if let SmoothingGroup::Flat(..) = group {
+                    all.flat.entry(group).or_default().push(index);
                 }
                 all.found.insert(here, index);
-                all.cells.insert(spot.cell);
+                all.cells.insert(cell);
                 index
             });
             all.first_of.push((index, first));
@@ -137,8 +137,12 @@ impl PartOfPoints {
     }
 
     /// A point closer than half the welding distance in a cell beside: rounding may have put the two on either side of a border.
-    fn near(&self, spots: &[Spot], spot: &Spot) -> Option<u32> {
-        let Spot { position, cell, group, .. } = *spot;
+    fn near(
+        &self,
+        corners: &[UnweldedCorner],
+        position: DVec3,
+        (cell, group): (IVec3, SmoothingGroup),
+    ) -> Option<u32> {
         // The nearer neighbour on each axis: what is half the distance away lies there.
         let offset = position / WELD - cell.as_dvec3();
         let steps = [0, 1, 2].map(|axis| [0, if offset[axis] < 0.0 { -1 } else { 1 }]);
@@ -148,6 +152,47 @@ impl PartOfPoints {
         beside
             .filter(|step| self.cells.contains(&(cell + step)))
             .filter_map(|step| self.found.get(&(cell + step, group)).copied())
-            .find(|first| spots[*first as usize].position.distance(position) < WELD / 2.0)
+            .find(|first| corners[*first as usize].corner.position.distance(position) < WELD / 2.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_scenes::facet;
+
+    /// Corners of several planes and normals, some a hair apart on either side of a cell's border, against one after the other.
+    #[test]
+    fn points_are_those_of_corners_taken_one_by_one() {
+        let facets: Vec<Facet> =
+            (0..40).map(|plane| facet(plane, &[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])).collect();
+        let corner = |index: usize| {
+            let facet = &facets[index * 7 % 40];
+            let hair = WELD * [0.0, 0.3, -0.3, 0.45, 5.0][index % 5];
+            let position = DVec3::new(WELD * (index % 11) as f64 * 4.5 + hair, 1.0, 2.0);
+            let tilted = DVec3::new(0.6, 0.0, 0.8);
+            UnweldedCorner::new(
+                Corner { position, normal: if index.is_multiple_of(3) { tilted } else { facet.normal } },
+                facet,
+            )
+        };
+        let corners: Vec<UnweldedCorner> = (0..4000).map(corner).collect();
+        let points = Points::new(&corners);
+        let all = PartOfPoints::new(&corners, &(0..corners.len() as u32).collect::<Vec<_>>());
+        let mut firsts: Vec<u32> = vec![];
+        for (index, first) in all.first_of {
+            if first == index {
+                firsts.push(index);
+            }
+            let point = firsts.iter().position(|known| *known == first).unwrap();
+            assert_eq!(points.of_corners[index as usize], point as u32);
+            let (at, own) = (&points.vertices[point], &corners[index as usize].corner);
+            assert_eq!(at.position, corners[first as usize].corner.position);
+            assert!(at.position.distance(own.position) < 2.0 * WELD && at.normal == own.normal);
+        }
+        assert_eq!(points.vertices.len(), firsts.len());
+        assert!(firsts.len() > 100 && firsts.len() < 3000, "{}", firsts.len());
+        let flat: usize = points.flat.iter().map(|(_, ids)| ids.len()).sum();
+        assert_eq!(flat, points.vertices.iter().filter(|vertex| !vertex.smooth).count());
     }
 }

@@ -13,7 +13,7 @@ use smallvec::SmallVec;
 use super::line::distance_to_line;
 use super::outline::make_simple;
 use super::planar::Piece;
-use super::points::{PointId, Points, SmoothingGroup, Spot};
+use super::points::{PointId, Points, SmoothingGroup, UnweldedCorner};
 use super::{Vertex, VertexId, WELD};
 use scene::{Corner, Facet};
 
@@ -35,20 +35,19 @@ pub struct Welded {
 /// computed point is welded to one, the corner must not move, or faces that meet there would gape.
 #[must_use]
 pub fn weld(facets: &[&Facet], pieces: &[(&Facet, &Piece)]) -> Welded {
-    let of_facets = facets.par_iter().with_min_len(AT_ONCE).flat_map_iter(|facet| {
-        let facet = *facet;
-        facet.corners.iter().map(move |corner| Spot::new(corner, facet))
-    });
+    let of_facets = facets
+        .par_iter()
+        .with_min_len(AT_ONCE)
+        .flat_map_iter(|&facet| facet.corners.iter().map(move |corner| UnweldedCorner::new(*corner, facet)));
     // The ends of lines become points, so that edges end there.
-    let of_pieces = pieces.par_iter().with_min_len(AT_ONCE).flat_map_iter(|(facet, piece)| {
-        let (facet, piece): (&Facet, &Piece) = (facet, piece);
+    let of_pieces = pieces.par_iter().with_min_len(AT_ONCE).flat_map_iter(|&(facet, piece)| {
         let ends = piece.lines.iter().flatten();
         let ends = ends.map(|end| Corner { position: *end, normal: facet.normal });
-        ends.chain(piece.corners.iter().copied()).map(move |corner| Spot::new(&corner, facet))
+        ends.chain(piece.corners.iter().copied()).map(move |corner| UnweldedCorner::new(corner, facet))
     });
-    let spots: Vec<Spot> = of_facets.chain(of_pieces).collect();
-    let points = Points::new(&spots);
-    drop(spots);
+    let unwelded: Vec<UnweldedCorner> = of_facets.chain(of_pieces).collect();
+    let points = Points::new(&unwelded);
+    drop(unwelded);
     let first = facets.iter().map(|facet| facet.corners.len()).sum();
     let corners: Vec<Range<usize>> = pieces
         .iter()
@@ -58,8 +57,8 @@ pub fn weld(facets: &[&Facet], pieces: &[(&Facet, &Piece)]) -> Welded {
             Some(start..*next)
         })
         .collect();
-    let polygon = |spots: Range<usize>| {
-        let mut ids = points.of_spots[spots].to_vec();
+    let polygon = |corners: Range<usize>| {
+        let mut ids = points.of_corners[corners].to_vec();
         ids.dedup();
         if ids.len() > 1 && ids.first() == ids.last() {
             ids.pop();
@@ -113,7 +112,8 @@ impl Welder {
         });
     }
 
-    /// The corners of one point that are joined through edges without contact are one vertex.
+    /// The corners of one point that are joined through edges without contact are one vertex. Corners of polygons are numbered through
+    /// all of these, as slots.
     fn vertices(self, contact_edges: &HashSet<(PointId, PointId)>) -> Welded {
         let first_slots = self.polygons.iter().scan(0, |next, polygon| {
             let first = *next;

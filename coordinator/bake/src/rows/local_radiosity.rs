@@ -201,7 +201,7 @@ mod tests {
     fn shares_of_another_mesh_have_parts() {
         let (scene, mut mesh, shares) = overlaid(40);
         // Quarters of leaves are then smaller than shares.
-        (0..2).for_each(|_| divide(&mut mesh, 1));
+        [1, 1, 3].into_iter().for_each(|every| divide(&mut mesh, every));
         let light = |x: f64| DVec3::splat(1.0 + x / SIZE);
         let irradiance: Vec<DVec3> = mesh.vertices.iter().map(|vertex| light(vertex.position.x)).collect();
         let mesh = ShareMesh::new(&scene, mesh, shares);

@@ -6,7 +6,8 @@
 //!   primitive becomes a primitive. Points and lines stay.
 //! - Vertices have `COLOR_0` (irradiance x exposure x the input's `COLOR_0`, clamped to [0, 1], linear), `_IRRADIANCE` (neither
 //!   exposed nor clamped), `_IRRADIANCE_NAME` per light group, `_UNSHOT` during a bake, `_OCCLUSION` on request, `_COLOR_0` (the input's `COLOR_0`), and
-//!   the input's other attributes, interpolated. Where touching surfaces cover each other `COLOR_0` is that of what lies beside. `JOINTS`, `WEIGHTS` and morph targets are dropped.
+//!   the input's other attributes, interpolated. Where touching surfaces cover each other, and
+//!   inside closed bodies, `COLOR_0` is that of what lies beside. `JOINTS`, `WEIGHTS` and morph targets are dropped.
 //! - Materials become `KHR_materials_unlit`: a viewer shows `COLOR_0` x base colour, radiosity x exposure. `COLOR_0` includes
 //!   1 - metallicFactor, except where a texture states the metal. Materials that emit more than they reflect stay lit, as an
 //!   unlit one shows no emission; extensions of unlit materials move to `extras.halflight.extensions`.

@@ -1,9 +1,9 @@
 //! Points that let triangles grow with the distance from what is small.
 //!
 //! A square around a region is divided into four, and these again, until each is no larger than any segment near it and the way there
-//! together. Segments are split to the size of the squares that they run through, and the squares' middles become points: a
-//! Delaunay triangulation of all has triangles of good shape, of which there are in proportion to the segments (after Bern,
-//! Eppstein and Gilbert, *Provably Good Mesh Generation*, 1994).
+//! together. Segments are split to the size of the squares that they run through, and the squares' middles become points. A
+//! Delaunay triangulation of all these has triangles of good shape but in narrow gaps between long segments (after Bern, Eppstein and
+//! Gilbert, *Provably Good Mesh Generation*, 1994).
 
 use std::f64::consts::FRAC_1_SQRT_2;
 
@@ -18,11 +18,22 @@ const NEAREST: f64 = 0.4;
 /// Most times that a square is divided.
 const MOST_LEVELS: u32 = 20;
 
+/// Most times that a square looks at a segment, for each segment and at least. Long segments among small ones are looked at by all
+/// squares: a region with more looks than these is not graded.
+const LOOKS_PER_SEGMENT: usize = 256;
+const LEAST_LOOKS: usize = 1 << 16;
+
+/// Most splits, for each segment and at least.
+const SPLITS_PER_SEGMENT: usize = 8;
+const LEAST_SPLITS: usize = 256;
+
 /// Squares, by the size of what lies near them.
 pub struct Grading {
     squares: Vec<Square>,
     /// Middles of squares that are far enough from all segments.
     pub points: Vec<DVec2>,
+    looks_left: usize,
+    splits_left: usize,
 }
 
 struct Square {
@@ -39,15 +50,23 @@ impl Grading {
         let low = ends().reduce(DVec2::min).unwrap_or_default();
         let high = ends().reduce(DVec2::max).unwrap_or_default();
         let side = (high - low).max_element();
-        let root = Square { centre: low + side / 2.0, side, parts: None };
-        let mut grading = Self { squares: vec![root], points: vec![] };
+        let root = || Square { centre: low + side / 2.0, side, parts: None };
+        let mut grading = Self {
+            squares: vec![root()],
+            points: vec![],
+            looks_left: LEAST_LOOKS.max(LOOKS_PER_SEGMENT * segments.len()),
+            splits_left: LEAST_SPLITS.max(SPLITS_PER_SEGMENT * segments.len()),
+        };
         let all: Vec<&[DVec2; 2]> = segments.iter().collect();
-        grading.divide(0, &all, finest, MOST_LEVELS);
+        if grading.divide(0, &all, finest, MOST_LEVELS).is_none() {
+            grading.squares = vec![root()];
+            grading.points.clear();
+        }
         grading
     }
 
-    /// Divides a square; `around` are the segments no farther from it than its side.
-    fn divide(&mut self, index: usize, around: &[&[DVec2; 2]], finest: f64, levels: u32) {
+    /// Divides a square; `around` are the segments no farther from it than its side. `None` where there is too much to look at.
+    fn divide(&mut self, index: usize, around: &[&[DVec2; 2]], finest: f64, levels: u32) -> Option<()> {
         let Square { centre, side, .. } = self.squares[index];
         let is_small =
             |segment: &&[DVec2; 2]| segment[0].distance(segment[1]) + distance(centre, segment) < side;
@@ -55,8 +74,9 @@ impl Grading {
             if around.iter().all(|segment| distance(centre, segment) > NEAREST * side) {
                 self.points.push(centre);
             }
-            return;
+            return Some(());
         }
+        self.looks_left = self.looks_left.checked_sub(4 * around.len())?;
         let first = self.squares.len();
         self.squares[index].parts = Some(first as u32);
         let half = side / 2.0;
@@ -68,8 +88,9 @@ impl Grading {
             let reach = half * (1.0 + FRAC_1_SQRT_2);
             let near: Vec<_> =
                 around.iter().filter(|segment| distance(centre, segment) < reach).copied().collect();
-            self.divide(part, &near, finest, levels - 1);
+            self.divide(part, &near, finest, levels - 1)?;
         }
+        Some(())
     }
 
     /// Side of the smallest square that a segment runs through, from a square with this index on.
@@ -84,9 +105,10 @@ impl Grading {
     }
 
     /// Calls `found` with the points that split a segment, from its first end to its last.
-    pub fn split(&self, segment: [DVec2; 2], found: &mut impl FnMut(DVec2)) {
+    pub fn split(&mut self, segment: [DVec2; 2], found: &mut impl FnMut(DVec2)) {
         let [from, to] = segment;
-        if from.distance(to) > LONGEST * self.least_side(0, &segment) {
+        if self.splits_left > 0 && from.distance(to) > LONGEST * self.least_side(0, &segment) {
+            self.splits_left -= 1;
             let middle = (from + to) / 2.0;
             self.split([from, middle], found);
             found(middle);
@@ -149,5 +171,21 @@ mod tests {
                 assert!(angles.len() < 12 * count, "{} for {count} lines", angles.len());
             }
         }
+    }
+
+    /// A comb of long segments, with a crumb between every two.
+    #[test]
+    fn points_and_splits_are_bounded() {
+        let tooth = |index: usize| {
+            let y = index as f64 / 8.0;
+            let crumb = DVec2::new(10.0 * (index % 97) as f64, y + 0.06);
+            [[DVec2::new(0.0, y), DVec2::new(1000.0, y)], [crumb, crumb + DVec2::new(0.01, 0.0)]]
+        };
+        let segments: Vec<[DVec2; 2]> = (0..2000).flat_map(tooth).collect();
+        let mut grading = Grading::new(&segments, 0.01);
+        let mut splits = 0;
+        segments.iter().for_each(|segment| grading.split(*segment, &mut |_| splits += 1));
+        assert!(splits <= SPLITS_PER_SEGMENT * segments.len(), "{splits}");
+        assert!(grading.points.len() <= 4 * LOOKS_PER_SEGMENT * segments.len());
     }
 }

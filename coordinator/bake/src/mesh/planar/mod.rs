@@ -50,6 +50,7 @@ impl Axes {
     fn new(facet: &Facet) -> Self {
         let normal = facet.normal;
         let origin = facet.corners[0].position;
+        // Along a side, so that the squares of the grading lie along borders.
         let next = facet.positions().cycle().skip(1);
         let longest = facet
             .positions()
@@ -71,8 +72,8 @@ impl Axes {
     }
 }
 
-/// Cuts a region along lines. Triangles with sides shorter than `finest` are not divided to improve their shape. `None` where the
-/// region cannot be triangulated: its facets then stay as they are.
+/// Cuts a region along lines. Triangles grow from `finest` on, or from the length of segments. `None` where the region cannot be
+/// triangulated: its facets then stay as they are.
 pub fn pieces(facets: &[(u32, &Facet)], lines: &[Contact], finest: f64) -> Option<Vec<Piece>> {
     if facets.len() > MOST_FACETS {
         return None;

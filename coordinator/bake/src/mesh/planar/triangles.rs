@@ -16,7 +16,8 @@ const AREA_TOLERANCE: f64 = 1e-6;
 /// Coordinates are moved away from 0 by this many frame units, since those next to 0 are refused.
 const AWAY: f64 = 8192.0;
 
-/// Coordinates are multiples of 1 over this: then middles of segments lie on them to the last bit, and leave no slivers there.
+/// Coordinates are multiples of 1 over this: then the middles of segments, and of their halves nine times on, lie on them to the last
+/// bit, and leave no slivers there.
 const STEPS: f64 = (1 << 30) as f64;
 
 /// Triangles of a region.
@@ -68,7 +69,7 @@ pub fn triangulate(
     let places: Vec<DVec2> = arrangement.points.iter().map(|place| on_grid(*place + AWAY)).collect();
     let ends: Vec<[DVec2; 2]> =
         arrangement.segments.iter().map(|ends| ends.map(|end| places[end as usize])).collect();
-    let grading = Grading::new(&ends, finest);
+    let mut grading = Grading::new(&ends, finest);
     let site = |(point, place): (usize, &DVec2)| Site {
         place: Point2::new(place.x, place.y),
         point: Some(point as u32),

@@ -232,3 +232,24 @@ fn kept_materials_and_colours_are_those_of_the_input() {
     assert!(attribute(&gltf, &primitive, &Semantic::Colors(0)).iter().all(|row| *row == [0.25, 0.5, 0.75]));
     assert!(attribute(&gltf, &primitive, &irradiance()).iter().all(|row| *row == [3.0; 3]));
 }
+
+#[test]
+fn covered_vertices_show_the_light_beside_them() {
+    let mut builder = Builder::default();
+    let square = builder.square();
+    let scene = builder.import(json!({
+        "meshes": [{"primitives": [square]}],
+        "nodes": [{"mesh": 0}],
+        "scenes": [{"nodes": [0]}],
+    }));
+    let mut lit = light(&scene, 0, |_| DVec3::ONE);
+    lit.vertices[2].irradiance = DVec3::ZERO;
+    lit.covered = vec![(2, DVec3::splat(0.5))];
+    let (exported, gltf) = round_trip(&scene, &lit);
+    let primitive = first_primitive(&gltf, 0);
+    let light = attribute(&gltf, &primitive, &irradiance());
+    let dark =
+        light.iter().position(|row| point(row) == DVec3::ZERO).expect("_IRRADIANCE is what was computed");
+    let shown = point(&attribute(&gltf, &primitive, &Semantic::Colors(0))[dark]);
+    assert!((shown - DVec3::splat(0.5 * exported.exposure)).length() < 1e-5, "{shown}");
+}
