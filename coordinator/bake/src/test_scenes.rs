@@ -65,7 +65,7 @@ pub fn scene(surfaces: Vec<Vec<Facet>>, lights: Vec<LightKind>) -> Scene {
     }
 }
 
-/// Divides every so many-th leaf of a mesh.
+/// Divides the first of each `every` leaves of a mesh.
 pub fn divide(mesh: &mut Mesh, every: usize) {
     let leaves: Vec<PatchId> = mesh.leaves().map(|(id, _)| id).collect();
     leaves.into_iter().step_by(every).for_each(|id| mesh.divide(id));

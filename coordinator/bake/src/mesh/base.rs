@@ -67,13 +67,14 @@ impl Mesh {
         };
         let lines_of: Vec<Vec<Contact>> = regions.par_iter().zip(&contacts).map(of_region).collect();
         let lit = |facet: &&Facet| !facet.is_sealed;
-        let facets = scene.surfaces.iter().flat_map(|surface| &surface.facets).filter(lit).count();
+        let facets: Vec<&Facet> =
+            scene.surfaces.iter().flat_map(|surface| &surface.facets).filter(lit).collect();
         // Strips are what is dear there: all lines are triangulated around.
-        let is_large = facets > FEW_FACETS;
+        let is_large = facets.len() > FEW_FACETS;
         let most_cuts = if is_large { 0 } else { MOST_CUTS };
         let lengths = if is_large {
-            let facets = scene.surfaces.par_iter().flat_map_iter(|surface| &surface.facets);
-            lengths(facets.filter(lit), longest_edge, MOST_CUT.max(scene.vertex_count / VERTICES_PER_CUT))
+            let most = MOST_CUT.max(scene.vertex_count / VERTICES_PER_CUT);
+            lengths(facets.par_iter().copied(), longest_edge, most)
         } else {
             Lengths { longest: longest_edge, shortest: longest_edge }
         };
@@ -89,8 +90,6 @@ impl Mesh {
             .collect();
         let pieces = pieces?;
         let facet = |surface: usize, facet: u32| &scene.surfaces[surface].facets[facet as usize];
-        let facets: Vec<&Facet> =
-            scene.surfaces.iter().flat_map(|surface| &surface.facets).filter(lit).collect();
         let with_facets: Vec<(&Facet, &Piece)> = regions
             .iter()
             .zip(&pieces)

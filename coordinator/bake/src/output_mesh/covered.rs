@@ -65,7 +65,7 @@ pub fn covered(scene: &Scene, lit: &LitMesh) -> Vec<(u32, DVec3)> {
     all.filter(|vertex| is_covered[*vertex as usize] && is_dark(*vertex)).filter_map(light).collect()
 }
 
-/// Vertices, of those that are asked about, with a triangle that is not covered everywhere.
+/// The vertices of triangles that are not covered everywhere, of those with a vertex that is asked about.
 ///
 /// What covers is dark itself: of two rooms whose walls stand back to back, one may be lit and the other not.
 fn uncovered(
@@ -76,13 +76,10 @@ fn uncovered(
 ) -> Vec<u32> {
     let near = ON_EDGE * extent(scene);
     let position = |vertex: u32| lit.vertices[vertex as usize].position;
-    let of_surface = |(surface, own)| {
-        let with_surface = move |triangle| (surface, triangle);
-        <[LitTriangle]>::iter(own).map(with_surface)
-    };
-    let dark = lit.surfaces.par_iter().map(Vec::as_slice).enumerate().flat_map_iter(of_surface);
+    let all = lit.surfaces.par_iter().enumerate();
+    let all = all.flat_map_iter(|(surface, own)| own.iter().map(move |triangle| (surface, triangle)));
     let dark: Vec<(usize, &LitTriangle)> =
-        dark.filter(|(_, triangle)| triangle.vertices.iter().any(|vertex| is_dark(*vertex))).collect();
+        all.filter(|(_, triangle)| triangle.vertices.iter().any(|vertex| is_dark(*vertex))).collect();
     let covers = dark.iter().filter(|(surface, triangle)| {
         let is_front = scene.surfaces[*surface].side == Side::Front;
         is_front && triangle.vertices.iter().all(|vertex| is_dark(*vertex))
@@ -114,13 +111,11 @@ fn uncovered(
             tree.touching(&PaddedBox::around([point], near)).iter().any(|cover| covers(cover, point))
         })
     };
-    let of_triangle = |(surface, triangle): &(usize, &LitTriangle)| {
-        let asked = triangle.vertices.into_iter().filter(|vertex| is_asked(*vertex));
-        let mut asked = asked.peekable();
-        let is_open = asked.peek().is_some() && !is_covered(*surface, triangle);
-        asked.filter(move |_| is_open).collect::<Vec<_>>()
+    let is_open = |(surface, triangle): &&(usize, &LitTriangle)| {
+        triangle.vertices.iter().any(|vertex| is_asked(*vertex)) && !is_covered(*surface, triangle)
     };
-    dark.par_iter().with_min_len(256).flat_map_iter(of_triangle).collect()
+    let open = dark.par_iter().with_min_len(256).filter(is_open);
+    open.flat_map_iter(|(_, triangle)| triangle.vertices).collect()
 }
 
 impl Cover<'_> {
@@ -139,7 +134,7 @@ mod tests {
     use crate::lit::LitVertex;
     use crate::test_scenes::{facet, scene};
 
-    /// The ends of two boxes, `gap` apart, each with a lit side at its upper edge; the first end has a back of its own.
+    /// The ends of two boxes, `gap` apart, and a lit side at the upper edge of the first.
     fn ends(gap: f64) -> (Scene, LitMesh) {
         let first = [[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]];
         let mut other = first.map(|[_, y, z]| [gap, y, z]);

@@ -173,19 +173,34 @@ mod tests {
         }
     }
 
-    /// A comb of long segments, with a crumb between every two.
-    #[test]
-    fn points_and_splits_are_bounded() {
-        let tooth = |index: usize| {
-            let y = index as f64 / 8.0;
-            let crumb = DVec2::new(10.0 * (index % 97) as f64, y + 0.06);
-            [[DVec2::new(0.0, y), DVec2::new(1000.0, y)], [crumb, crumb + DVec2::new(0.01, 0.0)]]
-        };
-        let segments: Vec<[DVec2; 2]> = (0..2000).flat_map(tooth).collect();
+    /// The grading of a comb of long segments with crumbs between them, and how often its segments are split.
+    fn comb(teeth: usize, crumbs: usize) -> (Grading, usize, usize) {
+        let long = (0..teeth).map(|tooth| {
+            let y = tooth as f64 / 8.0;
+            [DVec2::new(0.0, y), DVec2::new(1000.0, y)]
+        });
+        let small = (0..crumbs).map(|crumb| {
+            let at = DVec2::new(1000.0 * crumb as f64 / crumbs as f64, (crumb % teeth) as f64 / 8.0 + 0.06);
+            [at, at + DVec2::new(0.01, 0.0)]
+        });
+        let segments: Vec<[DVec2; 2]> = long.chain(small).collect();
         let mut grading = Grading::new(&segments, 0.01);
         let mut splits = 0;
         segments.iter().for_each(|segment| grading.split(*segment, &mut |_| splits += 1));
-        assert!(splits <= SPLITS_PER_SEGMENT * segments.len(), "{splits}");
-        assert!(grading.points.len() <= 4 * LOOKS_PER_SEGMENT * segments.len());
+        (grading, splits, segments.len())
+    }
+
+    #[test]
+    fn what_takes_too_many_looks_is_not_graded() {
+        let (grading, splits, _) = comb(2000, 2000);
+        assert!(grading.points.is_empty());
+        assert_eq!(splits, 0);
+    }
+
+    #[test]
+    fn splits_are_bounded() {
+        let (grading, splits, segments) = comb(1, 1000);
+        assert!(!grading.points.is_empty());
+        assert_eq!(splits, SPLITS_PER_SEGMENT * segments);
     }
 }

@@ -51,9 +51,9 @@ impl HasPosition for Site {
     }
 }
 
-impl From<Point2<f64>> for Site {
-    fn from(place: Point2<f64>) -> Self {
-        Self { place, point: None }
+impl Site {
+    fn new(place: DVec2, point: Option<u32>) -> Self {
+        Self { place: Point2::new(place.x, place.y), point }
     }
 }
 
@@ -70,22 +70,19 @@ pub fn triangulate(
     let ends: Vec<[DVec2; 2]> =
         arrangement.segments.iter().map(|ends| ends.map(|end| places[end as usize])).collect();
     let mut grading = Grading::new(&ends, finest);
-    let site = |(point, place): (usize, &DVec2)| Site {
-        place: Point2::new(place.x, place.y),
-        point: Some(point as u32),
-    };
-    let mut sites: Vec<Site> = places.iter().enumerate().map(site).collect();
+    let mut sites: Vec<Site> =
+        (0..).zip(&places).map(|(point, place)| Site::new(*place, Some(point))).collect();
     let mut segments: Vec<[usize; 2]> = vec![];
     for (numbers, ends) in arrangement.segments.iter().zip(&ends) {
         let mut last = numbers[0] as usize;
         grading.split(*ends, &mut |place| {
             segments.push([last, sites.len()]);
             last = sites.len();
-            sites.push(Point2::new(place.x, place.y).into());
+            sites.push(Site::new(place, None));
         });
         segments.push([last, numbers[1] as usize]);
     }
-    sites.extend(grading.points.iter().map(|place| Site::from(Point2::new(place.x, place.y))));
+    sites.extend(grading.points.iter().map(|place| Site::new(*place, None)));
     let delaunay = Delaunay::try_bulk_load_cdt(sites, segments, |_| ()).ok()?;
     let all = inside(&delaunay, facets, axes);
     let area = |triangle: &Triangle| {

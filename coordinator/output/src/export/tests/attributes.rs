@@ -235,14 +235,7 @@ fn kept_materials_and_colours_are_those_of_the_input() {
 
 #[test]
 fn covered_vertices_show_the_light_beside_them() {
-    let mut builder = Builder::default();
-    let square = builder.square();
-    let scene = builder.import(json!({
-        "meshes": [{"primitives": [square]}],
-        "nodes": [{"mesh": 0}],
-        "scenes": [{"nodes": [0]}],
-    }));
-    let mut lit = light(&scene, 0, |_| DVec3::ONE);
+    let (scene, mut lit) = square();
     lit.vertices[2].irradiance = DVec3::ZERO;
     lit.covered = vec![(2, DVec3::splat(0.5))];
     let (exported, gltf) = round_trip(&scene, &lit);
