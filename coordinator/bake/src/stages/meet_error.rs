@@ -1,7 +1,7 @@
 //! Refining and measuring until the error is met.
 
 use super::measure::Measured;
-use super::refine::UNSEEN_STEP;
+use super::refine::{Aim, UNSEEN_STEP};
 use super::shooting_mesh::ShootingMesh;
 use super::solved::Solved;
 use crate::context::Context;
@@ -34,6 +34,13 @@ const LEAST_REST: f64 = 0.4;
 /// others leave to it, and vertices too many cannot be taken back.
 const LONGEST_STEP: f64 = 0.6;
 
+/// A round may add this times as many vertices as the error asks for, where it falls with the square root of those added: the
+/// prediction of a noisy scene may never reach its limit.
+const SPARE_VERTICES: f64 = 1.5;
+
+/// Vertices that a round may add whatever the error.
+const FREE_VERTICES: usize = 1000;
+
 /// Refining and measuring are repeated this often at most.
 const MAX_ROUNDS: u32 = 12;
 
@@ -60,14 +67,15 @@ impl Solved {
         let mut solved = self;
         let is_exact = solved.rows.source.leaves_cost_rows();
         let part = if is_exact && cx.settings.error.is_some() { PART_OF_ASKED } else { 1.0 };
-        let mut limit = MARGIN * part * cx.settings.mesh_error;
+        let limit = MARGIN * part * cx.settings.mesh_error;
+        let mut aim = Aim { limit, must_divide: false, most_vertices: usize::MAX };
+        let first_vertices = solved.mesh.mesh.vertices.len();
         let mut round = 1;
         let mut rounds_for_balance = 0;
         let mut shooters = None;
         let mut additions = 0;
-        let mut must_divide = false;
         loop {
-            let mut measured = solved.refine(cx, &mut limit, must_divide)?.measure(cx, shooters)?;
+            let mut measured = solved.refine(cx, &mut aim)?.measure(cx, shooters)?;
             if measured.shooters_take_much(cx.settings) && measured.solved.can_follow_mesh() {
                 if shooters.is_some() {
                     measured = measured.measure_shooters(cx)?;
@@ -81,7 +89,7 @@ impl Solved {
             {
                 additions += 1;
                 // The light is new, and the mesh may be fine enough for it.
-                must_divide = false;
+                aim.must_divide = false;
                 shooters = Some([measured.error.shooters, measured.shooters_at_least]);
                 solved = measured.solved;
                 continue;
@@ -106,18 +114,27 @@ impl Solved {
             if is_end(&measured, &better, cx) {
                 return Ok((measured, better));
             }
-            limit = if measured.is_enough(cx.settings) {
+            let of_mesh = measured.of_mesh();
+            let limit = if measured.is_enough(cx.settings) {
                 rounds_for_balance += 1;
-                UNSEEN_STEP * limit.min(measured.of_mesh())
+                UNSEEN_STEP * aim.limit.min(of_mesh)
             } else {
-                (MARGIN * measured.aim_for_mesh(cx.settings)).max(LONGEST_STEP * measured.of_mesh())
+                (MARGIN * measured.aim_for_mesh(cx.settings)).max(LONGEST_STEP * of_mesh)
             };
+            let vertices = measured.solved.mesh.mesh.vertices.len();
+            let most_vertices = vertices + vertices_to_add(vertices - first_vertices, of_mesh / limit);
+            aim = Aim { limit, must_divide: true, most_vertices };
             shooters = Some([measured.error.shooters, measured.shooters_at_least]);
             solved = measured.solved;
-            must_divide = true;
             round += 1;
         }
     }
+}
+
+/// How many more vertices should be enough where so many were added, and the error is `over` its limit so many times.
+fn vertices_to_add(added: usize, over: f64) -> usize {
+    let asked = (over * over - 1.0).max(0.0) * added as f64;
+    FREE_VERTICES + (SPARE_VERTICES * asked) as usize
 }
 
 impl Measured {
@@ -288,6 +305,19 @@ fn is_balanced(balance: &EnergyBalance) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_round_adds_what_its_error_asks_for_and_some_more() {
+        // Half the error takes four times the vertices that were added: three times more, and half of that to spare.
+        assert_eq!(vertices_to_add(10_000, 2.0), FREE_VERTICES + 45_000);
+        assert_eq!(vertices_to_add(10_000, 1.0), FREE_VERTICES);
+        assert_eq!(vertices_to_add(0, 5.0), FREE_VERTICES);
+        assert_eq!(
+            vertices_to_add(10_000, 0.5),
+            FREE_VERTICES,
+            "contrast may ask for more where the error is met"
+        );
+    }
 
     #[test]
     fn an_imbalance_comes_with_the_cure_that_fits() {

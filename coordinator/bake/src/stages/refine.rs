@@ -19,6 +19,17 @@ const MOST_UNSEEN_STEPS: u32 = 12;
 /// in dark places.
 const CONTRAST_OF_EXACT: f64 = 0.45;
 
+/// What refinement is to reach, and how far it may go.
+pub struct Aim {
+    /// Expected interpolation error at which it ends.
+    pub limit: f64,
+    /// Whether something must be divided: the prediction did not see what was found, and measuring the same mesh again would but try
+    /// another chance.
+    pub must_divide: bool,
+    /// Most vertices, where there are fewer than the settings allow.
+    pub most_vertices: usize,
+}
+
 /// A bake on a refined mesh, solved for with the means over it.
 pub struct Refined {
     pub solved: Solved,
@@ -27,23 +38,24 @@ pub struct Refined {
 }
 
 impl Solved {
-    /// Divides patches where interpolation is wrong, round by round, until its error is expected to be under `limit`, and
-    /// its contrast under that of the settings. Then solves again.
+    /// Divides patches where interpolation is wrong, round by round, until its error is expected to be under the limit of the aim, and
+    /// its contrast under that of the settings, or the mesh has as many vertices as the aim allows. Then solves again.
     ///
-    /// Where it `must_divide`, the limit is lowered until a patch is divided or something is in the way: the prediction did not see what
-    /// was found, and measuring the same mesh again would but try another chance.
+    /// Where something must be divided, the limit is lowered until a patch is, or something is in the way.
     #[tracing::instrument(skip_all)]
-    pub fn refine(mut self, cx: &mut Context, limit: &mut f64, must_divide: bool) -> Result<Refined> {
+    pub fn refine(mut self, cx: &mut Context, aim: &mut Aim) -> Result<Refined> {
+        let most_of_settings = cx.settings.most_vertices(cx.scene);
+        let most_vertices = aim.most_vertices.min(most_of_settings);
         let mut plan = Plan {
-            limit: *limit,
+            limit: aim.limit,
             contrast: self.contrast(cx.settings),
             found_per_predicted: self.found_per_predicted,
             shortest_edge: cx.shortest_edge(),
-            max_vertices: cx.settings.most_vertices(cx.scene),
+            max_vertices: most_vertices,
         };
         self.divide_long(cx)?;
         let before = self.mesh.mesh.vertices.len();
-        let mut steps_left = if must_divide { MOST_UNSEEN_STEPS } else { 0 };
+        let mut steps_left = if aim.must_divide { MOST_UNSEEN_STEPS } else { 0 };
         let mut prediction = self.predict(cx, &self.fitted());
         // New vertices only receive: neither rows nor radiosity change here.
         let noise = self.noise();
@@ -61,7 +73,7 @@ impl Solved {
                 Step::Done => break None,
                 Step::Stop(obstacle) => break Some(obstacle),
                 Step::Divide(patches) => {
-                    if !self.divide(cx, patches)? {
+                    if !self.divide(cx, patches, most_vertices)? {
                         break Some(Obstacle::MaxVertices);
                     }
                     prediction = self.predict(cx, &self.fitted());
@@ -69,7 +81,10 @@ impl Solved {
                 }
             }
         };
-        *limit = plan.limit;
+        // The aim's own bound is in nobody's way.
+        let obstacle =
+            obstacle.filter(|cause| *cause != Obstacle::MaxVertices || most_vertices == most_of_settings);
+        aim.limit = plan.limit;
         cx.end_step("refine");
         self.final_solve(cx)?;
         Ok(Refined { solved: self, obstacle })
@@ -90,15 +105,14 @@ impl Solved {
         let most = cx.settings.most_vertices(cx.scene);
         loop {
             let long = long_patches(&self.mesh.mesh, longest, most);
-            if long.is_empty() || !self.divide(cx, long)? {
+            if long.is_empty() || !self.divide(cx, long, most)? {
                 return Ok(());
             }
         }
     }
 
     /// Divides patches, as far as the mesh may have more vertices: false where it could have none.
-    fn divide(&mut self, cx: &mut Context, mut patches: Vec<PatchId>) -> Result<bool> {
-        let most = cx.settings.most_vertices(cx.scene);
+    fn divide(&mut self, cx: &mut Context, mut patches: Vec<PatchId>, most: usize) -> Result<bool> {
         let mesh = &mut self.mesh.mesh;
         let first = VertexId(mesh.vertices.len() as u32);
         // Vertices follow each other in the order of their patches.
