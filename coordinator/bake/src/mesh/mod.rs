@@ -60,7 +60,7 @@ pub use order::along_curve;
 
 pub use base::MeshLimits;
 pub use clusters::ClusterLimits;
-pub use line::Contact;
+pub use line::{Contact, distance_to_line};
 pub use locate::{Interpolation, interpolation};
 pub use overlay::overlap;
 pub use receivers::{INWARD, VertexReceivers, receivers, shared_receivers};

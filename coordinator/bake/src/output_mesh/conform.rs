@@ -11,6 +11,7 @@ use smallvec::SmallVec;
 use super::grid::{Grid, ON_EDGE, ONE_POINT, bits};
 use super::split::{fan, is_line, normal_between};
 use super::working::{Corner, NONE, Triangle, Working};
+use crate::mesh::distance_to_line;
 
 /// Most places on edges for each corner: hundreds of slivers in one line have each other's vertices on their edges, quadratically
 /// many.
@@ -30,7 +31,7 @@ pub fn conform(working: &mut Working) {
     }
     let grid = Grid::new(&places.position, ONE_POINT.max(ON_EDGE) * working.extent);
     let mut inside: HashMap<(u32, u32), Vec<(u32, f64)>> = HashMap::new();
-    let margin = 2.0 * ONE_POINT * working.extent;
+    let margin = ONE_POINT * working.extent;
     let find = |(a, b, _): &(u32, u32, u32)| {
         let ends = [*a, *b].map(|corner| places.position[places.of_corner[corner as usize] as usize]);
         ((*a, *b), grid.inside(&places.position, ends, margin))
@@ -56,7 +57,7 @@ pub fn conform(working: &mut Working) {
         inside.insert(edge, found);
     }
     move_to_places(working, &places, &is_tied);
-    split(working, &places, &inside);
+    let pieces = split(working, &places, &inside);
     let mut points: Vec<SmallVec<[u32; 2]>> = vec![SmallVec::new(); places.first.len()];
     for index in 0..working.corners.len() as u32 {
         let place = working.corners[index as usize].point;
@@ -71,6 +72,26 @@ pub fn conform(working: &mut Working) {
         }
     }
     working.points = points;
+    drop_lines(working, pieces);
+}
+
+/// Drops those of some triangles that are no more than a line which no other triangle has as its edge: what lies along it has the two
+/// shorter edges.
+fn drop_lines(working: &mut Working, mut pieces: Vec<u32>) {
+    // Without one, the edges of others may be such lines.
+    let mut before = usize::MAX;
+    while pieces.len() < before {
+        before = pieces.len();
+        pieces.retain(|index| {
+            let is_line = working.has_two_corners_in_one(*index) || working.is_line_of_its_own(*index);
+            if is_line {
+                let corners = working.triangles[*index as usize].corners;
+                working.detach(*index as usize, corners);
+                working.triangles[*index as usize].corners = [NONE; 3];
+            }
+            !is_line
+        });
+    }
 }
 
 /// Keeps the groups of edges with the fewest places inside, `most` places in all. Each comes with its places and its number.
@@ -170,8 +191,9 @@ fn move_to_places(working: &mut Working, places: &Places, is_tied: &[bool]) {
     }
 }
 
-/// Splits the triangles along open edges that have places inside.
-fn split(working: &mut Working, places: &Places, inside: &HashMap<(u32, u32), Vec<(u32, f64)>>) {
+/// Splits the triangles along open edges that have places inside. Returns the pieces.
+fn split(working: &mut Working, places: &Places, inside: &HashMap<(u32, u32), Vec<(u32, f64)>>) -> Vec<u32> {
+    let mut pieces = vec![];
     let mut added: HashMap<(u32, u32, u32), u32> = HashMap::new();
     let found_on = |[a, b, c]: [u32; 3]| {
         let on = |(a, b): (u32, u32)| inside.get(&(a.min(b), a.max(b))).map_or(&[][..], Vec::as_slice);
@@ -210,6 +232,7 @@ fn split(working: &mut Working, places: &Places, inside: &HashMap<(u32, u32), Ve
             line
         });
         if outline.iter().all(|line| line.len() == 2) {
+            pieces.push(index as u32);
             continue;
         }
         working.detach(index, corners);
@@ -221,9 +244,14 @@ fn split(working: &mut Working, places: &Places, inside: &HashMap<(u32, u32), Ve
                 working.corners[corner as usize].around.push(index as u32);
             }
             working.triangles[index] = own;
+            pieces.push(index as u32);
         }
-        parts.for_each(|part| working.add(part));
+        for part in parts {
+            pieces.push(working.triangles.len() as u32);
+            working.add(part);
+        }
     }
+    pieces
 }
 
 impl Working {
@@ -232,6 +260,40 @@ impl Working {
         for corner in corners {
             self.corners[corner as usize].around.retain(|around| *around != index as u32);
         }
+    }
+
+    /// Whether two corners of a triangle lie at one position.
+    fn has_two_corners_in_one(&self, index: u32) -> bool {
+        let [a, b, c] =
+            self.triangles[index as usize].corners.map(|corner| self.corners[corner as usize].point);
+        a == b || b == c || c == a
+    }
+
+    /// Whether a corner of a triangle lies on the opposite edge, which no other triangle has, while others have the two shorter ones.
+    fn is_line_of_its_own(&self, index: u32) -> bool {
+        let corners = self.triangles[index as usize].corners;
+        let sides = [0, 1, 2].map(|side| [0, 1, 2].map(|turn| corners[(side + turn) % 3]));
+        let length = |[a, b, _]: [u32; 3]| self.at(a).distance_squared(self.at(b));
+        let Some(longest) = (0..3).max_by(|a, b| length(sides[*a]).total_cmp(&length(sides[*b]))) else {
+            return false;
+        };
+        let [from, to, across] = sides[longest];
+        let distance = distance_to_line(self.at(across), &[from, to].map(|corner| self.at(corner)));
+        let is_on = distance <= ON_EDGE * self.extent;
+        is_on
+            && !self.has_another(index, from, to)
+            && self.has_another(index, to, across)
+            && self.has_another(index, across, from)
+    }
+
+    /// Whether a triangle other than this has an edge between the positions of two corners.
+    fn has_another(&self, index: u32, from: u32, to: u32) -> bool {
+        let place = |corner: u32| self.corners[corner as usize].point as usize;
+        let corners = self.points[place(from)].iter();
+        let mut around = corners.flat_map(|corner| &self.corners[*corner as usize].around);
+        around.any(|other| {
+            *other != index && self.triangles[*other as usize].corners.iter().any(|c| place(*c) == place(to))
+        })
     }
 
     /// A corner at a place inside an edge.
@@ -256,6 +318,68 @@ impl Working {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::lit::{LitMesh, LitTriangle, LitVertex};
+    use crate::test_scenes::{facet, scene};
+
+    const WIDTH: f64 = 1000.0;
+
+    /// Triangles of facets and vertices of their own, made conforming: the positions of those that are left.
+    fn conforming(triangles: &[[[f64; 3]; 3]]) -> Vec<[DVec3; 3]> {
+        let scene = scene(vec![triangles.iter().map(|corners| facet(0, corners)).collect()], vec![]);
+        let positions = triangles.iter().flatten().copied().map(DVec3::from_array);
+        let vertex = |position| LitVertex { position, normal: DVec3::Z, irradiance: DVec3::ONE };
+        let triangle =
+            |facet: u32| LitTriangle { facet, vertices: [0, 1, 2].map(|corner| 3 * facet + corner) };
+        let lit = LitMesh {
+            vertices: positions.map(vertex).collect(),
+            surfaces: vec![(0..triangles.len() as u32).map(triangle).collect()],
+            ..LitMesh::default()
+        };
+        let mut working = Working::new(&scene, &lit);
+        conform(&mut working);
+        working.alive().map(|(_, triangle)| triangle.corners.map(|corner| working.at(corner))).collect()
+    }
+
+    /// Edges of one triangle alone, inside which a corner of others lies.
+    fn t_junctions(triangles: &[[DVec3; 3]]) -> usize {
+        let is_same = |a: DVec3, b: DVec3| a.distance(b) <= 2.0 * ONE_POINT * WIDTH;
+        let is_whole = |[a, b, c]: &&[DVec3; 3]| !is_same(*a, *b) && !is_same(*b, *c) && !is_same(*c, *a);
+        let edges = || triangles.iter().filter(is_whole).flat_map(|[a, b, c]| [[*a, *b], [*b, *c], [*c, *a]]);
+        let has_ends = |[a, b]: [DVec3; 2], [c, d]: [DVec3; 2]| {
+            is_same(a, c) && is_same(b, d) || is_same(a, d) && is_same(b, c)
+        };
+        let is_alone = |edge: &[DVec3; 2]| edges().filter(|other| has_ends(*edge, *other)).count() == 1;
+        let has_inside = |edge: &[DVec3; 2]| {
+            triangles.iter().flatten().any(|corner| {
+                distance_to_line(*corner, edge) <= ON_EDGE * WIDTH
+                    && edge.iter().all(|end| !is_same(*end, *corner))
+            })
+        };
+        edges().filter(|edge| is_alone(edge) && has_inside(edge)).count()
+    }
+
+    #[test]
+    fn pieces_that_are_lines_are_dropped_where_nothing_else_has_their_edge() {
+        let [from, to, middle] = [[0.0, 0.0, 0.0], [WIDTH, 0.0, 0.0], [0.6 * WIDTH, 0.0, 0.0]];
+        let (above, below) = ([0.5 * WIDTH, 0.5 * WIDTH, 0.0], [0.5 * WIDTH, -0.5 * WIDTH, 0.0]);
+        let needle = [from, [0.3 * WIDTH, -1e-4, 0.0], to];
+        let triangles = conforming(&[[from, to, above], needle, [from, below, middle], [middle, below, to]]);
+        assert_eq!(t_junctions(&triangles), 0, "{triangles:?}");
+        // The two below, and the one above, have a corner of the needle and one of each other on an edge.
+        let is_high = |[a, b, c]: &&[DVec3; 3]| (*b - *a).cross(*c - *a).length() > 1.0;
+        assert_eq!(triangles.iter().filter(is_high).count(), 3 + 3, "{triangles:?}");
+    }
+
+    #[test]
+    fn corners_hardly_further_apart_than_one_point_lie_on_each_others_edges() {
+        let [from, to] = [[0.0, 0.0, 0.0], [WIDTH, 0.0, 0.0]];
+        let (above, below) = ([0.5 * WIDTH, 0.5 * WIDTH, 0.0], [0.5 * WIDTH, -0.5 * WIDTH, 0.0]);
+        let middles = [0.0, 1.1 * ONE_POINT].map(|off| [(0.5 + off) * WIDTH, 0.0, 0.0]);
+        let [one, two] = middles;
+        let triangles =
+            conforming(&[[from, one, above], [one, to, above], [from, below, two], [two, below, to]]);
+        assert_eq!(triangles.len(), 4 + 2, "{triangles:?}");
+    }
 
     #[test]
     fn edges_with_the_fewest_places_are_split_where_there_are_too_many() {
