@@ -41,9 +41,10 @@ pub struct VertexReceivers {
 pub fn receivers(mesh: &Mesh, first: VertexId) -> VertexReceivers {
     let around = surroundings(mesh, first);
     let vertices = &mesh.vertices[first.index()..];
+    let with_around = || vertices.par_iter().zip(&around).with_min_len(1024);
     let outlines: Vec<Option<DVec3>> =
-        vertices.iter().zip(&around).map(|(vertex, around)| way_from_outline(vertex, around)).collect();
-    let parts = vertices.iter().zip(&around).zip(reaches(mesh, first, &outlines));
+        with_around().map(|(vertex, around)| way_from_outline(vertex, around)).collect();
+    let parts = with_around().zip(reaches(mesh, first, &outlines));
     let receivers = parts.map(|((vertex, around), reach)| receiver_at(vertex, around, reach)).collect();
     VertexReceivers { receivers: Receivers { first_key: u64::from(first.0), receivers }, around }
 }

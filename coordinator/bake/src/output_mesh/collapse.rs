@@ -54,8 +54,8 @@ struct Sector {
 }
 
 impl Working {
-    /// The cheapest collapse of a point that deviates by no more than `most` limits.
-    pub fn best_collapse(&self, point: u32, most: f64) -> Option<Collapse> {
+    /// The cheapest collapse of a point, if one costs less than a limit.
+    pub fn best_collapse(&self, point: u32) -> Option<Collapse> {
         let targets: SmallVec<[u32; 8]> = match self.ways(point) {
             Ways::None => return None,
             Ways::Along(ends) => ends.into_iter().collect(),
@@ -63,7 +63,7 @@ impl Working {
         };
         let mut best: Option<Collapse> = None;
         for into in targets {
-            let bound = best.map_or(most, |best| best.cost.min(most));
+            let bound = best.map_or(1.0, |best| best.cost);
             if let Some(cost) = self.cost(point, into, bound)
                 && best.is_none_or(|best| cost < best.cost)
             {

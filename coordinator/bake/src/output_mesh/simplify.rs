@@ -1,21 +1,18 @@
 //! Collapses and flips, in rounds.
 //!
 //! In a round each point that changed has its cheapest collapse found, all at once; then those are carried out whose triangles no
-//! other one of the round has changed, the cheapest first. The limit rises from part to part, so that what shows least goes first.
+//! other one of the round has changed, the cheapest first.
 
 use rayon::prelude::*;
 
 use super::collapse::{Collapse, Moves};
 use super::working::Working;
 
-/// Limits of the rounds, relative to the last.
-const LEVELS: [f64; 2] = [0.3, 1.0];
-
-/// A level ends when a round removes no more than this part of the vertices: around a vertex of many long triangles only one goes at a
+/// Rounds end when one removes no more than this part of the vertices: around a vertex of many long triangles only one goes at a
 /// time, and each takes as long as thousands elsewhere.
 const LEAST_PART: f64 = 1.0 / 4096.0;
 
-/// Most passes of flips after a level.
+/// Most passes of flips.
 const MOST_FLIPS: usize = 4;
 
 /// Fewest points that a thread takes.
@@ -26,39 +23,31 @@ pub fn simplify(working: &mut Working) {
     let count = working.points.len();
     let mut found: Vec<Option<Collapse>> = vec![None; count];
     let mut dirty: Vec<u32> = (0..count as u32).collect();
-    for level in LEVELS {
-        let mut changed: Vec<u32> = vec![];
-        loop {
-            let best: Vec<Option<Collapse>> = dirty
-                .par_iter()
-                .with_min_len(AT_ONCE)
-                .map(|point| working.best_collapse(*point, 1.0))
-                .collect();
-            for (point, best) in dirty.iter().zip(best) {
-                found[*point as usize] = best;
-            }
-            let removed;
-            (removed, dirty) = round(working, &mut found, level);
-            changed.extend(&dirty);
-            if removed as f64 <= LEAST_PART * count as f64 {
-                break;
-            }
+    let mut changed: Vec<u32> = vec![];
+    loop {
+        let best = |point: &u32| working.best_collapse(*point);
+        let best: Vec<Option<Collapse>> = dirty.par_iter().with_min_len(AT_ONCE).map(best).collect();
+        for (point, best) in dirty.iter().zip(best) {
+            found[*point as usize] = best;
         }
-        dirty.extend(flip_around(working, changed));
-        dirty.sort_unstable();
-        dirty.dedup();
+        let removed;
+        (removed, dirty) = round(working, &mut found);
+        changed.extend(&dirty);
+        if removed as f64 <= LEAST_PART * count as f64 {
+            break;
+        }
     }
+    flip_around(working, changed);
 }
 
-/// Carries out collapses that cost less than this, of points that are no neighbours. Returns their number, and the points whose surroundings
+/// Carries out collapses of points that are no neighbours, the cheapest first. Returns their number, and the points whose surroundings
 /// changed.
-fn round(working: &mut Working, found: &mut [Option<Collapse>], level: f64) -> (usize, Vec<u32>) {
+fn round(working: &mut Working, found: &mut [Option<Collapse>]) -> (usize, Vec<u32>) {
     let mut order: Vec<(f64, u32, u32)> = (0..)
         .zip(found.iter())
         .filter_map(|(point, found)| found.map(|collapse| (collapse.cost, point, collapse.into)))
-        .filter(|(cost, _, _)| *cost < level)
         .collect();
-    order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    order.par_sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     let around = |(_, point, _): &(f64, u32, u32)| working.neighbours(*point);
     let around: Vec<_> = order.par_iter().with_min_len(AT_ONCE).map(around).collect();
     let mut is_gone = vec![false; found.len()];
@@ -85,9 +74,8 @@ fn round(working: &mut Working, found: &mut [Option<Collapse>], level: f64) -> (
     (removed, dirty)
 }
 
-/// Flips edges around these points. Returns the points whose surroundings changed.
-fn flip_around(working: &mut Working, mut points: Vec<u32>) -> Vec<u32> {
-    let mut all_changed = vec![];
+/// Flips edges around these points.
+fn flip_around(working: &mut Working, mut points: Vec<u32>) {
     for _ in 0..MOST_FLIPS {
         points.par_sort_unstable();
         points.dedup();
@@ -95,8 +83,6 @@ fn flip_around(working: &mut Working, mut points: Vec<u32>) -> Vec<u32> {
         if changed.is_empty() {
             break;
         }
-        all_changed.extend(&changed);
         points = changed;
     }
-    all_changed
 }

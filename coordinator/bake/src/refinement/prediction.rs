@@ -4,8 +4,7 @@
 //! predicted from that of its parent and the decay since its grandparent. Steep but linear light has none. A leaf that was never
 //! divided may be dim at all of its corners, and bright between them.
 
-use std::collections::HashMap;
-
+use foldhash::{HashMap, HashMapExt};
 use glam::DVec3;
 use kernel::geometry::Bounds;
 use rayon::prelude::*;

@@ -8,6 +8,7 @@ use gltf::Semantic;
 use gltf::json::mesh::{Mode, Primitive};
 use gltf::json::validation::Checked::Valid;
 use gltf::json::{Index, Material, Mesh, Root};
+use rayon::prelude::*;
 use serde_json::{Map, Value, json};
 
 use super::attributes::IRRADIANCE;
@@ -37,6 +38,7 @@ pub(super) fn assemble(
     let lit_nodes = lit_nodes(scene, lit)?;
     let is_lit = |node| lit_nodes.contains_key(&node);
     let mut assembler = Assembler::new(Draft::new(scene, is_lit), lit, exposure, settings)?;
+    assembler.refine_sides(&lit_nodes)?;
     // Of each mesh, the nodes that show it and the vertices that they get.
     let mut shown: BTreeMap<usize, (usize, usize)> = BTreeMap::new();
     for (&node, primitives) in &lit_nodes {
@@ -78,6 +80,12 @@ fn lit_nodes(scene: &Scene, lit: &LitMesh) -> Result<BTreeMap<usize, LitPrimitiv
     Ok(nodes)
 }
 
+/// The geometry of a lit side, and what its material must do.
+struct LitSide {
+    refined: RefinedPrimitive,
+    glows: bool,
+}
+
 struct Assembler<'a> {
     draft: Draft<'a>,
     lit: &'a LitMesh,
@@ -91,6 +99,8 @@ struct Assembler<'a> {
     materials: LitMaterials,
     /// Nodes with a back side that is lit, by primitive.
     two_sided: BTreeSet<(usize, usize)>,
+    /// By surface, until they are stored.
+    sides: BTreeMap<usize, LitSide>,
 }
 
 impl<'a> Assembler<'a> {
@@ -110,8 +120,38 @@ impl<'a> Assembler<'a> {
             world: world_matrices(&draft.document),
             materials: LitMaterials::default(),
             two_sided: backs.map(|surface| (surface.node, surface.primitive)).collect(),
+            sides: BTreeMap::new(),
             draft,
         })
+    }
+
+    /// Refines all lit sides, on all threads.
+    fn refine_sides(&mut self, nodes: &BTreeMap<usize, LitPrimitives>) -> Result<(), ExportError> {
+        let surfaces: Vec<usize> = nodes.values().flat_map(BTreeMap::values).flatten().copied().collect();
+        let side = |surface: &usize| Ok((*surface, self.side(*surface)?));
+        self.sides = surfaces.par_iter().map(side).collect::<Result<_, ExportError>>()?;
+        Ok(())
+    }
+
+    fn side(&self, surface_index: usize) -> Result<LitSide, ExportError> {
+        let scene = self.draft.scene;
+        let surface = &scene.surfaces[surface_index];
+        let mesh = scene.source.root.nodes.get(surface.node).and_then(|node| node.mesh);
+        let mesh = mesh.ok_or_else(|| ExportError::Mismatch(format!("{} has no mesh", surface.name)))?;
+        let source = source_primitive(&self.draft.document, mesh, surface)?;
+        let placement = Placement::new(scene.frame, self.world[surface.node])
+            .ok_or_else(|| ExportError::SingularNode(surface.name.clone()))?;
+        let attributes = attributes::read(&source, &scene.source.buffers, self.keeps_materials)?;
+        let triangles = &self.lit.surfaces[surface_index];
+        let glows = materials::glows(self.lit, surface, triangles)?;
+        let material = source.material().index().and_then(|index| scene.source.root.materials.get(index));
+        let show = Show {
+            exposure: self.exposure,
+            diffuse: materials::diffuse_part(material, glows),
+            domain: self.domain,
+        };
+        let refined = refine(surface, triangles, self.lit, &self.parts, &placement, show, &attributes)?;
+        Ok(LitSide { refined, glows })
     }
 
     /// Gives the node a mesh of its own, with its light. Returns the input's.
@@ -126,7 +166,7 @@ impl<'a> Assembler<'a> {
                 })?;
             let mut sides = surfaces
                 .iter()
-                .map(|&surface| self.light_primitive(surface, source, &original))
+                .map(|&surface| self.light_primitive(surface, &original))
                 .collect::<Result<Vec<_>, _>>()?
                 .into_iter();
             match sides.next() {
@@ -145,22 +185,15 @@ impl<'a> Assembler<'a> {
     fn light_primitive(
         &mut self,
         surface_index: usize,
-        mesh: Index<Mesh>,
         original: &Primitive,
     ) -> Result<Primitive, ExportError> {
         let surface = &self.draft.scene.surfaces[surface_index];
-        let source = source_primitive(&self.draft.document, mesh, surface)?;
-        let placement = Placement::new(self.draft.scene.frame, self.world[surface.node])
-            .ok_or_else(|| ExportError::SingularNode(surface.name.clone()))?;
-        let attributes = attributes::read(&source, &self.draft.scene.source.buffers, self.keeps_materials)?;
-        let triangles = &self.lit.surfaces[surface_index];
-        let glows = materials::glows(self.lit, surface, triangles)?;
-        let diffuse =
-            materials::diffuse_part(original.material.and_then(|index| self.draft.root.get(index)), glows);
-        let show = Show { exposure: self.exposure, diffuse, domain: self.domain };
-        let refined = refine(surface, triangles, self.lit, &self.parts, &placement, show, &attributes)?;
+        let LitSide { refined, glows } = self
+            .sides
+            .remove(&surface_index)
+            .ok_or_else(|| ExportError::Mismatch(format!("{} is shown twice", surface.name)))?;
         self.draft.vertices += refined.positions.len();
-        self.draft.triangles += triangles.len();
+        self.draft.triangles += refined.indices.len() / 3;
         let one_side = self.two_sided.contains(&(surface.node, surface.primitive));
         let material = if self.keeps_materials && !one_side {
             original.material

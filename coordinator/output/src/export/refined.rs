@@ -1,7 +1,6 @@
 //! The vertices of one lit side of one primitive, as glTF stores them.
 
-use std::collections::HashMap;
-
+use foldhash::{HashMap, HashMapExt};
 use glam::{DMat3, DMat4, DVec3, Vec3};
 use gltf::Semantic;
 use smallvec::SmallVec;

@@ -1,8 +1,7 @@
 //! Convex bodies among the occluders: boxes, prisms, spheres. Their outline blocks what their faces block, in one piece and
 //! once, where the faces in front and those behind would each be cut out by themselves.
 
-use std::collections::HashMap;
-
+use foldhash::{HashMap, HashMapExt};
 use glam::DVec3;
 
 use super::OccluderPolygon;

@@ -5,7 +5,7 @@
 //! with S the sum of c L over all lines: c L S / (6 e^2 A) cells along the line, each with its vertices and those of the patches
 //! around it, which divide as well. A line is worth being an edge of the mesh where that is more than an edge costs.
 
-use std::collections::HashMap;
+use foldhash::{HashMap, HashMapExt};
 
 use glam::{DVec3, I64Vec3};
 use kernel::disjoint_sets::DisjointSets;

@@ -1,7 +1,6 @@
 //! Which gather points each receiver takes its light from, and points of their own for those that see none.
 
-use std::collections::HashSet;
-
+use foldhash::{HashSet, HashSetExt};
 use kernel::replica::{Receiver, Receivers};
 use kernel::row::Shooter;
 
