@@ -68,7 +68,7 @@ impl Solved {
         let is_exact = solved.rows.source.leaves_cost_rows();
         let part = if is_exact && cx.settings.error.is_some() { PART_OF_ASKED } else { 1.0 };
         let limit = MARGIN * part * cx.settings.mesh_error;
-        let mut aim = Aim { limit, must_divide: false, most_vertices: usize::MAX };
+        let mut aim = Aim { limit, least_vertices: 0, most_vertices: usize::MAX };
         let first_vertices = solved.mesh.mesh.vertices.len();
         let mut round = 1;
         let mut rounds_for_balance = 0;
@@ -89,7 +89,7 @@ impl Solved {
             {
                 additions += 1;
                 // The light is new, and the mesh may be fine enough for it.
-                aim.must_divide = false;
+                aim.least_vertices = 0;
                 shooters = Some([measured.error.shooters, measured.shooters_at_least]);
                 solved = measured.solved;
                 continue;
@@ -122,8 +122,13 @@ impl Solved {
                 (MARGIN * measured.aim_for_mesh(cx.settings)).max(LONGEST_STEP * of_mesh)
             };
             let vertices = measured.solved.mesh.mesh.vertices.len();
-            let most_vertices = vertices + vertices_to_add(vertices - first_vertices, of_mesh / limit);
-            aim = Aim { limit, must_divide: true, most_vertices };
+            let asked = vertices_asked_for(vertices - first_vertices, of_mesh / limit);
+            aim = Aim {
+                limit,
+                // Exact rows cost more than measuring does, and there the error falls faster.
+                least_vertices: vertices + if is_exact { 1 } else { asked.max(1) },
+                most_vertices: vertices + FREE_VERTICES + (SPARE_VERTICES * asked as f64) as usize,
+            };
             shooters = Some([measured.error.shooters, measured.shooters_at_least]);
             solved = measured.solved;
             round += 1;
@@ -131,10 +136,9 @@ impl Solved {
     }
 }
 
-/// How many more vertices should be enough where so many were added, and the error is `over` its limit so many times.
-fn vertices_to_add(added: usize, over: f64) -> usize {
-    let asked = (over * over - 1.0).max(0.0) * added as f64;
-    FREE_VERTICES + (SPARE_VERTICES * asked) as usize
+/// How many more vertices an error asks for that is `over` its limit so many times, where so many were added.
+fn vertices_asked_for(added: usize, over: f64) -> usize {
+    ((over * over - 1.0).max(0.0) * added as f64) as usize
 }
 
 impl Measured {
@@ -307,16 +311,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_round_adds_what_its_error_asks_for_and_some_more() {
-        // Half the error takes four times the vertices that were added: three times more, and half of that to spare.
-        assert_eq!(vertices_to_add(10_000, 2.0), FREE_VERTICES + 45_000);
-        assert_eq!(vertices_to_add(10_000, 1.0), FREE_VERTICES);
-        assert_eq!(vertices_to_add(0, 5.0), FREE_VERTICES);
-        assert_eq!(
-            vertices_to_add(10_000, 0.5),
-            FREE_VERTICES,
-            "contrast may ask for more where the error is met"
-        );
+    fn half_the_error_takes_four_times_the_vertices_that_were_added() {
+        assert_eq!(vertices_asked_for(10_000, 2.0), 30_000);
+        assert_eq!(vertices_asked_for(10_000, 1.0), 0);
+        assert_eq!(vertices_asked_for(10_000, 0.5), 0, "contrast may ask for more where the error is met");
     }
 
     #[test]

@@ -9,7 +9,7 @@ use crate::mesh::{PatchId, VertexId};
 use crate::refinement::{Obstacle, Plan, Step, long_patches};
 use crate::settings::BakeSettings;
 
-/// Factor of the limit of refinement where the error was found too large and no patch was divided,
+/// Factor of the limit of refinement where the error was found too large and too few patches were divided,
 pub const UNSEEN_STEP: f64 = 0.7;
 
 /// as often as this.
@@ -23,9 +23,8 @@ const CONTRAST_OF_EXACT: f64 = 0.45;
 pub struct Aim {
     /// Expected interpolation error at which it ends.
     pub limit: f64,
-    /// Whether something must be divided: the prediction did not see what was found, and measuring the same mesh again would but try
-    /// another chance.
-    pub must_divide: bool,
+    /// Least vertices: the prediction did not see what was found, and measuring the same mesh again would but try another chance.
+    pub least_vertices: usize,
     /// Most vertices, where there are fewer than the settings allow.
     pub most_vertices: usize,
 }
@@ -41,7 +40,7 @@ impl Solved {
     /// Divides patches where interpolation is wrong, round by round, until its error is expected to be under the limit of the aim, and
     /// its contrast under that of the settings, or the mesh has as many vertices as the aim allows. Then solves again.
     ///
-    /// Where something must be divided, the limit is lowered until a patch is, or something is in the way.
+    /// Where there must be more vertices, the limit is lowered until there are, or something is in the way.
     #[tracing::instrument(skip_all)]
     pub fn refine(mut self, cx: &mut Context, aim: &mut Aim) -> Result<Refined> {
         let most_of_settings = cx.settings.most_vertices(cx.scene);
@@ -54,8 +53,7 @@ impl Solved {
             max_vertices: most_vertices,
         };
         self.divide_long(cx)?;
-        let before = self.mesh.mesh.vertices.len();
-        let mut steps_left = if aim.must_divide { MOST_UNSEEN_STEPS } else { 0 };
+        let mut steps_left = MOST_UNSEEN_STEPS;
         let mut prediction = self.predict(cx, &self.fitted());
         // New vertices only receive: neither rows nor radiosity change here.
         let noise = self.noise();
@@ -66,7 +64,7 @@ impl Solved {
                 !self.rows.table.vertices.is_one(corners)
             };
             match plan.next(&self.mesh.mesh, &prediction, noise, has_own_receivers) {
-                Step::Done if steps_left > 0 && self.mesh.mesh.vertices.len() == before => {
+                Step::Done if steps_left > 0 && self.mesh.mesh.vertices.len() < aim.least_vertices => {
                     steps_left -= 1;
                     plan.limit *= UNSEEN_STEP;
                 }
