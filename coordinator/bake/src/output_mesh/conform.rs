@@ -17,6 +17,9 @@ use crate::mesh::distance_to_line;
 /// many.
 const MOST_SPLITS: usize = 4;
 
+/// Height of a piece that may be a line, relative to its longest edge, at most: corners of very small triangles all lie on their edges.
+const FLAT: f64 = 0.3;
+
 /// Both places of an open edge, the lesser first, and its number.
 type AtPlaces = ((u32, u32), usize);
 
@@ -75,11 +78,12 @@ pub fn conform(working: &mut Working) {
     drop_lines(working, pieces);
 }
 
-/// Drops those of some triangles that are no more than a line which no other triangle has as its edge: what lies along it has the two
-/// shorter edges.
+/// Drops those of some pieces that have no height: those with two corners at one position, and those whose longest edge no other triangle
+/// has.
 fn drop_lines(working: &mut Working, mut pieces: Vec<u32>) {
-    // Without one, the edges of others may be such lines.
+    let all = pieces.len();
     let mut before = usize::MAX;
+    // Dropping one may leave a neighbour with such an edge.
     while pieces.len() < before {
         before = pieces.len();
         pieces.retain(|index| {
@@ -91,6 +95,11 @@ fn drop_lines(working: &mut Working, mut pieces: Vec<u32>) {
             }
             !is_line
         });
+    }
+    if pieces.len() < all {
+        let Working { points, corners, .. } = working;
+        let has_any = |corner: &mut u32| !corners[*corner as usize].around.is_empty();
+        points.iter_mut().for_each(|point| point.retain(has_any));
     }
 }
 
@@ -279,7 +288,7 @@ impl Working {
         };
         let [from, to, across] = sides[longest];
         let distance = distance_to_line(self.at(across), &[from, to].map(|corner| self.at(corner)));
-        let is_on = distance <= ON_EDGE * self.extent;
+        let is_on = distance <= (ON_EDGE * self.extent).min(FLAT * length(sides[longest]).sqrt());
         is_on
             && !self.has_another(index, from, to)
             && self.has_another(index, to, across)
@@ -368,6 +377,17 @@ mod tests {
         // The two below, and the one above, have a corner of the needle and one of each other on an edge.
         let is_high = |[a, b, c]: &&[DVec3; 3]| (*b - *a).cross(*c - *a).length() > 1.0;
         assert_eq!(triangles.iter().filter(is_high).count(), 3 + 3, "{triangles:?}");
+    }
+
+    #[test]
+    fn very_small_triangles_stay() {
+        let at = |x: f64, y: f64| [x * ON_EDGE * WIDTH, y * ON_EDGE * WIDTH, 0.0];
+        let [from, to, middle] = [at(0.0, 0.0), at(1.5, 0.0), at(0.75, 0.8)];
+        // As wide as the scene, and joined with its shorter edges.
+        let [left, right] = [[-WIDTH, WIDTH, 0.0], [WIDTH, WIDTH, 0.0]];
+        let triangles = conforming(&[[from, to, middle], [middle, to, right], [from, middle, left]]);
+        let is_small = |corners: &&[DVec3; 3]| corners.iter().all(|corner| corner.length() < 1.0);
+        assert_eq!(triangles.iter().filter(is_small).count(), 1, "{triangles:?}");
     }
 
     #[test]

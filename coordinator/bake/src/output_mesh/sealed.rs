@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use smallvec::SmallVec;
 
 use super::grid::{Grid, ON_EDGE, ONE_POINT, bits};
-use super::split::{fan, normal_between};
+use super::split::{fan, is_line, normal_between};
 use crate::context::extent;
 use crate::lit::{LitMesh, LitTriangle, LitVertex};
 use scene::{Facet, Scene};
@@ -99,7 +99,7 @@ fn sealed_triangles(scene: &Scene) -> Vec<SealedTriangle<'_>> {
 /// By edge of a triangle: positions of vertices inside the edge, with the part of the way from the end that it is looked at from.
 type OnEdges = [Vec<(DVec3, f64)>; 3];
 
-/// What lies on the edges of each triangle; `None` where a corner of its own does: nobody sees that it is missing.
+/// What lies on the edges of each triangle; `None` where it is no more than a line.
 fn on_edges(sealed: &[SealedTriangle], lit: &LitMesh, extent: f64) -> Vec<Option<OnEdges>> {
     let mut seen = HashSet::default();
     let positions = lit.vertices.iter().map(|vertex| vertex.position);
@@ -126,7 +126,7 @@ fn on_edges(sealed: &[SealedTriangle], lit: &LitMesh, extent: f64) -> Vec<Option
             }
             line
         });
-        (!has_own).then_some(on_edges)
+        (!has_own || !is_line(triangle.positions)).then_some(on_edges)
     };
     sealed.par_iter().with_min_len(256).map(of_triangle).collect()
 }

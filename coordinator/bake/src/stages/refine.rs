@@ -23,7 +23,8 @@ const CONTRAST_OF_EXACT: f64 = 0.45;
 pub struct Aim {
     /// Expected interpolation error at which it ends.
     pub limit: f64,
-    /// Least vertices: the prediction did not see what was found, and measuring the same mesh again would but try another chance.
+    /// Vertices to reach at least: the prediction did not see what was found, and measuring the same mesh again would only draw other
+    /// samples.
     pub least_vertices: usize,
     /// Most vertices, where there are fewer than the settings allow.
     pub most_vertices: usize,
@@ -52,7 +53,7 @@ impl Solved {
             shortest_edge: cx.shortest_edge(),
             max_vertices: most_vertices,
         };
-        self.divide_long(cx)?;
+        let before = self.mesh.mesh.vertices.len();
         let mut steps_left = MOST_UNSEEN_STEPS;
         let mut prediction = self.predict(cx, &self.fitted());
         // New vertices only receive: neither rows nor radiosity change here.
@@ -79,9 +80,13 @@ impl Solved {
                 }
             }
         };
-        // The aim's own bound is in nobody's way.
-        let obstacle =
-            obstacle.filter(|cause| *cause != Obstacle::MaxVertices || most_vertices == most_of_settings);
+        let has_grown = self.mesh.mesh.vertices.len() > before;
+        let obstacle = obstacle.filter(|cause| match cause {
+            // Reaching the aim's own bound is no obstacle: the next round has a larger one.
+            Obstacle::MaxVertices => most_vertices == most_of_settings,
+            // A lowered limit may be out of reach where the aim's own is not: the new vertices will tell.
+            Obstacle::Noise | Obstacle::SmallPatches => plan.limit == aim.limit || !has_grown,
+        });
         aim.limit = plan.limit;
         cx.end_step("refine");
         self.final_solve(cx)?;
@@ -96,7 +101,7 @@ impl Solved {
     }
 
     /// Divides patches until none is longer than was asked for, or there are as many vertices as may be.
-    fn divide_long(&mut self, cx: &mut Context) -> Result<()> {
+    pub fn divide_long(&mut self, cx: &mut Context) -> Result<()> {
         // A patch's diagonals, too, may become edges of triangles.
         let longest = |edge: f64| edge / cx.scene.frame.scale / SQRT_2;
         let Some(longest) = cx.settings.max_edge.map(longest) else { return Ok(()) };

@@ -80,7 +80,7 @@ fn lit_nodes(scene: &Scene, lit: &LitMesh) -> Result<BTreeMap<usize, LitPrimitiv
     Ok(nodes)
 }
 
-/// The geometry of a lit side, and what its material must do.
+/// The geometry of a lit side, and whether it glows.
 struct LitSide {
     refined: RefinedPrimitive,
     glows: bool,
@@ -129,7 +129,9 @@ impl<'a> Assembler<'a> {
     fn refine_sides(&mut self, nodes: &BTreeMap<usize, LitPrimitives>) -> Result<(), ExportError> {
         let surfaces: Vec<usize> = nodes.values().flat_map(BTreeMap::values).flatten().copied().collect();
         let side = |surface: &usize| Ok((*surface, self.side(*surface)?));
-        self.sides = surfaces.par_iter().map(side).collect::<Result<_, ExportError>>()?;
+        let sides: Vec<Result<_, ExportError>> = surfaces.par_iter().map(side).collect();
+        // The first error in their order, whichever thread is first.
+        self.sides = sides.into_iter().collect::<Result<_, _>>()?;
         Ok(())
     }
 
