@@ -9,16 +9,13 @@ use rayon::prelude::*;
 use smallvec::SmallVec;
 
 use super::grid::{Grid, ON_EDGE, ONE_POINT, bits};
+use super::slivers::drop_slivers;
 use super::split::{fan, is_line, normal_between};
 use super::working::{Corner, NONE, Triangle, Working};
-use crate::mesh::distance_to_line;
 
 /// Most places on edges for each corner: hundreds of slivers in one line have each other's vertices on their edges, quadratically
 /// many.
 const MOST_SPLITS: usize = 4;
-
-/// Height of a piece that may be a line, relative to its longest edge, at most: corners of very small triangles all lie on their edges.
-const FLAT: f64 = 0.3;
 
 /// Both places of an open edge, the lesser first, and its number.
 type AtPlaces = ((u32, u32), usize);
@@ -75,32 +72,7 @@ pub fn conform(working: &mut Working) {
         }
     }
     working.points = points;
-    drop_lines(working, pieces);
-}
-
-/// Drops those of some pieces that have no height: those with two corners at one position, and those whose longest edge no other triangle
-/// has.
-fn drop_lines(working: &mut Working, mut pieces: Vec<u32>) {
-    let all = pieces.len();
-    let mut before = usize::MAX;
-    // Dropping one may leave a neighbour with such an edge.
-    while pieces.len() < before {
-        before = pieces.len();
-        pieces.retain(|index| {
-            let is_line = working.has_two_corners_in_one(*index) || working.is_line_of_its_own(*index);
-            if is_line {
-                let corners = working.triangles[*index as usize].corners;
-                working.detach(*index as usize, corners);
-                working.triangles[*index as usize].corners = [NONE; 3];
-            }
-            !is_line
-        });
-    }
-    if pieces.len() < all {
-        let Working { points, corners, .. } = working;
-        let has_any = |corner: &mut u32| !corners[*corner as usize].around.is_empty();
-        points.iter_mut().for_each(|point| point.retain(has_any));
-    }
+    drop_slivers(working, pieces);
 }
 
 /// Keeps the groups of edges with the fewest places inside, `most` places in all. Each comes with its places and its number.
@@ -220,8 +192,7 @@ fn split(working: &mut Working, places: &Places, inside: &HashMap<(u32, u32), Ve
         // What lies beyond that edge is split at the corner, and at nothing else.
         let is_its_edge = found.into_iter().flatten().all(|(place, _)| own.contains(place));
         if is_its_edge && is_line(own.map(|place| places.position[place as usize])) {
-            working.detach(index, corners);
-            working.triangles[index].corners = [NONE; 3];
+            working.remove(index as u32);
             continue;
         }
         let outline = [0, 1, 2].map(|side| {
@@ -244,7 +215,7 @@ fn split(working: &mut Working, places: &Places, inside: &HashMap<(u32, u32), Ve
             pieces.push(index as u32);
             continue;
         }
-        working.detach(index, corners);
+        working.detach(index as u32);
         let parts = fan(outline.each_ref().map(SmallVec::as_slice));
         let mut parts =
             parts.into_iter().map(|corners| Triangle { corners, surface, facet, region, samples: vec![] });
@@ -264,47 +235,6 @@ fn split(working: &mut Working, places: &Places, inside: &HashMap<(u32, u32), Ve
 }
 
 impl Working {
-    /// Takes a triangle from its corners.
-    fn detach(&mut self, index: usize, corners: [u32; 3]) {
-        for corner in corners {
-            self.corners[corner as usize].around.retain(|around| *around != index as u32);
-        }
-    }
-
-    /// Whether two corners of a triangle lie at one position.
-    fn has_two_corners_in_one(&self, index: u32) -> bool {
-        let [a, b, c] =
-            self.triangles[index as usize].corners.map(|corner| self.corners[corner as usize].point);
-        a == b || b == c || c == a
-    }
-
-    /// Whether a corner of a triangle lies on the opposite edge, which no other triangle has, while others have the two shorter ones.
-    fn is_line_of_its_own(&self, index: u32) -> bool {
-        let corners = self.triangles[index as usize].corners;
-        let sides = [0, 1, 2].map(|side| [0, 1, 2].map(|turn| corners[(side + turn) % 3]));
-        let length = |[a, b, _]: [u32; 3]| self.at(a).distance_squared(self.at(b));
-        let Some(longest) = (0..3).max_by(|a, b| length(sides[*a]).total_cmp(&length(sides[*b]))) else {
-            return false;
-        };
-        let [from, to, across] = sides[longest];
-        let distance = distance_to_line(self.at(across), &[from, to].map(|corner| self.at(corner)));
-        let is_on = distance <= (ON_EDGE * self.extent).min(FLAT * length(sides[longest]).sqrt());
-        is_on
-            && !self.has_another(index, from, to)
-            && self.has_another(index, to, across)
-            && self.has_another(index, across, from)
-    }
-
-    /// Whether a triangle other than this has an edge between the positions of two corners.
-    fn has_another(&self, index: u32, from: u32, to: u32) -> bool {
-        let place = |corner: u32| self.corners[corner as usize].point as usize;
-        let corners = self.points[place(from)].iter();
-        let mut around = corners.flat_map(|corner| &self.corners[*corner as usize].around);
-        around.any(|other| {
-            *other != index && self.triangles[*other as usize].corners.iter().any(|c| place(*c) == place(to))
-        })
-    }
-
     /// A corner at a place inside an edge.
     fn add_between(&mut self, (a, b): (u32, u32), place: u32, position: DVec3, part: f64) -> u32 {
         let [one, two] = [a, b].map(|corner| &self.corners[corner as usize]);
@@ -325,15 +255,16 @@ impl Working {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::lit::{LitMesh, LitTriangle, LitVertex};
     use crate::test_scenes::{facet, scene};
 
-    const WIDTH: f64 = 1000.0;
+    /// Width of the scenes.
+    pub const WIDTH: f64 = 1000.0;
 
     /// Triangles of facets and vertices of their own, made conforming: the positions of those that are left.
-    fn conforming(triangles: &[[[f64; 3]; 3]]) -> Vec<[DVec3; 3]> {
+    pub fn conforming(triangles: &[[[f64; 3]; 3]]) -> Vec<[DVec3; 3]> {
         let scene = scene(vec![triangles.iter().map(|corners| facet(0, corners)).collect()], vec![]);
         let positions = triangles.iter().flatten().copied().map(DVec3::from_array);
         let vertex = |position| LitVertex { position, normal: DVec3::Z, irradiance: DVec3::ONE };
@@ -347,47 +278,6 @@ mod tests {
         let mut working = Working::new(&scene, &lit);
         conform(&mut working);
         working.alive().map(|(_, triangle)| triangle.corners.map(|corner| working.at(corner))).collect()
-    }
-
-    /// Edges of one triangle alone, inside which a corner of others lies.
-    fn t_junctions(triangles: &[[DVec3; 3]]) -> usize {
-        let is_same = |a: DVec3, b: DVec3| a.distance(b) <= 2.0 * ONE_POINT * WIDTH;
-        let is_whole = |[a, b, c]: &&[DVec3; 3]| !is_same(*a, *b) && !is_same(*b, *c) && !is_same(*c, *a);
-        let edges = || triangles.iter().filter(is_whole).flat_map(|[a, b, c]| [[*a, *b], [*b, *c], [*c, *a]]);
-        let has_ends = |[a, b]: [DVec3; 2], [c, d]: [DVec3; 2]| {
-            is_same(a, c) && is_same(b, d) || is_same(a, d) && is_same(b, c)
-        };
-        let is_alone = |edge: &[DVec3; 2]| edges().filter(|other| has_ends(*edge, *other)).count() == 1;
-        let has_inside = |edge: &[DVec3; 2]| {
-            triangles.iter().flatten().any(|corner| {
-                distance_to_line(*corner, edge) <= ON_EDGE * WIDTH
-                    && edge.iter().all(|end| !is_same(*end, *corner))
-            })
-        };
-        edges().filter(|edge| is_alone(edge) && has_inside(edge)).count()
-    }
-
-    #[test]
-    fn pieces_that_are_lines_are_dropped_where_nothing_else_has_their_edge() {
-        let [from, to, middle] = [[0.0, 0.0, 0.0], [WIDTH, 0.0, 0.0], [0.6 * WIDTH, 0.0, 0.0]];
-        let (above, below) = ([0.5 * WIDTH, 0.5 * WIDTH, 0.0], [0.5 * WIDTH, -0.5 * WIDTH, 0.0]);
-        let needle = [from, [0.3 * WIDTH, -1e-4, 0.0], to];
-        let triangles = conforming(&[[from, to, above], needle, [from, below, middle], [middle, below, to]]);
-        assert_eq!(t_junctions(&triangles), 0, "{triangles:?}");
-        // The two below, and the one above, have a corner of the needle and one of each other on an edge.
-        let is_high = |[a, b, c]: &&[DVec3; 3]| (*b - *a).cross(*c - *a).length() > 1.0;
-        assert_eq!(triangles.iter().filter(is_high).count(), 3 + 3, "{triangles:?}");
-    }
-
-    #[test]
-    fn very_small_triangles_stay() {
-        let at = |x: f64, y: f64| [x * ON_EDGE * WIDTH, y * ON_EDGE * WIDTH, 0.0];
-        let [from, to, middle] = [at(0.0, 0.0), at(1.5, 0.0), at(0.75, 0.8)];
-        // As wide as the scene, and joined with its shorter edges.
-        let [left, right] = [[-WIDTH, WIDTH, 0.0], [WIDTH, WIDTH, 0.0]];
-        let triangles = conforming(&[[from, to, middle], [middle, to, right], [from, middle, left]]);
-        let is_small = |corners: &&[DVec3; 3]| corners.iter().all(|corner| corner.length() < 1.0);
-        assert_eq!(triangles.iter().filter(is_small).count(), 1, "{triangles:?}");
     }
 
     #[test]

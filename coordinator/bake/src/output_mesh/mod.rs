@@ -12,6 +12,7 @@
 //! | `join` | joins both sides of contact lines with the same light |
 //! | `conform` | vertices at one position; splits at T-junctions |
 //! | `grid`, `split` | what lies on an edge; triangles split there |
+//! | `slivers` | pieces that are no more than a line |
 //! | `linear` | light that is linear over a triangle, and samples of it |
 //! | `limits` | how far light may deviate |
 //! | `collapse` | which vertices can go |
@@ -36,6 +37,7 @@ mod linear;
 mod own_triangles;
 mod sealed;
 mod simplify;
+mod slivers;
 mod split;
 mod working;
 

@@ -168,6 +168,19 @@ impl Working {
         self.triangles.push(triangle);
     }
 
+    /// Takes a triangle from its corners.
+    pub fn detach(&mut self, index: u32) {
+        for corner in self.triangles[index as usize].corners {
+            self.corners[corner as usize].around.retain(|around| *around != index);
+        }
+    }
+
+    /// Removes a triangle.
+    pub fn remove(&mut self, index: u32) {
+        self.detach(index);
+        self.triangles[index as usize].corners = [NONE; 3];
+    }
+
     /// Triangles that are left.
     pub fn alive(&self) -> impl Iterator<Item = (u32, &Triangle)> {
         (0..).zip(&self.triangles).filter(|(_, triangle)| triangle.corners[0] != NONE)

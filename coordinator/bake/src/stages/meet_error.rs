@@ -139,7 +139,8 @@ impl Solved {
     }
 }
 
-/// How many more vertices an error asks for that is `over` its limit so many times, where so many were added.
+/// How many more vertices bring an error of `over` limits under its limit, where `added` have been added before: it falls with the square
+/// root of their number.
 fn vertices_asked_for(added: usize, over: f64) -> usize {
     ((over * over - 1.0).max(0.0) * added as f64) as usize
 }
