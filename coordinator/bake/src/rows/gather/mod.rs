@@ -62,7 +62,10 @@ const MOST_PASSES: u32 = 1000;
 const EDGE_FACTOR: f64 = 1.0 / 3.0;
 
 /// Fewest rays of a gather point: many receivers depend on it.
-const LEAST_RAYS: u32 = 256;
+const LEAST_RAYS: u32 = 64;
+
+/// Fewest rays by which light sources are seen, as those of a whole hemisphere: few cost next to nothing, and are most of the noise.
+const LEAST_RAYS_OF_SOURCES: u32 = 256;
 
 /// Rays of a gather point. A power of two has the most even directions.
 pub fn rays(settings: &BakeSettings) -> u32 {
@@ -161,7 +164,8 @@ impl RowSource for GatherRows {
     fn open(&mut self, cx: &mut Context, mesh: &ShareMesh) -> RowTable {
         self.polygons = Some(publish_leaves(cx, &mesh.mesh));
         self.rays = self.rays(cx.settings);
-        cx.set_precision(cx.settings.clone().with_rays(f64::from(self.rays)).precision());
+        let rays_of_sources = f64::from(self.rays.max(LEAST_RAYS_OF_SOURCES));
+        cx.set_precision(cx.settings.clone().with_rays(rays_of_sources).precision());
         // No shooter has a row of its own.
         RowTable::new(vec![], 0)
     }

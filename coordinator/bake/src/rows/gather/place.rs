@@ -1,5 +1,6 @@
 //! Where gather points lie: the more of them, the worse interpolation between them is.
 
+use foldhash::{HashMap, HashMapExt};
 use glam::DVec3;
 use kernel::geometry::ConvexPolygon;
 use kernel::occluder::Occluder;
@@ -12,6 +13,7 @@ use super::hemisphere::{View, gathered, hemispheres, views};
 use super::interpolation::{Neighbours, interpolated};
 use super::nearest::{Nearest, take_nearer};
 use super::noise::{TWINS, Twins};
+use super::weigh::{CELL, cell};
 use crate::context::Context;
 use crate::error::Result;
 use crate::error_budget::{INTERPOLATED_NOISE, without_noise};
@@ -72,8 +74,7 @@ impl GatherRows {
             self.place_twins(cx, mesh, polygons)?;
             return Ok(radiosity);
         }
-        let middles: Vec<Receiver> =
-            mesh.mesh.leaves().map(|(id, _)| middle(cx.scene, &mesh.mesh, id)).collect();
+        let (middles, of_shares) = middles(cx, &mesh.mesh);
         let area: f64 = mesh.energies.iter().map(|share| share.area).sum();
         let (mut expected, mut errors_so_far) = (vec![], vec![]);
         let mut nearest = vec![Nearest::default(); middles.len()];
@@ -94,10 +95,10 @@ impl GatherRows {
             take_nearer(&mut nearest, &middles, &self.points.receivers, known_points, cx.extent());
             for _ in 0..PASSES {
                 let light = self.points.gather(&leaving(&radiosity, glow));
-                let of_share = |((share, direct), nearest): ((&ShareEnergy, &DVec3), &Nearest)| {
-                    share.reflectance * (*direct + light[nearest.point as usize])
+                let of_share = |((share, direct), middle): ((&ShareEnergy, &DVec3), &u32)| {
+                    share.reflectance * (*direct + light[nearest[*middle as usize].point as usize])
                 };
-                let all = mesh.energies.par_iter().zip(&direct).zip(&nearest).with_min_len(1024);
+                let all = mesh.energies.par_iter().zip(&direct).zip(&of_shares).with_min_len(1024);
                 radiosity = all.map(of_share).collect();
             }
             let all_light = leaving(&radiosity, glow);
@@ -120,11 +121,12 @@ impl GatherRows {
             if at_fresh.is_some() && error <= PART * asked || self.points.placed >= most {
                 break;
             }
-            let square = |(share, nearest): (&Share, &Nearest)| {
+            let square = |(share, middle): (&Share, &u32)| {
                 let reflectance = cx.scene.surfaces[share.surface as usize].reflectance;
-                share.area * left_out[nearest.point as usize].length_squared() * reflectance.length_squared()
+                let error = left_out[nearest[*middle as usize].point as usize];
+                share.area * error.length_squared() * reflectance.length_squared()
             };
-            expected = mesh.shares.iter().zip(&nearest).map(square).collect();
+            expected = mesh.shares.iter().zip(&of_shares).map(square).collect();
             count = (self.points.placed / 2).clamp(FIRST_POINTS, MOST_DRAWN);
         }
         Ok(radiosity)
@@ -196,6 +198,20 @@ impl GatherRows {
         };
         points.with_min_len(64).map(error).collect()
     }
+}
+
+/// Receivers in the middle of leaves, and the index of one for each leaf: those in one small cell that face about the same way have one.
+fn middles(cx: &Context, mesh: &Mesh) -> (Vec<Receiver>, Vec<u32>) {
+    let (mut middles, mut in_cells) = (vec![], HashMap::new());
+    let of_leaf = |(id, _)| {
+        let middle = middle(cx.scene, mesh, id);
+        *in_cells.entry(cell(&middle, CELL * cx.extent())).or_insert_with(|| {
+            middles.push(middle);
+            middles.len() as u32 - 1
+        })
+    };
+    let of_leaves = mesh.leaves().map(of_leaf).collect();
+    (middles, of_leaves)
 }
 
 /// A receiver in the middle of a leaf.

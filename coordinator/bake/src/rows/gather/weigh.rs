@@ -11,7 +11,7 @@ use crate::context::Context;
 use crate::error::Result;
 
 /// Size of the cells of which each gets a point where receivers see none, relative to the scene's extent,
-const CELL: f64 = 0.01;
+pub(super) const CELL: f64 = 0.01;
 
 /// how much alike a point must be that a receiver takes for its own,
 const LEAST_ALIKE: f64 = 0.05;
@@ -138,7 +138,7 @@ impl GatherRows {
 }
 
 /// The cell of space that a receiver lies in, and the direction that it faces most.
-fn cell(receiver: &Receiver, size: f64) -> ([i64; 3], u8) {
+pub(super) fn cell(receiver: &Receiver, size: f64) -> ([i64; 3], u8) {
     let axis = receiver.normal.abs().max_position();
     let side = axis as u8 * 2 + u8::from(receiver.normal[axis] < 0.0);
     ((receiver.position / size).floor().as_i64vec3().to_array(), side)
