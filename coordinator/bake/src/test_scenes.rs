@@ -4,7 +4,8 @@ use crate::mesh::{Mesh, PatchId, Share};
 use glam::DVec3;
 use kernel::geometry::{PlaneId, area_vector};
 use scene::{
-    Corner, Facet, Frame, ImportReport, Light, LightEntry, LightKind, Scene, Side, SourceDocument, Surface,
+    Corner, Facet, Frame, ImportReport, Light, LightEntry, LightKind, Scene, Side, SourceDocument,
+    SourceTriangle, Surface,
 };
 
 /// Width of what is tested.
@@ -16,8 +17,14 @@ const LONGEST_EDGE: f64 = 300.0;
 pub fn facet(plane: u32, corners: &[[f64; 3]]) -> Facet {
     let corners: Vec<DVec3> = corners.iter().copied().map(DVec3::from_array).collect();
     let normal = area_vector(&corners).normalize_or_zero();
+    let triangle = |third: usize| {
+        let vertices = [0, third - 1, third];
+        let positions = vertices.map(|vertex| corners[vertex]);
+        SourceTriangle { vertices: vertices.map(|vertex| vertex as u32), positions }
+    };
+    let triangles = (2..corners.len()).map(triangle).collect();
     let corners = corners.into_iter().map(|position| Corner { position, normal }).collect();
-    Facet { plane: PlaneId(plane), normal, corners, triangles: vec![], is_sealed: false }
+    Facet { plane: PlaneId(plane), normal, corners, triangles, is_sealed: false }
 }
 
 fn surface(facets: Vec<Facet>) -> Surface {

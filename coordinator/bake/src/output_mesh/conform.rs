@@ -259,20 +259,27 @@ pub(super) mod tests {
     use super::*;
     use crate::lit::{LitMesh, LitTriangle, LitVertex};
     use crate::test_scenes::{facet, scene};
+    use ::scene::Facet;
 
     /// Width of the scenes.
     pub const WIDTH: f64 = 1000.0;
 
     /// Triangles of facets and vertices of their own, made conforming: the positions of those that are left.
     pub fn conforming(triangles: &[[[f64; 3]; 3]]) -> Vec<[DVec3; 3]> {
-        let scene = scene(vec![triangles.iter().map(|corners| facet(0, corners)).collect()], vec![]);
-        let positions = triangles.iter().flatten().copied().map(DVec3::from_array);
+        conforming_facets(triangles.iter().map(|corners| facet(0, corners)).collect())
+    }
+
+    /// The same of triangular facets.
+    fn conforming_facets(triangles: Vec<Facet>) -> Vec<[DVec3; 3]> {
+        let positions: Vec<DVec3> = triangles.iter().flat_map(Facet::positions).collect();
+        let count = triangles.len() as u32;
+        let scene = scene(vec![triangles], vec![]);
         let vertex = |position| LitVertex { position, normal: DVec3::Z, irradiance: DVec3::ONE };
         let triangle =
             |facet: u32| LitTriangle { facet, vertices: [0, 1, 2].map(|corner| 3 * facet + corner) };
         let lit = LitMesh {
-            vertices: positions.map(vertex).collect(),
-            surfaces: vec![(0..triangles.len() as u32).map(triangle).collect()],
+            vertices: positions.into_iter().map(vertex).collect(),
+            surfaces: vec![(0..count).map(triangle).collect()],
             ..LitMesh::default()
         };
         let mut working = Working::new(&scene, &lit);
@@ -289,6 +296,19 @@ pub(super) mod tests {
         let triangles =
             conforming(&[[from, one, above], [one, to, above], [from, below, two], [two, below, to]]);
         assert_eq!(triangles.len(), 4 + 2, "{triangles:?}");
+    }
+
+    /// Beside a facet that covers a part of another, the corners of what is left of it are computed.
+    #[test]
+    fn corners_that_are_not_of_the_input_move_to_those_that_are() {
+        let [from, to] = [[0.0, 0.0, 0.0], [WIDTH, 0.0, 0.0]];
+        let beside = [0.5 * ONE_POINT * WIDTH, 0.0, 0.0];
+        let above = facet(0, &[from, to, [0.5 * WIDTH, 0.5 * WIDTH, 0.0]]);
+        let whole = facet(0, &[[-WIDTH, 0.0, 0.0], [0.5 * WIDTH, -0.5 * WIDTH, 0.0], to]);
+        let piece = facet(0, &[beside, [0.5 * WIDTH, -0.5 * WIDTH, 0.0], to]);
+        let left = Facet { triangles: whole.triangles, ..piece };
+        let triangles = conforming_facets(vec![left, above]);
+        assert!(triangles[0].contains(&DVec3::ZERO), "{triangles:?}");
     }
 
     #[test]

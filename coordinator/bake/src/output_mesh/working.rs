@@ -26,7 +26,7 @@ pub struct Corner {
     /// Where its values come from: two vertices of the lit mesh, and the weight of the second.
     pub from: ([u32; 2], f64),
     pub surface: u32,
-    /// It is a corner of a facet, which does not move.
+    /// It is a corner of the input, which does not move.
     pub fixed: bool,
     /// Its place in `Working::points`.
     pub point: u32,
@@ -87,7 +87,9 @@ const NO_COMMON_NORMAL: DVec3 = DVec3::new(0.537_7, 0.651_3, 0.535_4);
 impl Working {
     /// The triangles of a lit mesh.
     pub fn new(scene: &Scene, lit: &LitMesh) -> Self {
-        let positions = || scene.surfaces.iter().flat_map(|s| &s.facets).flat_map(|f| f.positions());
+        let facets = || scene.surfaces.iter().flat_map(|surface| &surface.facets);
+        // Not all corners of facets are the input's: some are pieces beside another facet.
+        let positions = || facets().flat_map(|f| &f.triangles).flat_map(|triangle| triangle.positions);
         let (fixed, mut working) = rayon::join(
             || positions().map(bits).collect::<HashSet<[u64; 3]>>(),
             || Self::movable(scene, lit),
