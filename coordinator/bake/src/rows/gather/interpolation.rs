@@ -22,8 +22,9 @@ const OFF_PLANE: f64 = 0.15;
 /// and relative to the scene's extent, at least.
 const LEAST_OFF_PLANE: f64 = 1e-3;
 
-/// Points are not told apart that are nearer than this, relative to the distance of the neighbours.
-const NEAR: f64 = 0.05;
+/// Points nearer than this, relative to the distance of the neighbours, count alike: the noise of their rays evens out. The nearest alone
+/// would show its own as a spot on an even ceiling; the fitted plane follows light that changes evenly.
+const NEAR: f64 = 0.6;
 
 /// Power of the cosine between the normals.
 const FACING: i32 = 8;
@@ -279,7 +280,7 @@ mod tests {
         let occluder = Occluder::new(&[]);
         let neighbours = Neighbours::new(&points, &occluder, EXTENT);
         let own = neighbours.weights(&points[12], 0.0, None).unwrap();
-        assert!(own.iter().any(|(point, weight)| *point == 12 && *weight > 0.9), "{own:?}");
+        assert!(own.iter().any(|(point, _)| *point == 12), "{own:?}");
         let others = neighbours.weights(&points[12], 0.0, Some(12)).unwrap();
         assert!(others.iter().all(|(point, _)| *point != 12));
     }
