@@ -22,9 +22,15 @@ const OFF_PLANE: f64 = 0.15;
 /// and relative to the scene's extent, at least.
 const LEAST_OFF_PLANE: f64 = 1e-3;
 
-/// Points nearer than this, relative to the distance of the neighbours, count alike: the noise of their rays evens out. The nearest alone
-/// would show its own as a spot on an even ceiling; the fitted plane follows light that changes evenly.
+/// Points nearer than this, relative to the distance of the neighbours, count alike where each has [`MANY_RAYS`]: the noise of their rays
+/// evens out. The nearest alone would show its own as a spot on an even ceiling; the fitted plane follows light that changes evenly.
 const NEAR: f64 = 0.6;
+
+/// With other numbers of rays that distance goes with their noise.
+const MANY_RAYS: f64 = 256.0;
+
+/// But it is never more than this.
+const LARGEST_NEAR: f64 = 1.0;
 
 /// Power of the cosine between the normals.
 const FACING: i32 = 8;
@@ -120,12 +126,15 @@ pub struct Neighbours<'a> {
     occluder: &'a Occluder,
     /// Of the scene.
     extent: f64,
+    /// Points nearer than this count alike, relative to the distance of the neighbours.
+    near: f64,
 }
 
 impl<'a> Neighbours<'a> {
-    /// Sorts points.
-    pub fn new(points: &'a [Receiver], occluder: &'a Occluder, extent: f64) -> Self {
-        Self { points, tree: SortedPoints::new(points, extent), occluder, extent }
+    /// Sorts points with this number of rays each.
+    pub fn new(points: &'a [Receiver], rays: u32, occluder: &'a Occluder, extent: f64) -> Self {
+        let near = (NEAR * (MANY_RAYS / f64::from(rays)).sqrt()).min(LARGEST_NEAR);
+        Self { points, tree: SortedPoints::new(points, extent), occluder, extent, near }
     }
 
     /// Weights of the points for each of some receivers; none where it sees no point that is at least so much alike. They are found
@@ -160,7 +169,7 @@ impl<'a> Neighbours<'a> {
         let mut all: Vec<Near> = found.filter(|point| Some(*point) != itself).map(near).collect();
         all.sort_by(|a, b| a.distance.total_cmp(&b.distance).then(a.point.cmp(&b.point)));
         let scale = all.get(all.len() / 2)?.distance.max(f64::MIN_POSITIVE);
-        let (off_plane, least) = (OFF_PLANE * scale + LEAST_OFF_PLANE * self.extent, NEAR * scale);
+        let (off_plane, least) = (OFF_PLANE * scale + LEAST_OFF_PLANE * self.extent, self.near * scale);
         for near in &mut all {
             let normal = self.points[near.point as usize].normal;
             let off = (near.offset.dot(normal).abs() + near.offset.dot(receiver.normal).abs()) / off_plane;
@@ -213,6 +222,7 @@ mod tests {
     use super::*;
 
     const EXTENT: f64 = 1000.0;
+    const RAYS: u32 = 256;
 
     fn floor(x: f64, y: f64, z: f64) -> Receiver {
         Receiver { position: DVec3::new(x, y, z), normal: DVec3::Z, plane: PlaneId(0) }
@@ -236,7 +246,7 @@ mod tests {
     fn linear_light_is_interpolated_exactly_within_the_points() {
         let points = grid(0.0);
         let occluder = Occluder::new(&[]);
-        let neighbours = Neighbours::new(&points, &occluder, EXTENT);
+        let neighbours = Neighbours::new(&points, RAYS, &occluder, EXTENT);
         let linear = |at: DVec3| 3.0 + 0.2 * at.x - 0.1 * at.y;
         let values = light(&points, linear);
         for at in [floor(20.0, 20.0, 0.0), floor(17.0, 22.0, 0.0), floor(31.0, 12.0, 0.0)] {
@@ -255,7 +265,7 @@ mod tests {
         points.extend(grid(-0.5));
         let values = light(&points, |at| f64::from(at.z > 0.0));
         for (occluder, expected) in [(panel(0.2), 0.95..=1.05), (Occluder::new(&[]), 0.5..=0.85)] {
-            let neighbours = Neighbours::new(&points, &occluder, EXTENT);
+            let neighbours = Neighbours::new(&points, RAYS, &occluder, EXTENT);
             let weights = neighbours.weights(&floor(15.0, 15.0, 0.5), 0.0, None).unwrap();
             let found = interpolated(&weights, &values).x;
             assert!(expected.contains(&found), "{found}, expected {expected:?}");
@@ -266,19 +276,19 @@ mod tests {
     fn a_receiver_that_sees_no_point_is_alone() {
         let points = grid(10.0);
         let occluder = panel(5.0);
-        let neighbours = Neighbours::new(&points, &occluder, EXTENT);
+        let neighbours = Neighbours::new(&points, RAYS, &occluder, EXTENT);
         assert_eq!(neighbours.weights(&floor(15.0, 15.0, 0.0), 0.0, None), None);
         assert!(neighbours.weights(&floor(15.0, 15.0, 10.0), 0.0, None).is_some());
         let wall = Receiver { normal: DVec3::X, ..floor(15.0, 15.0, 10.0) };
         assert_eq!(neighbours.weights(&wall, 0.05, None), None, "no point faces as it does");
-        assert_eq!(Neighbours::new(&[], &occluder, EXTENT).weights(&wall, 0.0, None), None);
+        assert_eq!(Neighbours::new(&[], RAYS, &occluder, EXTENT).weights(&wall, 0.0, None), None);
     }
 
     #[test]
     fn a_point_does_not_count_for_itself_where_it_is_left_out() {
         let points = grid(0.0);
         let occluder = Occluder::new(&[]);
-        let neighbours = Neighbours::new(&points, &occluder, EXTENT);
+        let neighbours = Neighbours::new(&points, RAYS, &occluder, EXTENT);
         let own = neighbours.weights(&points[12], 0.0, None).unwrap();
         assert!(own.iter().any(|(point, _)| *point == 12), "{own:?}");
         let others = neighbours.weights(&points[12], 0.0, Some(12)).unwrap();

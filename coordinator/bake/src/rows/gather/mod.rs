@@ -98,7 +98,7 @@ pub struct GatherRows {
 impl GatherRows {
     /// The points that others interpolate between, sorted.
     fn neighbours<'a>(&'a self, cx: &Context) -> Option<Neighbours<'a>> {
-        self.occluder.as_ref().map(|occluder| self.points.neighbours(occluder, cx.extent()))
+        self.occluder.as_ref().map(|occluder| self.points.neighbours(self.rays, occluder, cx.extent()))
     }
 
     /// What the weights of the gather points tell of receivers that are asked about once. Those that see no point get all rays of one.

@@ -65,9 +65,9 @@ impl GatherPoints {
         Ok(())
     }
 
-    /// The points that others interpolate between, sorted.
-    pub fn neighbours<'a>(&'a self, occluder: &'a Occluder, extent: f64) -> Neighbours<'a> {
-        Neighbours::new(&self.receivers[..self.shared], occluder, extent)
+    /// The points that others interpolate between, sorted. Those that were placed have this number of rays each.
+    pub fn neighbours<'a>(&'a self, rays: u32, occluder: &'a Occluder, extent: f64) -> Neighbours<'a> {
+        Neighbours::new(&self.receivers[..self.shared], rays, occluder, extent)
     }
 
     /// Irradiance of all points, where shares have this radiosity.
