@@ -88,7 +88,7 @@ impl Working {
     /// The triangles of a lit mesh.
     pub fn new(scene: &Scene, lit: &LitMesh) -> Self {
         let facets = || scene.surfaces.iter().flat_map(|surface| &surface.facets);
-        // Not all corners of facets are the input's: some are pieces beside another facet.
+        // Pieces that import cut have corners that the input has not.
         let positions = || facets().flat_map(|f| &f.triangles).flat_map(|triangle| triangle.positions);
         let (fixed, mut working) = rayon::join(
             || positions().map(bits).collect::<HashSet<[u64; 3]>>(),

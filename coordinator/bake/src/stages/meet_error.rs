@@ -222,7 +222,7 @@ impl Measured {
         let better = cx.settings.clone();
         let better = if noise_hides || (rest_is_too_small && error.visibility > error.shooters.max(most)) {
             let factor = (error.visibility / (RAYS_PART * asked)).powf(4.0 / 3.0).max(1.5);
-            let rays = cx.client.precision().rays_per_hemisphere;
+            let rays = self.solved.rows.source.rays(cx.settings);
             better.with_rays(f64::from(rays) * factor)
         } else if rest_is_too_small && error.shooters > most {
             // Edges are halved: a factor of more than a half might change nothing.

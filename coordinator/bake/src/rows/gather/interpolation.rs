@@ -22,15 +22,21 @@ const OFF_PLANE: f64 = 0.15;
 /// and relative to the scene's extent, at least.
 const LEAST_OFF_PLANE: f64 = 1e-3;
 
-/// Points nearer than this, relative to the distance of the neighbours, count alike where each has [`MANY_RAYS`]: the noise of their rays
-/// evens out. The nearest alone would show its own as a spot on an even ceiling; the fitted plane follows light that changes evenly.
-const NEAR: f64 = 0.6;
+/// Points nearer than this, relative to the distance of the neighbours, are not told apart.
+const NEAR: f64 = 0.05;
 
-/// With other numbers of rays that distance goes with their noise.
+/// For the fitted plane those nearer than this count alike where each has [`MANY_RAYS`]: the noise of their rays evens out. The nearest
+/// alone would show its own as a spot on an even ceiling.
+const ALIKE: f64 = 0.6;
+
+/// With other numbers of rays that distance goes with their noise,
 const MANY_RAYS: f64 = 256.0;
 
-/// But it is never more than this.
-const LARGEST_NEAR: f64 = 1.0;
+/// which falls with this power of their number,
+const NOISE_POWER: f64 = 0.75;
+
+/// but it is never more than this.
+const LARGEST_ALIKE: f64 = 1.0;
 
 /// Power of the cosine between the normals.
 const FACING: i32 = 8;
@@ -66,8 +72,9 @@ struct Near {
     /// From the receiver to it, relative to the distance of the neighbours once that is known.
     offset: DVec3,
     distance: f64,
-    /// How much it counts: more the nearer it is and the more it is alike.
+    /// How much it counts for a plane, and for a mean: more the nearer it is and the more it is alike.
     weight: f64,
+    weight_in_mean: f64,
     /// How much its surface is like that of the receiver, up to 1.
     alike: f64,
 }
@@ -126,15 +133,16 @@ pub struct Neighbours<'a> {
     occluder: &'a Occluder,
     /// Of the scene.
     extent: f64,
-    /// Points nearer than this count alike, relative to the distance of the neighbours.
-    near: f64,
+    /// Points nearer than this count alike for a plane, relative to the distance of the neighbours.
+    alike_within: f64,
 }
 
 impl<'a> Neighbours<'a> {
-    /// Sorts points with this number of rays each.
+    /// Sorts points. Those that were placed have this number of rays.
     pub fn new(points: &'a [Receiver], rays: u32, occluder: &'a Occluder, extent: f64) -> Self {
-        let near = (NEAR * (MANY_RAYS / f64::from(rays)).sqrt()).min(LARGEST_NEAR);
-        Self { points, tree: SortedPoints::new(points, extent), occluder, extent, near }
+        let noise = (MANY_RAYS / f64::from(rays)).powf(NOISE_POWER);
+        let alike_within = (ALIKE * noise).clamp(NEAR, LARGEST_ALIKE);
+        Self { points, tree: SortedPoints::new(points, extent), occluder, extent, alike_within }
     }
 
     /// Weights of the points for each of some receivers; none where it sees no point that is at least so much alike. They are found
@@ -164,19 +172,21 @@ impl<'a> Neighbours<'a> {
         let found = self.tree.nearest(receiver, NEIGHBOURS, f64::INFINITY, last).map(|(point, _)| point);
         let near = |point: u32| {
             let offset = self.points[point as usize].position - receiver.position;
-            Near { point, offset, distance: offset.length(), weight: 0.0, alike: 0.0 }
+            Near { point, offset, distance: offset.length(), weight: 0.0, weight_in_mean: 0.0, alike: 0.0 }
         };
         let mut all: Vec<Near> = found.filter(|point| Some(*point) != itself).map(near).collect();
         all.sort_by(|a, b| a.distance.total_cmp(&b.distance).then(a.point.cmp(&b.point)));
         let scale = all.get(all.len() / 2)?.distance.max(f64::MIN_POSITIVE);
-        let (off_plane, least) = (OFF_PLANE * scale + LEAST_OFF_PLANE * self.extent, self.near * scale);
+        let off_plane = OFF_PLANE * scale + LEAST_OFF_PLANE * self.extent;
         for near in &mut all {
             let normal = self.points[near.point as usize].normal;
             let off = (near.offset.dot(normal).abs() + near.offset.dot(receiver.normal).abs()) / off_plane;
             let facing = normal.dot(receiver.normal).max(0.0).powi(FACING);
             near.alike = ((-off * off).exp() * facing).max(LEAST);
-            near.weight = near.alike * scale * scale / (near.distance * near.distance + least * least);
             near.offset /= scale;
+            let square = near.offset.length_squared();
+            near.weight = near.alike / (square + self.alike_within * self.alike_within);
+            near.weight_in_mean = near.alike / (square + NEAR * NEAR);
         }
         let is_alike = |all: &[Near]| all.iter().any(|near| near.alike >= least_alike);
         if !is_alike(&all) {
@@ -197,7 +207,7 @@ impl<'a> Neighbours<'a> {
     }
 }
 
-/// Weights by which values at some offsets make the value at 0: of the plane fitted to them, or of their mean.
+/// Weights by which values at some offsets make the value at 0: of the plane fitted to them, or of their mean, which follows the nearest.
 fn fitted(normal: DVec3, points: &[Near]) -> Weights {
     let (u, v) = normal.any_orthonormal_pair();
     let terms = |offset: DVec3| DVec3::new(1.0, offset.dot(u), offset.dot(v));
@@ -210,7 +220,8 @@ fn fitted(normal: DVec3, points: &[Near]) -> Weights {
     let first = matrix.inverse().x_axis;
     let plane: Vec<f64> = points.iter().map(|near| near.weight * first.dot(terms(near.offset))).collect();
     let is_held = plane.iter().map(|weight| weight.abs()).sum::<f64>() <= MOST_EXTRAPOLATION;
-    let mean = |near: &Near| near.weight / sum;
+    let sum: f64 = points.iter().map(|near| near.weight_in_mean).sum();
+    let mean = |near: &Near| near.weight_in_mean / sum;
     let weights = points.iter().zip(plane);
     weights.map(|(near, plane)| (near.point, if is_held { plane } else { mean(near) } as f32)).collect()
 }

@@ -61,21 +61,26 @@ const MOST_PASSES: u32 = 1000;
 /// Factor of the edge of shooters: leaves, whose light is constant, are made finer than shares are, since they cost next to nothing.
 const EDGE_FACTOR: f64 = 1.0 / 3.0;
 
-/// Fewest rays of a gather point: many receivers depend on it.
-const LEAST_RAYS: u32 = 64;
+/// Fewest rays of a hemisphere, and of one's part by which light sources are seen.
+const LEAST_RAYS: u32 = 256;
 
-/// Fewest rays by which light sources are seen, as those of a whole hemisphere: few cost next to nothing, and are most of the noise.
-const LEAST_RAYS_OF_SOURCES: u32 = 256;
+/// Fewest rays of a gather point: interpolation evens out their noise.
+const LEAST_RAYS_OF_POINT: u32 = 64;
 
-/// Rays of a gather point. A power of two has the most even directions.
+/// Rays of a receiver that takes no light from gather points. A power of two has the most even directions.
 pub fn rays(settings: &BakeSettings) -> u32 {
     settings.rays_per_hemisphere.max(LEAST_RAYS).next_power_of_two()
+}
+
+/// Rays of a gather point.
+fn rays_of_point(settings: &BakeSettings) -> u32 {
+    settings.rays_per_hemisphere.max(LEAST_RAYS_OF_POINT).next_power_of_two()
 }
 
 /// Rays of each draw at a receiver that the answer is measured at: half of those that the asked error needs. Noise does not matter where
 /// there are two draws, and many positions tell more than many rays.
 fn measured_rays(settings: &BakeSettings) -> u32 {
-    (settings.rays_per_hemisphere.max(LEAST_RAYS) / 2).next_power_of_two()
+    (settings.rays_per_hemisphere.max(LEAST_RAYS_OF_POINT) / 2).next_power_of_two()
 }
 
 /// The gathering strategy.
@@ -83,8 +88,9 @@ fn measured_rays(settings: &BakeSettings) -> u32 {
 pub struct GatherRows {
     /// The polygons of the shares, once they are published.
     polygons: Option<ReceiverSet>,
-    /// Rays of a gather point.
+    /// Rays of a receiver that takes no light from gather points.
     rays: u32,
+    rays_of_point: u32,
     /// Empty until they are placed.
     points: GatherPoints,
     /// Times that points were placed, each with seeds of its own.
@@ -98,7 +104,9 @@ pub struct GatherRows {
 impl GatherRows {
     /// The points that others interpolate between, sorted.
     fn neighbours<'a>(&'a self, cx: &Context) -> Option<Neighbours<'a>> {
-        self.occluder.as_ref().map(|occluder| self.points.neighbours(self.rays, occluder, cx.extent()))
+        self.occluder
+            .as_ref()
+            .map(|occluder| self.points.neighbours(self.rays_of_point, occluder, cx.extent()))
     }
 
     /// What the weights of the gather points tell of receivers that are asked about once. Those that see no point get all rays of one.
@@ -164,8 +172,8 @@ impl RowSource for GatherRows {
     fn open(&mut self, cx: &mut Context, mesh: &ShareMesh) -> RowTable {
         self.polygons = Some(publish_leaves(cx, &mesh.mesh));
         self.rays = self.rays(cx.settings);
-        let rays_of_sources = f64::from(self.rays.max(LEAST_RAYS_OF_SOURCES));
-        cx.set_precision(cx.settings.clone().with_rays(rays_of_sources).precision());
+        self.rays_of_point = rays_of_point(cx.settings);
+        cx.set_precision(cx.settings.clone().with_rays(f64::from(self.rays)).precision());
         // No shooter has a row of its own.
         RowTable::new(vec![], 0)
     }

@@ -13,7 +13,7 @@ use super::hemisphere::{View, gathered, hemispheres, views};
 use super::interpolation::{Neighbours, interpolated};
 use super::nearest::{Nearest, take_nearer};
 use super::noise::{TWINS, Twins};
-use super::weigh::{CELL, cell};
+use super::weigh::cell;
 use crate::context::Context;
 use crate::error::Result;
 use crate::error_budget::{INTERPOLATED_NOISE, without_noise};
@@ -41,6 +41,9 @@ pub(super) const MOST_POINTS: usize = 1 << 15;
 
 /// See [`MOST_POINTS`].
 const LEAST_GAIN: f64 = 0.84;
+
+/// Size of the cells whose leaves are taken to have one nearest point while points are placed, relative to the scene's extent.
+const ONE_PLACE: f64 = 0.01;
 
 /// Part of the asked error that interpolation between the points may have.
 const PART: f64 = 0.4;
@@ -88,7 +91,7 @@ impl GatherRows {
             let known_points = self.points.receivers.len() as u32;
             self.points.add_placed(looking, seen);
             if round == 0 {
-                self.twins = Twins::look(cx.client, polygons, drawn.clone(), self.rays)?;
+                self.twins = Twins::look(cx.client, polygons, drawn.clone(), self.rays_of_point)?;
             }
             let Some(neighbours) = self.neighbours(cx) else { break };
             // Near enough to tell where points are needed.
@@ -145,7 +148,7 @@ impl GatherRows {
         let first_key = FIRST_KEY + u64::from(self.rounds) * MOST_DRAWN as u64;
         self.rounds += 1;
         let drawn = SamplePoints::draw_everywhere(mesh, cx.scene, seed, first_key, expected, count);
-        let looking = hemispheres(&drawn.receivers(count), |_| self.rays);
+        let looking = hemispheres(&drawn.receivers(count), |_| self.rays_of_point);
         let mut look = || views(cx.client, polygons, &looking);
         let seen = if self.occluder.is_some() {
             look()?
@@ -200,12 +203,12 @@ impl GatherRows {
     }
 }
 
-/// Receivers in the middle of leaves, and the index of one for each leaf: those in one small cell that face about the same way have one.
+/// Receivers in the middle of leaves, and the index of one for each leaf: those in one small cell and of one main direction share one.
 fn middles(cx: &Context, mesh: &Mesh) -> (Vec<Receiver>, Vec<u32>) {
     let (mut middles, mut in_cells) = (vec![], HashMap::new());
     let of_leaf = |(id, _)| {
         let middle = middle(cx.scene, mesh, id);
-        *in_cells.entry(cell(&middle, CELL * cx.extent())).or_insert_with(|| {
+        *in_cells.entry(cell(&middle, ONE_PLACE * cx.extent())).or_insert_with(|| {
             middles.push(middle);
             middles.len() as u32 - 1
         })

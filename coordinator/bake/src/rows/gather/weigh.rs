@@ -11,7 +11,7 @@ use crate::context::Context;
 use crate::error::Result;
 
 /// Size of the cells of which each gets a point where receivers see none, relative to the scene's extent,
-pub(super) const CELL: f64 = 0.01;
+const CELL: f64 = 0.01;
 
 /// how much alike a point must be that a receiver takes for its own,
 const LEAST_ALIKE: f64 = 0.05;
@@ -57,7 +57,7 @@ impl GatherRows {
                 .filter(|receiver| cells.insert(cell(receiver, size)))
                 .collect();
             tracing::debug!(alone = left.len(), points = points.len(), "receivers that see no gather point");
-            let rays = vec![self.rays; points.len()];
+            let rays = vec![self.rays_of_point; points.len()];
             let (looking, views) = self.views_alone(cx, points, &rays)?;
             self.points.add_shared(looking, views);
             size /= 2.0;
