@@ -50,7 +50,7 @@ pub fn exact_rows_cost_less(
 fn most_vertices(settings: &BakeSettings, pair: f64) -> usize {
     // Where rays are given, but too few for the error: the same accuracy is compared.
     let needed = BakeSettings::default().with_rays(rays_for(settings.asked_error()));
-    let rays = RAY * f64::from(gather::rays(settings).max(gather::rays(&needed)));
+    let rays = RAY * f64::from(gather::rays::of_receiver(settings).max(gather::rays::of_receiver(&needed)));
     let (least, each) = POINTS;
     // pair · RECEIVERS · v² = rays · (least + each · v)
     let half = rays * each / (2.0 * pair * RECEIVERS);

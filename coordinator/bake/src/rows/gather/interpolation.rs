@@ -72,11 +72,17 @@ struct Near {
     /// From the receiver to it, relative to the distance of the neighbours once that is known.
     offset: DVec3,
     distance: f64,
-    /// How much it counts for a plane, and for a mean: more the nearer it is and the more it is alike.
+    /// How much it counts for a plane.
     weight: f64,
-    weight_in_mean: f64,
     /// How much its surface is like that of the receiver, up to 1.
     alike: f64,
+}
+
+impl Near {
+    /// How much it counts where those nearer than this count alike: more the nearer it is and the more it is alike.
+    fn weight_within(&self, near: f64) -> f64 {
+        self.alike / (self.offset.length_squared() + near * near)
+    }
 }
 
 /// Weights of points for each of some receivers.
@@ -172,7 +178,7 @@ impl<'a> Neighbours<'a> {
         let found = self.tree.nearest(receiver, NEIGHBOURS, f64::INFINITY, last).map(|(point, _)| point);
         let near = |point: u32| {
             let offset = self.points[point as usize].position - receiver.position;
-            Near { point, offset, distance: offset.length(), weight: 0.0, weight_in_mean: 0.0, alike: 0.0 }
+            Near { point, offset, distance: offset.length(), weight: 0.0, alike: 0.0 }
         };
         let mut all: Vec<Near> = found.filter(|point| Some(*point) != itself).map(near).collect();
         all.sort_by(|a, b| a.distance.total_cmp(&b.distance).then(a.point.cmp(&b.point)));
@@ -184,9 +190,7 @@ impl<'a> Neighbours<'a> {
             let facing = normal.dot(receiver.normal).max(0.0).powi(FACING);
             near.alike = ((-off * off).exp() * facing).max(LEAST);
             near.offset /= scale;
-            let square = near.offset.length_squared();
-            near.weight = near.alike / (square + self.alike_within * self.alike_within);
-            near.weight_in_mean = near.alike / (square + NEAR * NEAR);
+            near.weight = near.weight_within(self.alike_within);
         }
         let is_alike = |all: &[Near]| all.iter().any(|near| near.alike >= least_alike);
         if !is_alike(&all) {
@@ -220,8 +224,8 @@ fn fitted(normal: DVec3, points: &[Near]) -> Weights {
     let first = matrix.inverse().x_axis;
     let plane: Vec<f64> = points.iter().map(|near| near.weight * first.dot(terms(near.offset))).collect();
     let is_held = plane.iter().map(|weight| weight.abs()).sum::<f64>() <= MOST_EXTRAPOLATION;
-    let sum: f64 = points.iter().map(|near| near.weight_in_mean).sum();
-    let mean = |near: &Near| near.weight_in_mean / sum;
+    let sum: f64 = points.iter().map(|near| near.weight_within(NEAR)).sum();
+    let mean = |near: &Near| near.weight_within(NEAR) / sum;
     let weights = points.iter().zip(plane);
     weights.map(|(near, plane)| (near.point, if is_held { plane } else { mean(near) } as f32)).collect()
 }

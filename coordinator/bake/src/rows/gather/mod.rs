@@ -12,6 +12,7 @@
 //! |---|---|
 //! | `hemisphere` | what receivers see, by rays |
 //! | `points` | gather points, with what they see |
+//! | `rays` | how many rays each casts |
 //! | `noise` | the noise of their rays |
 //! | `nearest` | points that are near a receiver |
 //! | `interpolation` | light between the points |
@@ -25,6 +26,7 @@ mod nearest;
 mod noise;
 mod place;
 mod points;
+pub mod rays;
 mod set;
 mod weigh;
 
@@ -61,36 +63,11 @@ const MOST_PASSES: u32 = 1000;
 /// Factor of the edge of shooters: leaves, whose light is constant, are made finer than shares are, since they cost next to nothing.
 const EDGE_FACTOR: f64 = 1.0 / 3.0;
 
-/// Fewest rays of a hemisphere, and of one's part by which light sources are seen.
-const LEAST_RAYS: u32 = 256;
-
-/// Fewest rays of a gather point: interpolation evens out their noise.
-const LEAST_RAYS_OF_POINT: u32 = 64;
-
-/// Rays of a receiver that takes no light from gather points. A power of two has the most even directions.
-pub fn rays(settings: &BakeSettings) -> u32 {
-    settings.rays_per_hemisphere.max(LEAST_RAYS).next_power_of_two()
-}
-
-/// Rays of a gather point.
-fn rays_of_point(settings: &BakeSettings) -> u32 {
-    settings.rays_per_hemisphere.max(LEAST_RAYS_OF_POINT).next_power_of_two()
-}
-
-/// Rays of each draw at a receiver that the answer is measured at: half of those that the asked error needs. Noise does not matter where
-/// there are two draws, and many positions tell more than many rays.
-fn measured_rays(settings: &BakeSettings) -> u32 {
-    (settings.rays_per_hemisphere.max(LEAST_RAYS_OF_POINT) / 2).next_power_of_two()
-}
-
 /// The gathering strategy.
 #[derive(Default)]
 pub struct GatherRows {
     /// The polygons of the shares, once they are published.
     polygons: Option<ReceiverSet>,
-    /// Rays of a receiver that takes no light from gather points.
-    rays: u32,
-    rays_of_point: u32,
     /// Empty until they are placed.
     points: GatherPoints,
     /// Times that points were placed, each with seeds of its own.
@@ -104,9 +81,8 @@ pub struct GatherRows {
 impl GatherRows {
     /// The points that others interpolate between, sorted.
     fn neighbours<'a>(&'a self, cx: &Context) -> Option<Neighbours<'a>> {
-        self.occluder
-            .as_ref()
-            .map(|occluder| self.points.neighbours(self.rays_of_point, occluder, cx.extent()))
+        let rays = rays::of_point(cx.settings);
+        self.occluder.as_ref().map(|occluder| self.points.neighbours(rays, occluder, cx.extent()))
     }
 
     /// What the weights of the gather points tell of receivers that are asked about once. Those that see no point get all rays of one.
@@ -117,7 +93,7 @@ impl GatherRows {
         tell: impl FnOnce(&Interpolation, &GatherPoints) -> T,
     ) -> Result<T> {
         let points = self.points.receivers.len();
-        let rays = vec![self.rays; receivers.receivers.len()];
+        let rays = vec![rays::of_receiver(cx.settings); receivers.receivers.len()];
         let weights = self.weigh(cx, &receivers.receivers, &rays)?;
         let told = tell(&weights, &self.points);
         // Those that became points themselves are not asked about again.
@@ -153,7 +129,7 @@ impl RowSource for GatherRows {
     }
 
     fn rays(&self, settings: &BakeSettings) -> u32 {
-        rays(settings)
+        rays::of_receiver(settings)
     }
 
     fn measures_twice(&self) -> bool {
@@ -171,9 +147,8 @@ impl RowSource for GatherRows {
 
     fn open(&mut self, cx: &mut Context, mesh: &ShareMesh) -> RowTable {
         self.polygons = Some(publish_leaves(cx, &mesh.mesh));
-        self.rays = self.rays(cx.settings);
-        self.rays_of_point = rays_of_point(cx.settings);
-        cx.set_precision(cx.settings.clone().with_rays(f64::from(self.rays)).precision());
+        let rays = f64::from(rays::of_receiver(cx.settings));
+        cx.set_precision(cx.settings.clone().with_rays(rays).precision());
         // No shooter has a row of its own.
         RowTable::new(vec![], 0)
     }
@@ -196,7 +171,8 @@ impl RowSource for GatherRows {
     ) -> Result<SetId> {
         let id = table.add_set(cx.client.publish_receivers(receivers), None);
         let shooter_edge = cx.settings.shooter_edge * cx.extent();
-        let mut set = Set::new(&receivers.receivers, around, shooter_edge, self.rays);
+        let most_rays = rays::of_receiver(cx.settings);
+        let mut set = Set::new(&receivers.receivers, around, shooter_edge, most_rays);
         if !self.points.receivers.is_empty() {
             set.weights = self.weigh(cx, &set.receivers, &set.rays)?;
         }
@@ -236,7 +212,7 @@ impl RowSource for GatherRows {
         radiosities: &[Radiosity],
     ) -> Result<Gathered> {
         let Some(polygons) = self.polygons else { return Ok(Gathered::default()) };
-        let views = views(cx.client, polygons, &hemispheres(receivers, |_| measured_rays(cx.settings)))?;
+        let views = views(cx.client, polygons, &hemispheres(receivers, |_| rays::of_draw(cx.settings)))?;
         let at = |radiosity: &Radiosity| views.iter().map(|view| gathered(view, radiosity.shares)).collect();
         let sums = views.iter().map(|view| covered(view, &mesh.materials)).collect();
         Ok(Gathered {
@@ -396,7 +372,7 @@ impl RowSource for GatherRows {
         (irradiance, exposed, middles): (&[DVec3], &[bool], &SamplePoints),
     ) -> Result<LeafLight> {
         let set = publish_leaves(cx, &mesh.mesh);
-        let views = views(cx.client, set, &hemispheres(receivers, |_| measured_rays(cx.settings)))?;
+        let views = views(cx.client, set, &hemispheres(receivers, |_| rays::of_draw(cx.settings)))?;
         cx.client.release(set);
         let means = Means::new(&mesh.mesh, &mesh.mesh.leaf_shares(), exposed).of(irradiance);
         let reflected = |((id, _), mean): ((PatchId, _), DVec3)| {

@@ -13,6 +13,7 @@ use super::hemisphere::{View, gathered, hemispheres, views};
 use super::interpolation::{Neighbours, interpolated};
 use super::nearest::{Nearest, take_nearer};
 use super::noise::{TWINS, Twins};
+use super::rays;
 use super::weigh::cell;
 use crate::context::Context;
 use crate::error::Result;
@@ -91,7 +92,7 @@ impl GatherRows {
             let known_points = self.points.receivers.len() as u32;
             self.points.add_placed(looking, seen);
             if round == 0 {
-                self.twins = Twins::look(cx.client, polygons, drawn.clone(), self.rays_of_point)?;
+                self.twins = Twins::look(cx.client, polygons, drawn.clone(), rays::of_point(cx.settings))?;
             }
             let Some(neighbours) = self.neighbours(cx) else { break };
             // Near enough to tell where points are needed.
@@ -148,7 +149,8 @@ impl GatherRows {
         let first_key = FIRST_KEY + u64::from(self.rounds) * MOST_DRAWN as u64;
         self.rounds += 1;
         let drawn = SamplePoints::draw_everywhere(mesh, cx.scene, seed, first_key, expected, count);
-        let looking = hemispheres(&drawn.receivers(count), |_| self.rays_of_point);
+        let rays = rays::of_point(cx.settings);
+        let looking = hemispheres(&drawn.receivers(count), |_| rays);
         let mut look = || views(cx.client, polygons, &looking);
         let seen = if self.occluder.is_some() {
             look()?
@@ -167,10 +169,11 @@ impl GatherRows {
     fn place_twins(&mut self, cx: &mut Context, mesh: &ShareMesh, polygons: ReceiverSet) -> Result<()> {
         let seed = (cx.settings.seed, FIRST_ROUND);
         let drawn = SamplePoints::draw_everywhere(&mesh.mesh, cx.scene, seed, FIRST_KEY, &[], TWINS);
-        let looking = hemispheres(&drawn.receivers(TWINS), |_| self.rays);
+        let rays = rays::of_receiver(cx.settings);
+        let looking = hemispheres(&drawn.receivers(TWINS), |_| rays);
         let seen = views(cx.client, polygons, &looking)?;
         self.points.add_alone(looking, seen);
-        self.twins = Twins::look(cx.client, polygons, drawn, self.rays)?;
+        self.twins = Twins::look(cx.client, polygons, drawn, rays)?;
         Ok(())
     }
 

@@ -7,6 +7,7 @@ use kernel::row::Shooter;
 use super::GatherRows;
 use super::hemisphere::{View, hemispheres, views};
 use super::interpolation::{Interpolation, Weights};
+use super::rays;
 use crate::context::Context;
 use crate::error::Result;
 
@@ -57,7 +58,7 @@ impl GatherRows {
                 .filter(|receiver| cells.insert(cell(receiver, size)))
                 .collect();
             tracing::debug!(alone = left.len(), points = points.len(), "receivers that see no gather point");
-            let rays = vec![self.rays_of_point; points.len()];
+            let rays = vec![rays::of_point(cx.settings); points.len()];
             let (looking, views) = self.views_alone(cx, points, &rays)?;
             self.points.add_shared(looking, views);
             size /= 2.0;
