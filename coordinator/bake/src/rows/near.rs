@@ -25,6 +25,9 @@ const LARGE: f64 = 0.02;
 /// Pairs that a thread takes at a time.
 const AT_ONCE: usize = 64;
 
+/// Rows that a thread takes at a time.
+const ROWS_AT_ONCE: usize = 64;
+
 /// Pairs after which a cancelled bake ends: some hundredths of a second.
 const BETWEEN_CHECKS: usize = 1 << 14;
 
@@ -48,6 +51,18 @@ impl NearShares {
                 self.0.push(NearShare { receiver: receiver as u32, share, factor });
             }
         });
+    }
+
+    /// Adds the same for several shares.
+    pub fn add_all(&mut self, shares: &[ShareId], rows: &[&Row]) {
+        let of_some = |(shares, rows): (&[ShareId], &[&Row])| {
+            let mut some = Self::default();
+            shares.iter().zip(rows).for_each(|(share, row)| some.add(*share, row));
+            some
+        };
+        let all: Vec<Self> =
+            shares.par_chunks(ROWS_AT_ONCE).zip(rows.par_chunks(ROWS_AT_ONCE)).map(of_some).collect();
+        all.into_iter().for_each(|some| self.0.extend(some.0));
     }
 
     /// Sorts them by receiver, when all rows were added.

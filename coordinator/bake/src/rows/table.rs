@@ -18,7 +18,7 @@ use crate::mesh::Mesh;
 use crate::solver::ShareId;
 use crate::solver::bounds::Bounds;
 use crate::solver::cache::{RowCache, SetId};
-use crate::solver::slab::{Slab, each_slab};
+use crate::solver::slab::Slab;
 
 /// Rows are requested in blocks of shares, over all sets at once, of about this many pairs: some jobs for each set, and little
 /// memory for the rows that wait until their block is complete.
@@ -26,6 +26,10 @@ const PAIRS_PER_BLOCK: usize = 4_000_000;
 
 /// Most shares of a block.
 const LARGEST_BLOCK: usize = 1024;
+
+/// Rows that are kept are handed over with so many factors at a time: enough for all threads, and few to be held beside what may be
+/// kept.
+const FACTORS_AT_ONCE: usize = 1 << 24;
 
 /// The rows of all shares over all sets of receivers that need them more than once.
 pub struct RowTable {
@@ -121,7 +125,7 @@ impl RowTable {
         mesh: &Mesh,
         sets: &[SetId],
         radiosities: &[Radiosity],
-        mut look: impl FnMut(usize, &[ShareId], &Slab) + Send,
+        mut look: impl FnMut(usize, &[ShareId], &Slab),
     ) -> Result<Vec<Vec<Vec<DVec3>>>> {
         let nothing = |set: &SetId| cx.channels.gathering(self.set(*set).count());
         let mut gathered: Vec<Vec<Gathering>> =
@@ -138,17 +142,15 @@ impl RowTable {
                 for set in 0..sets.len() {
                     let rows: Vec<&Row> =
                         handed.iter().flat_map(|handed| handed.rows.get(set).copied()).collect();
-                    each_slab(&rows, |first, slab| {
-                        let shares = &shares[first..first + slab.rows().len()];
-                        look(set, shares, slab);
-                        if let Some(near) = &mut new[set] {
-                            shares.iter().zip(slab.rows()).for_each(|(share, row)| near.add(*share, row));
-                        }
-                        for (gathered, radiosity) in gathered.iter_mut().zip(radiosities) {
-                            let wholes = radiosity.wholes();
-                            gathered[set].add_slab(slab, |row| wholes[shares[row].index()]);
-                        }
-                    });
+                    let slab = Slab::new(&rows);
+                    look(set, &shares, &slab);
+                    if let Some(near) = &mut new[set] {
+                        near.add_all(&shares, &rows);
+                    }
+                    for (gathered, radiosity) in gathered.iter_mut().zip(radiosities) {
+                        let wholes = radiosity.wholes();
+                        gathered[set].add_slab(&slab, |row| wholes[shares[row].index()]);
+                    }
                 }
             },
         )?;
@@ -226,8 +228,6 @@ impl RowTable {
         // Of these shares no row is missing any more.
         let mut hand_over = |until: usize, made: &mut HashMap<(SetId, ShareId), Row>| {
             while next < until {
-                let end = until.min(next + LARGEST_BLOCK);
-                let shares = (next..end).map(|index| ShareId(index as u32));
                 let with_rows = |share: ShareId| {
                     let row = |set: &SetId| cache.row(*set, share).or_else(|| made.get(&(*set, share)));
                     let rows: SmallVec<[&Row; 8]> =
@@ -235,7 +235,17 @@ impl RowTable {
                     debug_assert!(!wanted(share) || rows.len() == sets.len(), "each row is kept or was made");
                     Handed { share, rows }
                 };
-                take(&shares.clone().map(with_rows).collect::<Vec<_>>());
+                let mut handed = vec![];
+                let mut factors = 0;
+                while next + handed.len() < until && factors < FACTORS_AT_ONCE {
+                    let with_rows = with_rows(ShareId((next + handed.len()) as u32));
+                    factors += with_rows.factors();
+                    handed.push(with_rows);
+                }
+                take(&handed);
+                let end = next + handed.len();
+                drop(handed);
+                let shares = (next..end).map(|index| ShareId(index as u32));
                 for (share, set) in shares.flat_map(|share| sets.iter().map(move |set| (share, *set))) {
                     if let Some(row) = made.remove(&(set, share)) {
                         cache.keep(set, share, row);
@@ -304,6 +314,13 @@ pub struct Handed<'a> {
     pub share: ShareId,
     /// By set; none where it is not wanted.
     pub rows: SmallVec<[&'a Row; 8]>,
+}
+
+impl Handed<'_> {
+    /// Number of factors.
+    fn factors(&self) -> usize {
+        self.rows.iter().map(|row| row.count()).sum()
+    }
 }
 
 /// Rows that are not kept, over one set.

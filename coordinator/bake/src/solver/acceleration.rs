@@ -5,82 +5,107 @@
 //! nonlinear integral equations", Journal of the ACM 12 (1965); for linear equations equivalent to GMRES (H. F. Walker and P. Ni,
 //! "Anderson acceleration for fixed-point iterations", SIAM Journal on Numerical Analysis 49, 2011).
 
-use glam::DVec3;
+use super::Light;
+use super::rooms::Rooms;
 
 /// Remembered differences.
 const MEMORY: usize = 6;
 
-/// An accelerated fixed-point iteration, independent for each of the three channels.
-pub struct Acceleration {
+/// An accelerated fixed-point iteration, independent for each channel and each room.
+pub struct Acceleration<L> {
     /// Weight of each value in norms.
     weights: Vec<f64>,
+    rooms: Rooms,
     /// The last value and its residual.
-    last: Option<(Vec<DVec3>, Vec<DVec3>)>,
-    /// Oldest first.
-    directions: Vec<Direction>,
+    last: Option<(Vec<L>, Vec<L>)>,
+    /// Those that were given come first and stay; the others follow, oldest first.
+    directions: Vec<Direction<L>>,
+    given: usize,
 }
 
-/// A change of the values, and the change of the residual that it causes; the latter are orthonormal.
-struct Direction {
-    value: Vec<DVec3>,
-    residual: Vec<DVec3>,
+/// A change of the values, and the change of the residual that it causes; the latter are orthogonal to each other.
+struct Direction<L> {
+    value: Vec<L>,
+    residual: Vec<L>,
+    /// Square of the residual's length, by room.
+    square: Vec<L>,
 }
 
-impl Acceleration {
-    /// Starts with the area of each value, its weight in norms.
+impl<L: Light> Acceleration<L> {
+    /// Starts with the area of each value, its weight in norms, and the room of each: between these no light passes.
     #[must_use]
-    pub fn new(areas: Vec<f64>) -> Self {
-        Self { weights: areas, last: None, directions: vec![] }
+    pub fn new(areas: Vec<f64>, rooms: Rooms) -> Self {
+        Self { weights: areas, rooms, last: None, directions: vec![], given: 0 }
+    }
+
+    /// Gives a change of the values that is worth keeping, and what a pass makes of it without any light of its own. To be given
+    /// before any values.
+    pub fn give(&mut self, value: Vec<L>, passed: &[L]) {
+        let residual = difference(passed, &value);
+        self.remember(value, residual);
+        self.given = self.directions.len();
     }
 
     /// Returns the next values after `values`, of which a pass made `passed`.
     #[must_use]
-    pub fn next(&mut self, values: Vec<DVec3>, passed: &[DVec3]) -> Vec<DVec3> {
-        let residual: Vec<DVec3> = passed.iter().zip(&values).map(|(new, old)| *new - *old).collect();
+    pub fn next(&mut self, values: Vec<L>, passed: &[L]) -> Vec<L> {
+        let residual = difference(passed, &values);
         if let Some((last_values, last_residual)) = &self.last {
-            let value = values.iter().zip(last_values).map(|(new, old)| *new - *old).collect();
-            let change = residual.iter().zip(last_residual).map(|(new, old)| *new - *old).collect();
-            self.remember(Direction { value, residual: change });
+            let value = difference(&values, last_values);
+            let change = difference(&residual, last_residual);
+            self.remember(value, change);
         }
         let mut next = passed.to_vec();
+        let mut rest = residual.clone();
         for direction in &self.directions {
-            let along = self.product(&residual, &direction.residual);
-            for ((next, value), residual) in next.iter_mut().zip(&direction.value).zip(&direction.residual) {
-                *next -= along * (*value + *residual);
+            let steps = self.along(&rest, direction);
+            for (i, room) in self.rooms.of().iter().enumerate() {
+                let step = steps[*room as usize];
+                next[i] += step * (direction.value[i] + direction.residual[i]);
+                rest[i] += step * direction.residual[i];
             }
         }
         self.last = Some((values, residual));
         next
     }
 
-    fn remember(&mut self, mut new: Direction) {
-        if self.directions.len() == MEMORY {
-            self.directions.remove(0);
+    fn remember(&mut self, mut value: Vec<L>, mut residual: Vec<L>) {
+        if self.directions.len() == self.given + MEMORY {
+            self.directions.remove(self.given);
         }
         for old in &self.directions {
-            let along = self.product(&new.residual, &old.residual);
-            subtract(&mut new.residual, along, &old.residual);
-            subtract(&mut new.value, along, &old.value);
+            let steps = self.along(&residual, old);
+            for (i, room) in self.rooms.of().iter().enumerate() {
+                let step = steps[*room as usize];
+                residual[i] += step * old.residual[i];
+                value[i] += step * old.value[i];
+            }
         }
-        let length = self.product(&new.residual, &new.residual);
-        // A channel without light has no direction.
-        let inverse = DVec3::select(length.cmpgt(DVec3::ZERO), length.map(f64::sqrt).recip(), DVec3::ZERO);
-        new.residual.iter_mut().chain(&mut new.value).for_each(|value| *value *= inverse);
-        self.directions.push(new);
+        let square = self.product(&residual, &residual);
+        self.directions.push(Direction { value, residual, square });
     }
 
-    /// Inner product per channel, weighted by area.
-    fn product(&self, one: &[DVec3], other: &[DVec3]) -> DVec3 {
-        one.iter().zip(other).zip(&self.weights).map(|((a, b), weight)| *a * *b * *weight).sum()
+    /// The multiple of a direction, by room, that takes a residual as near to nothing as it can.
+    fn along(&self, residual: &[L], direction: &Direction<L>) -> Vec<L> {
+        // A channel without light has no direction.
+        let product = self.product(residual, &direction.residual);
+        product.iter().zip(&direction.square).map(|(part, whole)| L::ratio(*part, *whole) * -1.0).collect()
+    }
+
+    /// Inner product, by room, weighted by area.
+    fn product(&self, one: &[L], other: &[L]) -> Vec<L> {
+        self.rooms.sums(|i| one[i] * other[i] * self.weights[i])
     }
 }
 
-fn subtract(from: &mut [DVec3], factor: DVec3, what: &[DVec3]) {
-    from.iter_mut().zip(what).for_each(|(from, what)| *from -= factor * *what);
+fn difference<L: Light>(one: &[L], other: &[L]) -> Vec<L> {
+    one.iter().zip(other).map(|(one, other)| *one - *other).collect()
 }
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
+
     use super::*;
 
     /// A ring of walls that give light to each other, the less the farther apart, and reflect this much of it.
@@ -98,7 +123,7 @@ mod tests {
     }
 
     fn passes(accelerated: bool, reflectance: DVec3) -> (usize, Vec<DVec3>) {
-        let mut acceleration = Acceleration::new(vec![1.0; 40]);
+        let mut acceleration = Acceleration::new(vec![1.0; 40], Rooms::one(40));
         let mut values = vec![DVec3::ZERO; 40];
         for count in 1..10_000 {
             let passed = pass(&values, reflectance);

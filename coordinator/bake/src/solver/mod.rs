@@ -7,8 +7,9 @@
 //! | `cache` | rows kept in a given amount of memory |
 //! | `slab` | several rows at once, by ranges of receivers |
 //! | `shooting` | progressive refinement: which share shoots next, and what its shot gives |
-//! | `sweeps` | Gauss-Seidel sweeps over all rows |
+//! | `sweeps` | sweeps over all rows |
 //! | `acceleration` | Anderson acceleration of fixed-point passes |
+//! | `rooms` | shares between which light can pass |
 //! | `balance` | energy balance |
 //!
 //! Colours are linear RGB in W/m^2 (or the scene's light unit), lengths in the frame.
@@ -18,6 +19,7 @@ pub mod balance;
 pub mod bounds;
 pub mod cache;
 mod light;
+pub mod rooms;
 pub mod shooting;
 pub mod slab;
 pub mod sweeps;
@@ -94,7 +96,7 @@ pub fn add_group<L: Light>(irradiance: &mut [L], mask: u32, factors: &[f32], rad
 }
 
 /// The shares at each receiver: a vertex between two surfaces has a share on each.
-struct SharesAt {
+pub(crate) struct SharesAt {
     /// Offsets into `shares`, one per receiver and the end.
     starts: Vec<u32>,
     /// By receiver.

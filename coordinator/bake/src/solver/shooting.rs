@@ -61,6 +61,8 @@ pub struct Shooting<L> {
     volley: usize,
     threshold: f64,
     shots: u64,
+    /// Shots that may still be chosen.
+    left: usize,
 }
 
 /// Sums over the shares of a block.
@@ -112,6 +114,7 @@ impl<L: Light> Shooting<L> {
             blocks: vec![Block::default(); shares.len().div_ceil(BLOCK)],
             uncounted: (0..shares.len().div_ceil(BLOCK)).collect(),
             bound: interreflection_bound(&shares),
+            left: shares.len(),
             shares,
             window: window / volley,
             volley,
@@ -266,13 +269,14 @@ impl<L: Light> Shooting<L> {
         is_any
     }
 
-    /// Chooses the share with the largest unshot flux, unless too little is left, or only shares that have shot have much left:
-    /// sweeps finish those faster than more shots would.
+    /// Chooses the share with the largest unshot flux, unless too little is left, or only shares that have shot have much left, or
+    /// there were as many shots as a sweep has rows: sweeps finish the rest faster than more shots would.
     fn choose_one(&mut self) -> Option<ShareId> {
         self.count();
         let [unshot, held, reflected] = self.fluxes();
         let missing = L::ratio(unshot, reflected) * self.bound;
-        if missing.largest_channel() <= self.threshold
+        if self.left == 0
+            || missing.largest_channel() <= self.threshold
             || L::ratio(held, reflected).largest_channel() <= self.threshold
         {
             return None;
@@ -282,6 +286,7 @@ impl<L: Light> Shooting<L> {
         let (index, _) = best.filter(|(_, flux)| *flux > 0.0)?;
         let share = ShareId(index as u32);
         self.is_chosen[index] = true;
+        self.left -= 1;
         has_changed(&mut self.blocks, &mut self.uncounted, share);
         Some(share)
     }

@@ -82,6 +82,39 @@ fn sweeps_solve_an_uneven_enclosure() {
 }
 
 #[test]
+fn a_dim_room_beside_a_bright_one_is_solved_as_exactly() {
+    let (mut shares, cubes) = cube(0.95);
+    shares.extend(cube(0.6).0.into_iter().map(|share| ShareEnergy { receiver: share.receiver + 6, ..share }));
+    let apart = |cube: &Row, first: usize| {
+        Row::of_some(
+            12,
+            &cube.iter().map(|(receiver, factor)| (first + receiver, factor)).collect::<Vec<_>>(),
+        )
+    };
+    let mut rows: Vec<Row> =
+        [0, 6].into_iter().flat_map(|first| cubes.iter().map(move |row| apart(row, first))).collect();
+    let mut direct = vec![DVec3::ZERO; 12];
+    (direct[1], direct[7]) = (DVec3::splat(1e6), DVec3::ONE);
+    let solution = solve(&shares, &mut rows, direct.clone(), vec![DVec3::ZERO; 12], 1e-9, 100).unwrap();
+    assert!(solution.missing <= 1e-9 && solution.sweeps <= 20, "{} sweeps", solution.sweeps);
+    for (index, share) in shares.iter().enumerate() {
+        let others: DVec3 = (0..12).map(|x| solution.radiosity[x] * f64::from(rows[x].factor(index))).sum();
+        let expected = share.reflectance * (direct[index] + others);
+        assert!((solution.radiosity[index] / expected - 1.0).abs().max_element() < 1e-7, "share {index}");
+    }
+}
+
+#[test]
+fn shots_are_no_more_than_a_sweep_has_rows() {
+    let (shares, rows) = cube(0.99);
+    let mut direct = vec![DVec3::ZERO; 6];
+    direct[2] = DVec3::ONE;
+    let shooting = Shooting::new(shares, direct, SET, 1, 1e-9);
+    let (_, shots, _) = run(shooting, &rows, cache(usize::MAX), |_| 0);
+    assert_eq!(shots, 6);
+}
+
+#[test]
 fn shots_go_by_falling_flux_and_stop_with_all_rows() {
     let (shares, rows) = cube(0.5);
     let mut direct = vec![DVec3::ZERO; 6];

@@ -19,7 +19,7 @@ pub use job::{FinishedJob, JobId};
 pub use request::{Precision, RowRequest};
 pub use rounding::Rounding;
 pub use shooter::{Hemisphere, Shape, Shooter, Spot};
-pub use sparse::{Cursor, GROUP, Place, Row};
+pub use sparse::{GROUP, Place, Row};
 
 /// Version of the bits of rows. Files and workers of another version are refused, because rows of both would not fit together. Bump it
 /// whenever a change of the kernel changes a bit of any row.

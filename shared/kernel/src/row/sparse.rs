@@ -33,33 +33,8 @@ impl Group {
 /// A place between two groups of a row.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Place {
-    group: usize,
-    factor: usize,
-}
-
-/// Finds factors of rising receivers.
-pub struct Cursor<'a> {
-    groups: &'a [Group],
-    factors: &'a [f32],
-}
-
-impl Cursor<'_> {
-    /// The factor of a receiver, which must not come before that of the last call.
-    pub fn factor(&mut self, receiver: usize) -> f32 {
-        while let Some((group, rest)) = self.groups.split_first() {
-            if group.first() + GROUP > receiver {
-                let bit = match receiver.checked_sub(group.first()) {
-                    Some(bit) if group.mask >> bit & 1 == 1 => bit,
-                    _ => return 0.0,
-                };
-                let before = group.mask & ((1 << bit) - 1);
-                return self.factors[before.count_ones() as usize];
-            }
-            self.factors = &self.factors[group.mask.count_ones() as usize..];
-            self.groups = rest;
-        }
-        0.0
-    }
+    group: u32,
+    factor: u32,
 }
 
 impl Row {
@@ -202,38 +177,33 @@ impl Row {
         })
     }
 
-    /// The places in front of each range of `receivers` consecutive receivers, a multiple of 32, and behind the last one.
-    #[must_use]
-    pub fn places(&self, receivers: usize) -> Vec<Place> {
-        let groups_per_range = receivers / GROUP;
-        let mut places = Vec::with_capacity(self.receivers.div_ceil(receivers) + 1);
-        let mut place = Place::default();
-        for range in 0..self.receivers.div_ceil(receivers) {
-            let first = (range * groups_per_range) as u32;
-            while let Some(group) = self.groups.get(place.group).filter(|group| group.index < first) {
-                place.group += 1;
-                place.factor += group.mask.count_ones() as usize;
+    /// Finds the places in front of the first receiver of each range, by rising receiver, all of which begin a group, and behind the
+    /// last group: one more than there are ranges.
+    ///
+    /// # Panics
+    /// When there is not room for as many places.
+    pub fn find_places(&self, firsts: &[usize], places: &mut [Place]) {
+        let (last, others) = places.split_last_mut().expect("ranges end somewhere");
+        let mut next = Place::default();
+        for (place, first) in others.iter_mut().zip(firsts) {
+            let index = (first / GROUP) as u32;
+            while let Some(group) = self.groups.get(next.group as usize).filter(|group| group.index < index) {
+                next.group += 1;
+                next.factor += group.mask.count_ones();
             }
-            places.push(place);
+            *place = next;
         }
-        places.push(Place { group: self.groups.len(), factor: self.factors.len() });
-        places
+        *last = Place { group: self.groups.len() as u32, factor: self.factors.len() as u32 };
     }
 
     /// As [`Self::groups`], from one place to another.
     pub fn groups_between(&self, from: Place, to: Place) -> impl Iterator<Item = (usize, u32, &[f32])> {
-        let mut rest = &self.factors[from.factor..to.factor];
-        self.groups[from.group..to.group].iter().map(move |group| {
+        let mut rest = &self.factors[from.factor as usize..to.factor as usize];
+        self.groups[from.group as usize..to.group as usize].iter().map(move |group| {
             let (own, others) = rest.split_at(group.mask.count_ones() as usize);
             rest = others;
             (group.first(), group.mask, own)
         })
-    }
-
-    /// Finds factors from a place on.
-    #[must_use]
-    pub fn cursor(&self, from: Place) -> Cursor<'_> {
-        Cursor { groups: &self.groups[from.group..], factors: &self.factors[from.factor..] }
     }
 
     /// All factors, one for each receiver.
@@ -295,17 +265,12 @@ mod tests {
                 .collect();
             prop_assert_eq!(in_groups, row.iter().collect::<Vec<_>>());
             prop_assert!(factors.iter().enumerate().all(|(i, factor)| row.factor(i) == *factor));
-            let places = row.places(2 * GROUP);
-            prop_assert_eq!(places.len(), factors.len().div_ceil(2 * GROUP) + 1);
+            let firsts: Vec<usize> = (0..factors.len()).step_by(2 * GROUP).collect();
+            let mut places = vec![Place::default(); firsts.len() + 1];
+            row.find_places(&firsts, &mut places);
             let in_ranges: Vec<_> =
                 places.windows(2).flat_map(|ends| row.groups_between(ends[0], ends[1])).collect();
             prop_assert_eq!(in_ranges, row.groups().collect::<Vec<_>>());
-            for (range, part) in factors.chunks(2 * GROUP).enumerate() {
-                let mut cursor = row.cursor(places[range]);
-                let first = range * 2 * GROUP;
-                prop_assert!((first..).zip(part).all(|(i, factor)| cursor.factor(i) == *factor));
-                prop_assert!(part.len() < 2 || row.cursor(places[range]).factor(first + 1) == part[1]);
-            }
             let parts: Vec<Row> = factors.chunks(2 * GROUP).map(Row::new).collect();
             prop_assert_eq!(Row::joined(&parts), row);
         }

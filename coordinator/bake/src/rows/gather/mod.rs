@@ -50,6 +50,7 @@ use crate::refinement::{MOST_DRAWN, SamplePoints};
 use crate::settings::{BakeSettings, RowStrategy};
 use crate::solver::acceleration::Acceleration;
 use crate::solver::cache::{ColumnCache, SetId};
+use crate::solver::rooms::Rooms;
 use hemisphere::{covered, gathered, hemispheres, publish_leaves, views};
 use interpolation::{Interpolation, Neighbours};
 use noise::Twins;
@@ -306,7 +307,7 @@ impl RowSource for GatherRows {
         let shares = problem.mesh.shares.iter().enumerate();
         let whole_leaves: Vec<(usize, PatchId)> =
             shares.filter_map(|(index, share)| Some((index, share.whole_leaf(mesh)?))).collect();
-        let mut acceleration = Acceleration::new(areas.clone());
+        let mut acceleration = Acceleration::new(areas.clone(), Rooms::one(areas.len()));
         for _ in 0..MOST_PASSES {
             cx.client.monitor.check()?;
             let points = self.points.gather(&solution.radiosity);

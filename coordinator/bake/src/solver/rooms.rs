@@ -1,0 +1,97 @@
+//! Rooms: shares between which light can pass, directly or by way of others. Light of one tells nothing of that of another.
+
+use kernel::disjoint_sets::DisjointSets;
+use kernel::row::{GROUP, Row};
+
+use super::{Light, SharesAt};
+
+/// Finds the rooms: shares between which light can pass.
+pub struct Reach {
+    shares: usize,
+    sets: DisjointSets,
+    /// Least share of the set that `joined` is about.
+    first: usize,
+    /// A bit per receiver whose shares were joined to that set: most rows reach what others have reached before.
+    joined: Vec<u32>,
+}
+
+impl Reach {
+    /// Each share is alone.
+    #[must_use]
+    pub fn new(shares: usize, receivers: usize) -> Self {
+        Self { shares, sets: DisjointSets::new(shares), first: 0, joined: vec![0; receivers.div_ceil(GROUP)] }
+    }
+
+    /// Adds the row of a share.
+    pub(super) fn add(&mut self, share: usize, row: &Row, shares_at: &SharesAt) {
+        if self.sets.count() <= 1 {
+            return;
+        }
+        let first = self.sets.representative(share);
+        if first != self.first {
+            self.joined.fill(0);
+        }
+        for (start, mask, factors) in row.groups() {
+            let joined = &mut self.joined[start / GROUP];
+            if mask & !*joined == 0 {
+                continue;
+            }
+            let mut rest = mask;
+            for factor in factors {
+                let receiver = rest.trailing_zeros();
+                rest &= rest.wrapping_sub(1);
+                if *factor > 0.0 && *joined & (1 << receiver) == 0 {
+                    *joined |= 1 << receiver;
+                    for to in shares_at.receiver(start + receiver as usize) {
+                        self.sets.join(share, to.index());
+                    }
+                }
+            }
+        }
+        self.first = self.sets.representative(share);
+    }
+
+    /// The rooms, once all rows were added.
+    #[must_use]
+    pub fn rooms(mut self) -> Rooms {
+        let mut of = vec![0; self.shares];
+        let mut count = 0;
+        for share in 0..of.len() {
+            let first = self.sets.representative(share);
+            of[share] = if first == share { count as u32 } else { of[first] };
+            count += usize::from(first == share);
+        }
+        Rooms { of, count }
+    }
+}
+
+/// The room of each share.
+#[derive(Clone)]
+pub struct Rooms {
+    of: Vec<u32>,
+    count: usize,
+}
+
+impl Rooms {
+    /// So many shares in one room.
+    #[must_use]
+    pub fn one(shares: usize) -> Self {
+        Self { of: vec![0; shares], count: 1 }
+    }
+
+    /// Room of each share.
+    #[must_use]
+    pub fn of(&self) -> &[u32] {
+        &self.of
+    }
+
+    /// Sums a value of each share by room.
+    #[must_use]
+    pub fn sums<L: Light>(&self, value: impl Fn(usize) -> L) -> Vec<L> {
+        let mut sums = vec![L::default(); self.count];
+        for (share, room) in self.of.iter().enumerate() {
+            sums[*room as usize] += value(share);
+        }
+        sums
+    }
+}
