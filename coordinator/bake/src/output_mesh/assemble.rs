@@ -13,8 +13,6 @@ use scene::Scene;
 impl Working {
     /// The lit mesh with these triangles.
     pub fn into_lit(self, scene: &Scene, lit: LitMesh, fit: Option<&Fit>) -> LitMesh {
-        let mut vertices = vec![];
-        let mut sources: Vec<u32> = vec![];
         let mut known: HashMap<([u32; 2], u64, [u64; 3]), u32> = HashMap::new();
         let mut surfaces = vec![vec![]; scene.surfaces.len()];
         // In the order of the vertices before: it depends on the mesh alone, not on its light.
@@ -24,6 +22,8 @@ impl Working {
         });
         let mut used: Vec<([u32; 2], u64, u32)> = used.collect();
         used.par_sort_unstable();
+        let mut vertices = Vec::with_capacity(used.len());
+        let mut sources: Vec<u32> = Vec::with_capacity(used.len());
         let mut number = vec![NONE; self.corners.len()];
         for (_, _, index) in used {
             let Corner { position, normal, from: (from, weight), .. } = self.corners[index as usize];

@@ -126,7 +126,9 @@ impl Limits {
             own.map(|(edge, count)| in_middle(edge, weight * f64::from(*count))).collect()
         };
         // Each corner has a sample for when it is gone, with its own number.
-        let mut samples: Vec<Sample> = working.corners.par_iter().enumerate().map(of_corner).collect();
+        let in_all: usize = counts.iter().flatten().filter(|count| **count > 0).count();
+        let mut samples: Vec<Sample> = Vec::with_capacity(working.corners.len() + in_all);
+        samples.par_extend(working.corners.par_iter().enumerate().map(of_corner));
         let mut next = samples.len() as u32;
         let in_triangles = working.triangles.par_iter().zip(&counts).with_min_len(256);
         samples.par_extend(in_triangles.flat_map_iter(in_middles));

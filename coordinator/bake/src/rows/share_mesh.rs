@@ -1,4 +1,5 @@
-use glam::DVec3;
+use glam::{DVec2, DVec3};
+use rayon::prelude::*;
 
 use crate::context::Context;
 use crate::materials::{self, AveragedMaterial, PatchMaterials};
@@ -6,6 +7,9 @@ use crate::mesh::{Mesh, PatchId, Share};
 use crate::preview::preview;
 use crate::solver::ShareEnergy;
 use scene::Scene;
+
+/// Shares that a thread takes at a time: part of the bits of a sum.
+const SHARES_AT_ONCE: usize = 4096;
 
 /// The mesh, and its surface dealt out among shares that shoot.
 pub struct ShareMesh {
@@ -44,7 +48,8 @@ impl ShareMesh {
 
     /// Radiosity that the shares reflect, where this irradiance falls on them.
     pub fn reflected(&self, incident: &[DVec3]) -> Vec<DVec3> {
-        self.energies.iter().zip(incident).map(|(share, incident)| share.reflectance * *incident).collect()
+        let all = self.energies.par_iter().zip(incident).with_min_len(SHARES_AT_ONCE);
+        all.map(|(share, incident)| share.reflectance * *incident).collect()
     }
 
     /// Whether the shares were made on another mesh: then no vertex stands for one.
@@ -60,13 +65,14 @@ impl ShareMesh {
 
     /// Reflected flux over incident flux, where the shares have this radiosity.
     pub fn mean_reflectance(&self, radiosity: &[DVec3]) -> f64 {
-        let (mut reflected, mut incident) = (0.0, 0.0);
-        for (share, radiosity) in self.energies.iter().zip(radiosity) {
-            reflected += radiosity.element_sum() * share.area;
+        let of_share = |(share, radiosity): (&ShareEnergy, &DVec3)| {
             let lit = share.reflectance.cmpgt(DVec3::ZERO);
-            incident +=
-                DVec3::select(lit, *radiosity / share.reflectance, DVec3::ZERO).element_sum() * share.area;
-        }
+            let incident = DVec3::select(lit, *radiosity / share.reflectance, DVec3::ZERO);
+            DVec2::new(radiosity.element_sum(), incident.element_sum()) * share.area
+        };
+        let some = self.energies.par_chunks(SHARES_AT_ONCE).zip(radiosity.par_chunks(SHARES_AT_ONCE));
+        let sums = some.map(|(shares, radiosity)| shares.iter().zip(radiosity).map(of_share).sum());
+        let DVec2 { x: reflected, y: incident } = sums.collect::<Vec<DVec2>>().into_iter().sum();
         if incident > 0.0 { reflected / incident } else { 0.0 }
     }
 

@@ -1,8 +1,12 @@
 use glam::DVec3;
+use rayon::prelude::*;
 
 use super::local_radiosity::{LocalRadiosity, Radiosity};
 use crate::error::{BakeError, Result};
 use crate::refinement::SamplePoints;
+
+/// Vertices that a thread takes at a time.
+const VERTICES_AT_ONCE: usize = 4096;
 
 /// A solution of the light.
 #[derive(Clone, Default)]
@@ -32,13 +36,15 @@ impl Solution {
     }
 
     /// Sets the irradiance of the vertices: direct and reflected light.
-    pub fn set_irradiance(
-        &mut self,
-        direct: &[DVec3],
-        reflected: impl IntoIterator<Item = DVec3>,
-    ) -> Result<()> {
-        self.irradiance = direct.iter().zip(reflected).map(|(direct, light)| *direct + light).collect();
-        let is_finite = self.irradiance.iter().all(|irradiance| irradiance.is_finite());
+    pub fn set_irradiance(&mut self, direct: &[DVec3], reflected: Vec<DVec3>) -> Result<()> {
+        self.irradiance = reflected;
+        let all = self.irradiance.par_iter_mut().zip(direct).with_min_len(VERTICES_AT_ONCE);
+        let is_finite = all
+            .map(|(light, direct)| {
+                *light = *direct + *light;
+                light.is_finite()
+            })
+            .reduce(|| true, |one, other| one && other);
         if is_finite { Ok(()) } else { Err(BakeError::NotFinite) }
     }
 }

@@ -5,11 +5,16 @@
 //! nonlinear integral equations", Journal of the ACM 12 (1965); for linear equations equivalent to GMRES (H. F. Walker and P. Ni,
 //! "Anderson acceleration for fixed-point iterations", SIAM Journal on Numerical Analysis 49, 2011).
 
+use rayon::prelude::*;
+
 use super::Light;
 use super::rooms::Rooms;
 
 /// Remembered differences.
 const MEMORY: usize = 6;
+
+/// Values that a thread takes at a time.
+const VALUES_AT_ONCE: usize = 4096;
 
 /// An accelerated fixed-point iteration, independent for each channel and each room.
 pub struct Acceleration<L> {
@@ -59,11 +64,8 @@ impl<L: Light> Acceleration<L> {
         let mut rest = residual.clone();
         for direction in &self.directions {
             let steps = self.along(&rest, direction);
-            for (i, room) in self.rooms.of().iter().enumerate() {
-                let step = steps[*room as usize];
-                next[i] += step * (direction.value[i] + direction.residual[i]);
-                rest[i] += step * direction.residual[i];
-            }
+            self.add(&mut next, &steps, |i| direction.value[i] + direction.residual[i]);
+            self.add(&mut rest, &steps, |i| direction.residual[i]);
         }
         self.last = Some((values, residual));
         next
@@ -75,11 +77,8 @@ impl<L: Light> Acceleration<L> {
         }
         for old in &self.directions {
             let steps = self.along(&residual, old);
-            for (i, room) in self.rooms.of().iter().enumerate() {
-                let step = steps[*room as usize];
-                residual[i] += step * old.residual[i];
-                value[i] += step * old.value[i];
-            }
+            self.add(&mut residual, &steps, |i| old.residual[i]);
+            self.add(&mut value, &steps, |i| old.value[i]);
         }
         let square = self.product(&residual, &residual);
         self.directions.push(Direction { value, residual, square });
@@ -92,6 +91,12 @@ impl<L: Light> Acceleration<L> {
         product.iter().zip(&direction.square).map(|(part, whole)| L::ratio(*part, *whole) * -1.0).collect()
     }
 
+    /// Adds a multiple of other values, by room.
+    fn add(&self, to: &mut [L], steps: &[L], value: impl Fn(usize) -> L + Sync) {
+        let all = to.par_iter_mut().zip(self.rooms.of()).enumerate().with_min_len(VALUES_AT_ONCE);
+        all.for_each(|(i, (to, room))| *to += steps[*room as usize] * value(i));
+    }
+
     /// Inner product, by room, weighted by area.
     fn product(&self, one: &[L], other: &[L]) -> Vec<L> {
         self.rooms.sums(|i| one[i] * other[i] * self.weights[i])
@@ -99,7 +104,8 @@ impl<L: Light> Acceleration<L> {
 }
 
 fn difference<L: Light>(one: &[L], other: &[L]) -> Vec<L> {
-    one.iter().zip(other).map(|(one, other)| *one - *other).collect()
+    let all = one.par_iter().zip(other).with_min_len(VALUES_AT_ONCE);
+    all.map(|(one, other)| *one - *other).collect()
 }
 
 #[cfg(test)]

@@ -3,7 +3,12 @@
 use kernel::disjoint_sets::DisjointSets;
 use kernel::row::{GROUP, Row};
 
+use rayon::prelude::*;
+
 use super::{Light, SharesAt};
+
+/// Shares of one room that a thread sums at a time: part of the bits of a sum.
+const SHARES_AT_ONCE: usize = 4096;
 
 /// Finds the rooms: shares between which light can pass.
 pub struct Reach {
@@ -87,7 +92,15 @@ impl Rooms {
 
     /// Sums a value of each share by room.
     #[must_use]
-    pub fn sums<L: Light>(&self, value: impl Fn(usize) -> L) -> Vec<L> {
+    pub fn sums<L: Light>(&self, value: impl Fn(usize) -> L + Sync) -> Vec<L> {
+        if self.count == 1 {
+            let some = |chunk: usize| {
+                let first = chunk * SHARES_AT_ONCE;
+                (first..(first + SHARES_AT_ONCE).min(self.of.len())).map(&value).sum()
+            };
+            let chunks = 0..self.of.len().div_ceil(SHARES_AT_ONCE);
+            return vec![chunks.into_par_iter().map(some).collect::<Vec<L>>().into_iter().sum()];
+        }
         let mut sums = vec![L::default(); self.count];
         for (share, room) in self.of.iter().enumerate() {
             sums[*room as usize] += value(share);

@@ -33,6 +33,7 @@ mod weigh;
 use glam::DVec3;
 use kernel::occluder::Occluder;
 use kernel::replica::Receivers;
+use rayon::prelude::*;
 
 use super::local_radiosity::Radiosity;
 use super::means::{Means, ShareValues};
@@ -63,6 +64,9 @@ const MOST_PASSES: u32 = 1000;
 
 /// Factor of the edge of shooters: leaves, whose light is constant, are made finer than shares are, since they cost next to nothing.
 const EDGE_FACTOR: f64 = 1.0 / 3.0;
+
+/// Leaves that a thread takes at a time.
+const LEAVES_AT_ONCE: usize = 256;
 
 /// The gathering strategy.
 #[derive(Default)]
@@ -299,15 +303,16 @@ impl RowSource for GatherRows {
         mut solution: Solution,
     ) -> Result<Solution> {
         let energies = &problem.mesh.energies;
-        let flux = |radiosity: &[DVec3], areas: &[f64]| -> DVec3 {
-            radiosity.iter().zip(areas).map(|(value, area)| *value * *area).sum()
+        let rooms = Rooms::one(energies.len());
+        let flux = |radiosity: &(dyn Fn(usize) -> DVec3 + Sync)| -> DVec3 {
+            rooms.sums(|share| radiosity(share) * energies[share].area)[0]
         };
         let areas: Vec<f64> = energies.iter().map(|share| share.area).collect();
         let mesh = &problem.mesh.mesh;
         let shares = problem.mesh.shares.iter().enumerate();
         let whole_leaves: Vec<(usize, PatchId)> =
             shares.filter_map(|(index, share)| Some((index, share.whole_leaf(mesh)?))).collect();
-        let mut acceleration = Acceleration::new(areas.clone(), Rooms::one(areas.len()));
+        let mut acceleration = Acceleration::new(areas, rooms.clone());
         for _ in 0..MOST_PASSES {
             cx.client.monitor.check()?;
             let points = self.points.gather(&solution.radiosity);
@@ -315,18 +320,18 @@ impl RowSource for GatherRows {
             let mut incident = problem.values.of(energies, &solution.irradiance);
             if let Some(set) = table.middles {
                 solution.middles.set_gathered(&self.at_set(set, &points));
-                for &(share, leaf) in &whole_leaves {
-                    incident[share] = solution.middles.mean(mesh, leaf, incident[share]);
-                }
+                let means = whole_leaves.par_iter().with_min_len(LEAVES_AT_ONCE);
+                let means: Vec<DVec3> =
+                    means.map(|(share, leaf)| solution.middles.mean(mesh, *leaf, incident[*share])).collect();
+                whole_leaves.iter().zip(means).for_each(|((share, _), mean)| incident[*share] = mean);
             }
             problem.mesh.preview(cx, problem.direct, || {
                 (solution.irradiance.clone(), problem.mesh.unshot(&incident, &solution.radiosity))
             });
             cx.work.sweeps += 1;
             let next = problem.mesh.reflected(&incident);
-            let changes: Vec<DVec3> =
-                next.iter().zip(&solution.radiosity).map(|(new, old)| (*new - *old).abs()).collect();
-            let (changed, all) = (flux(&changes, &areas), flux(&next, &areas).element_sum());
+            let changed = flux(&|share| (next[share] - solution.radiosity[share]).abs());
+            let all = flux(&|share| next[share]).element_sum();
             solution.unshot = changed;
             solution.residual = if all > 0.0 { changed.element_sum() / all } else { 0.0 };
             let before = std::mem::replace(&mut solution.radiosity, next);
