@@ -39,6 +39,7 @@ impl Working {
                 *known.entry((from, weight.to_bits(), bits(position))).or_insert_with(new)
             };
         }
+        vertices.shrink_to_fit();
         for (_, triangle) in self.alive() {
             let vertices = triangle.corners.map(|corner| number[corner as usize]);
             surfaces[triangle.surface as usize].push(LitTriangle { facet: triangle.facet, vertices });

@@ -126,8 +126,8 @@ impl Limits {
             own.map(|(edge, count)| in_middle(edge, weight * f64::from(*count))).collect()
         };
         // Each corner has a sample for when it is gone, with its own number.
-        let in_all: usize = counts.iter().flatten().filter(|count| **count > 0).count();
-        let mut samples: Vec<Sample> = Vec::with_capacity(working.corners.len() + in_all);
+        let of_edges: usize = counts.iter().flatten().filter(|count| **count > 0).count();
+        let mut samples: Vec<Sample> = Vec::with_capacity(working.corners.len() + of_edges);
         samples.par_extend(working.corners.par_iter().enumerate().map(of_corner));
         let mut next = samples.len() as u32;
         let in_triangles = working.triangles.par_iter().zip(&counts).with_min_len(256);

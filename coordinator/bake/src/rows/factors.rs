@@ -47,7 +47,8 @@ impl Transfer for Factors<'_, '_> {
                 |_| true,
                 |handed| {
                     let rows = handed.iter().flat_map(|handed| &handed.rows);
-                    let bounded: Vec<Cow<Row>> = rows.map(|row| bounds.row(0, row)).collect();
+                    let rows: Vec<&Row> = rows.copied().collect();
+                    let bounded: Vec<Cow<Row>> = rows.par_iter().map(|row| bounds.row(0, row)).collect();
                     take(handed[0].share.index(), &bounded.iter().map(AsRef::as_ref).collect::<Vec<_>>());
                 },
             );

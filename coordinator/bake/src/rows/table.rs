@@ -27,9 +27,11 @@ const PAIRS_PER_BLOCK: usize = 4_000_000;
 /// Most shares of a block.
 const LARGEST_BLOCK: usize = 1024;
 
-/// Rows that are kept are handed over with so many factors at a time: enough for all threads, and few to be held beside what may be
-/// kept.
+/// Shares are handed over with so many factors at a time: enough for all threads, and few to be held beside what may be kept,
 const FACTORS_AT_ONCE: usize = 1 << 24;
+
+/// and no more of them than this.
+const SHARES_AT_ONCE: usize = 1 << 16;
 
 /// The rows of all shares over all sets of receivers that need them more than once.
 pub struct RowTable {
@@ -216,8 +218,6 @@ impl RowTable {
         wanted: impl Fn(ShareId) -> bool,
         mut take: impl FnMut(&[Handed]),
     ) -> Result<()> {
-        // Where all rows are kept, nothing else asks between two sweeps.
-        client.monitor.check()?;
         let missing = self.missing(sets, &wanted);
         let mut left: usize = missing.iter().map(|missing| missing.shares.len()).sum();
         client.monitor.expect_rows(left as u64);
@@ -225,34 +225,39 @@ impl RowTable {
         let Self { shooters, sets: receivers, cache, variances, .. } = self;
         let mut made: HashMap<(SetId, ShareId), Row> = HashMap::new();
         let mut next = 0;
-        // Of these shares no row is missing any more.
+        // Of these shares no row is missing any more. False once all were handed over.
         let mut hand_over = |until: usize, made: &mut HashMap<(SetId, ShareId), Row>| {
-            while next < until {
-                let with_rows = |share: ShareId| {
-                    let row = |set: &SetId| cache.row(*set, share).or_else(|| made.get(&(*set, share)));
-                    let rows: SmallVec<[&Row; 8]> =
-                        if wanted(share) { sets.iter().filter_map(row).collect() } else { SmallVec::new() };
-                    debug_assert!(!wanted(share) || rows.len() == sets.len(), "each row is kept or was made");
-                    Handed { share, rows }
-                };
-                let mut handed = vec![];
-                let mut factors = 0;
-                while next + handed.len() < until && factors < FACTORS_AT_ONCE {
-                    let with_rows = with_rows(ShareId((next + handed.len()) as u32));
-                    factors += with_rows.factors();
-                    handed.push(with_rows);
-                }
-                take(&handed);
-                let end = next + handed.len();
-                drop(handed);
-                let shares = (next..end).map(|index| ShareId(index as u32));
-                for (share, set) in shares.flat_map(|share| sets.iter().map(move |set| (share, *set))) {
-                    if let Some(row) = made.remove(&(set, share)) {
-                        cache.keep(set, share, row);
-                    }
-                }
-                next = end;
+            if next >= until {
+                return false;
             }
+            let with_rows = |share: ShareId| {
+                let row = |set: &SetId| cache.row(*set, share).or_else(|| made.get(&(*set, share)));
+                let rows: SmallVec<[&Row; 8]> =
+                    if wanted(share) { sets.iter().filter_map(row).collect() } else { SmallVec::new() };
+                debug_assert!(!wanted(share) || rows.len() == sets.len(), "each row is kept or was made");
+                Handed { share, rows }
+            };
+            let mut factors = 0;
+            let fits = |handed: &Handed| {
+                let before = factors;
+                factors += handed.factors();
+                before < FACTORS_AT_ONCE
+            };
+            let shares = (next..until.min(next + SHARES_AT_ONCE)).map(|index| ShareId(index as u32));
+            let count = {
+                let handed: Vec<Handed> = shares.map(with_rows).take_while(fits).collect();
+                take(&handed);
+                handed.len()
+            };
+            let first = next;
+            next += count;
+            let shares = (first..next).map(|index| ShareId(index as u32));
+            for (share, set) in shares.flat_map(|share| sets.iter().map(move |set| (share, *set))) {
+                if let Some(row) = made.remove(&(set, share)) {
+                    cache.keep(set, share, row);
+                }
+            }
+            true
         };
         let mut missing = missing.into_iter().peekable();
         let batches = |client: &RowClient| {
@@ -269,13 +274,16 @@ impl RowTable {
             Some((job, RowBatch { shooters: shooters_of_job, set, again }))
         };
         client.in_order(batches, |job, finished| {
-            hand_over(job.block, &mut made);
+            while hand_over(job.block, &mut made) {}
             for ((share, row), statistics) in job.shares.iter().zip(finished.rows).zip(finished.statistics) {
                 variances[job.set.index()][share.index()] = Some(statistics.sampling_variance);
                 made.insert((job.set, *share), row);
             }
         })?;
-        hand_over(count, &mut made);
+        // Where all rows are kept, nothing else asks.
+        while hand_over(count, &mut made) {
+            client.monitor.check()?;
+        }
         Ok(())
     }
 

@@ -16,16 +16,20 @@ const MEMORY: usize = 6;
 /// Values that a thread takes at a time.
 const VALUES_AT_ONCE: usize = 4096;
 
+/// Of a direction less than this, of the square of its length, is rounding.
+const ROUNDING: f64 = 1e-20;
+
 /// An accelerated fixed-point iteration, independent for each channel and each room.
 pub struct Acceleration<L> {
-    /// Weight of each value in norms.
-    weights: Vec<f64>,
+    /// Area of each value, its weight in norms.
+    areas: Vec<f64>,
     rooms: Rooms,
     /// The last value and its residual.
     last: Option<(Vec<L>, Vec<L>)>,
-    /// Those that were given come first and stay; the others follow, oldest first.
+    /// First those that are kept, then the others, oldest first.
     directions: Vec<Direction<L>>,
-    given: usize,
+    /// How many are kept whatever follows.
+    kept: usize,
 }
 
 /// A change of the values, and the change of the residual that it causes; the latter are orthogonal to each other.
@@ -40,15 +44,14 @@ impl<L: Light> Acceleration<L> {
     /// Starts with the area of each value, its weight in norms, and the room of each: between these no light passes.
     #[must_use]
     pub fn new(areas: Vec<f64>, rooms: Rooms) -> Self {
-        Self { weights: areas, rooms, last: None, directions: vec![], given: 0 }
+        Self { areas, rooms, last: None, directions: vec![], kept: 0 }
     }
 
-    /// Gives a change of the values that is worth keeping, and what a pass makes of it without any light of its own. To be given
-    /// before any values.
-    pub fn give(&mut self, value: Vec<L>, passed: &[L]) {
+    /// Keeps a change of the values for good, given what a pass makes of it where nothing shines. To be called before any values come.
+    pub fn keep_direction(&mut self, value: Vec<L>, passed: &[L]) {
         let residual = difference(passed, &value);
         self.remember(value, residual);
-        self.given = self.directions.len();
+        self.kept = self.directions.len();
     }
 
     /// Returns the next values after `values`, of which a pass made `passed`.
@@ -72,21 +75,24 @@ impl<L: Light> Acceleration<L> {
     }
 
     fn remember(&mut self, mut value: Vec<L>, mut residual: Vec<L>) {
-        if self.directions.len() == self.given + MEMORY {
-            self.directions.remove(self.given);
+        if self.directions.len() == self.kept + MEMORY {
+            self.directions.remove(self.kept);
         }
+        let whole = self.product(&residual, &residual);
         for old in &self.directions {
             let steps = self.along(&residual, old);
             self.add(&mut residual, &steps, |i| old.residual[i]);
             self.add(&mut value, &steps, |i| old.value[i]);
         }
-        let square = self.product(&residual, &residual);
+        let left = self.product(&residual, &residual);
+        // A change that the older ones tell of already leaves rounding, which is no direction.
+        let square = left.iter().zip(&whole).map(|(left, whole)| left.above(*whole * ROUNDING)).collect();
         self.directions.push(Direction { value, residual, square });
     }
 
-    /// The multiple of a direction, by room, that takes a residual as near to nothing as it can.
+    /// The multiple of a direction, by room, that added to a residual leaves least of it.
     fn along(&self, residual: &[L], direction: &Direction<L>) -> Vec<L> {
-        // A channel without light has no direction.
+        // A channel or room without light has no direction.
         let product = self.product(residual, &direction.residual);
         product.iter().zip(&direction.square).map(|(part, whole)| L::ratio(*part, *whole) * -1.0).collect()
     }
@@ -99,7 +105,7 @@ impl<L: Light> Acceleration<L> {
 
     /// Inner product, by room, weighted by area.
     fn product(&self, one: &[L], other: &[L]) -> Vec<L> {
-        self.rooms.sums(|i| one[i] * other[i] * self.weights[i])
+        self.rooms.sums(|i| one[i] * other[i] * self.areas[i])
     }
 }
 

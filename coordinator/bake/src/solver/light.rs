@@ -36,6 +36,8 @@ pub trait Light:
     fn larger(self, other: Self) -> Self;
     /// Magnitude, per channel.
     fn magnitude(self) -> Self;
+    /// Itself where it is above the least, else 0, per channel.
+    fn above(self, least: Self) -> Self;
     /// Sum of the channels.
     fn sum_of_channels(self) -> f64;
     /// Largest channel.
@@ -71,6 +73,10 @@ impl Light for DVec3 {
 
     fn magnitude(self) -> Self {
         self.abs()
+    }
+
+    fn above(self, least: Self) -> Self {
+        DVec3::select(self.cmpgt(least), self, DVec3::ZERO)
     }
 
     fn sum_of_channels(self) -> f64 {
@@ -111,6 +117,10 @@ impl Light for f64 {
 
     fn magnitude(self) -> Self {
         self.abs()
+    }
+
+    fn above(self, least: Self) -> Self {
+        if self > least { self } else { 0.0 }
     }
 
     fn sum_of_channels(self) -> f64 {

@@ -7,11 +7,11 @@ use rayon::prelude::*;
 
 use super::{Light, SharesAt};
 
-/// Shares of one room that a thread sums at a time: part of the bits of a sum.
+/// Shares that a thread sums at a time: part of the bits of a sum.
 const SHARES_AT_ONCE: usize = 4096;
 
-/// Finds the rooms: shares between which light can pass.
-pub struct Reach {
+/// Joins shares that reach each other to rooms.
+pub(super) struct RoomFinder {
     shares: usize,
     sets: DisjointSets,
     /// Least share of the set that `joined` is about.
@@ -20,10 +20,9 @@ pub struct Reach {
     joined: Vec<u32>,
 }
 
-impl Reach {
+impl RoomFinder {
     /// Each share is alone.
-    #[must_use]
-    pub fn new(shares: usize, receivers: usize) -> Self {
+    pub(super) fn new(shares: usize, receivers: usize) -> Self {
         Self { shares, sets: DisjointSets::new(shares), first: 0, joined: vec![0; receivers.div_ceil(GROUP)] }
     }
 
@@ -57,8 +56,7 @@ impl Reach {
     }
 
     /// The rooms, once all rows were added.
-    #[must_use]
-    pub fn rooms(mut self) -> Rooms {
+    pub(super) fn rooms(mut self) -> Rooms {
         let mut of = vec![0; self.shares];
         let mut count = 0;
         for share in 0..of.len() {
@@ -93,18 +91,31 @@ impl Rooms {
     /// Sums a value of each share by room.
     #[must_use]
     pub fn sums<L: Light>(&self, value: impl Fn(usize) -> L + Sync) -> Vec<L> {
-        if self.count == 1 {
-            let some = |chunk: usize| {
-                let first = chunk * SHARES_AT_ONCE;
-                (first..(first + SHARES_AT_ONCE).min(self.of.len())).map(&value).sum()
-            };
-            let chunks = 0..self.of.len().div_ceil(SHARES_AT_ONCE);
-            return vec![chunks.into_par_iter().map(some).collect::<Vec<L>>().into_iter().sum()];
-        }
+        // Most neighbours are of one room.
+        let some = |(chunk, rooms): (usize, &[u32])| {
+            let mut runs: Vec<(u32, L)> = vec![];
+            for (room, share) in rooms.iter().zip(chunk * SHARES_AT_ONCE..) {
+                match runs.last_mut() {
+                    Some((own, sum)) if own == room => *sum += value(share),
+                    _ => runs.push((*room, value(share))),
+                }
+            }
+            runs
+        };
+        let chunks: Vec<_> = self.of.par_chunks(SHARES_AT_ONCE).enumerate().map(some).collect();
         let mut sums = vec![L::default(); self.count];
-        for (share, room) in self.of.iter().enumerate() {
-            sums[*room as usize] += value(share);
-        }
+        chunks.into_iter().flatten().for_each(|(room, sum)| sums[room as usize] += sum);
         sums
     }
+}
+
+/// Sums a value of so many shares.
+#[must_use]
+pub fn sum<L: Light>(shares: usize, value: impl Fn(usize) -> L + Sync) -> L {
+    let some = |chunk: usize| {
+        let first = chunk * SHARES_AT_ONCE;
+        (first..(first + SHARES_AT_ONCE).min(shares)).map(&value).sum()
+    };
+    let chunks = (0..shares.div_ceil(SHARES_AT_ONCE)).into_par_iter().map(some);
+    chunks.collect::<Vec<L>>().into_iter().sum()
 }

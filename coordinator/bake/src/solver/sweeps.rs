@@ -1,18 +1,22 @@
 //! Sweeps over all rows: shares reflect what others gave them in the sweep before, accelerated.
 //!
 //! In bright rooms (rho .99) plain sweeps take hundreds of rounds to spread a general level of light: radiosity in proportion to
-//! reflectance. What a sweep makes of that level is found with the first sweep, so that each removes its error at once.
+//! reflectance. The pass before the first sweep finds what a sweep makes of that level, so that its error is removed at once.
 //!
 //! Closed rooms of one file each have their own level, and each is solved to the tolerance, however much brighter another is.
 
 use std::convert::Infallible;
 
 use kernel::row::Row;
+use rayon::prelude::*;
 
 use super::acceleration::Acceleration;
-use super::rooms::{Reach, Rooms};
+use super::rooms::{RoomFinder, Rooms};
 use super::slab::Slab;
 use super::{Light, ShareEnergy, SharesAt, add_group, interreflection_bound};
+
+/// Sweeps after which no more is gained: what is missing is rounding.
+const MOST_IN_VAIN: u32 = 10;
 
 /// Rows of all shares in order. A solution passes over them once to begin with and once per sweep; rows that are not kept are
 /// made in each pass.
@@ -88,30 +92,35 @@ pub fn solve<L: Light, T: Transfer>(
     let mut level_irradiance = vec![L::default(); direct.len()];
     let level: Vec<L> = shares.iter().map(|share| share.reflectance).collect();
     let shares_at = SharesAt::new(shares, irradiance.len());
-    let mut reach = Reach::new(shares.len(), irradiance.len());
+    let mut finder = RoomFinder::new(shares.len(), irradiance.len());
     transfer.pass(&mut |first, rows| {
         let slab = Slab::new(rows);
         add_light(&slab, &radiosity[first..], &mut irradiance);
         add_light(&slab, &level[first..], &mut level_irradiance);
-        (first..).zip(rows).for_each(|(share, row)| reach.add(share, row, &shares_at));
+        (first..).zip(rows).for_each(|(share, row)| finder.add(share, row, &shares_at));
     })?;
-    let rooms = reach.rooms();
+    let rooms = finder.rooms();
     let mut acceleration = Acceleration::new(shares.iter().map(|share| share.area).collect(), rooms.clone());
     let passed = reflected(&level_irradiance);
-    acceleration.give(level, &passed);
+    acceleration.keep_direction(level, &passed);
     let bound = interreflection_bound(shares);
     let mut sweeps = 0;
+    let (mut least_missing, mut in_vain) = (f64::INFINITY, 0);
     loop {
         let passed = reflected(&irradiance);
         let relative = relative_residual(shares, &rooms, &radiosity, &passed);
         let missing = (relative * bound).largest_channel();
-        if missing <= tolerance || sweeps >= max_sweeps {
+        in_vain = if missing < least_missing { 0 } else { in_vain + 1 };
+        least_missing = least_missing.min(missing);
+        if missing <= tolerance || sweeps >= max_sweeps || in_vain >= MOST_IN_VAIN {
             let all = shares.iter().zip(&radiosity).zip(&passed);
             let unshot = all.map(|((share, shot), passed)| (*passed - *shot) * share.area).sum();
             let residual = relative.largest_channel();
             return Ok(Solution { radiosity, unshot, residual, missing, sweeps });
         }
         radiosity = acceleration.next(radiosity, &passed);
+        // What is missed of a bright place may be more than all that a dark one has.
+        radiosity.par_iter_mut().for_each(|light| *light = light.larger(L::default()));
         irradiance.clone_from(&direct);
         transfer.pass(&mut |first, rows| {
             add_light(&Slab::new(rows), &radiosity[first..], &mut irradiance);
@@ -125,11 +134,11 @@ fn add_light<L: Light>(slab: &Slab, radiosity: &[L], irradiance: &mut [L]) {
     slab.add(irradiance, |row, part, mask, factors| add_group(part, mask, factors, radiosity[row]));
 }
 
-/// Absolute residual flux over reflected flux, per channel, of the room where it is largest. `passed` is what shares of this radiosity
+/// Residual flux over reflected flux, per channel, of the room where it is largest. `passed` is what shares of this radiosity
 /// have each other reflect.
 fn relative_residual<L: Light>(shares: &[ShareEnergy<L>], rooms: &Rooms, radiosity: &[L], passed: &[L]) -> L {
     let residual = rooms.sums(|i| (passed[i] - radiosity[i]).magnitude() * shares[i].area);
-    let reflected = rooms.sums(|i| passed[i] * shares[i].area);
+    let reflected = rooms.sums(|i| passed[i].larger(radiosity[i]) * shares[i].area);
     residual
         .iter()
         .zip(&reflected)

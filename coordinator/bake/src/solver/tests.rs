@@ -1,12 +1,14 @@
 //! The solver on systems small enough to check by hand.
 
+use std::convert::Infallible;
+
 use glam::DVec3;
 use kernel::row::Row;
 use proptest::prelude::*;
 
 use super::cache::{RowCache, SetId};
 use super::shooting::Shooting;
-use super::sweeps::solve;
+use super::sweeps::{Transfer, solve};
 use super::{ShareEnergy, ShareId};
 
 /// A closed cube of six shares: a sixth of a unit area each, every share seeing the five others equally.
@@ -62,7 +64,7 @@ fn a_furnace_takes_few_sweeps_even_when_nearly_white() {
             );
         }
         assert!(solution.missing <= 1e-9);
-        // Without the correction of the level it would take some thousand sweeps at .999.
+        // Without the level as a direction it would take some thousand sweeps at .999.
         assert!(solution.sweeps <= 20, "{} sweeps at {reflectance}", solution.sweeps);
     }
 }
@@ -104,14 +106,73 @@ fn a_dim_room_beside_a_bright_one_is_solved_as_exactly() {
     }
 }
 
+/// Rows handed over one by one.
+struct OneByOne(Vec<Row>);
+
+impl Transfer for OneByOne {
+    type Error = Infallible;
+
+    fn pass(&mut self, take: &mut dyn FnMut(usize, &[&Row])) -> Result<(), Infallible> {
+        self.0.iter().enumerate().for_each(|(share, row)| take(share, &[row]));
+        Ok(())
+    }
+}
+
+#[test]
+fn how_many_rows_come_at_once_changes_no_bit() {
+    let (shares, mut rows) = cube(0.9);
+    let direct: Vec<DVec3> = (0..6).map(|i| DVec3::new(f64::from(i).sqrt(), 0.3, 1.0)).collect();
+    let start = vec![DVec3::ZERO; 6];
+    let together = solve(&shares, &mut rows, direct.clone(), start.clone(), 1e-9, 50).unwrap();
+    let apart = solve(&shares, &mut OneByOne(rows), direct, start, 1e-9, 50).unwrap();
+    assert_eq!(together.radiosity, apart.radiosity);
+}
+
+#[test]
+fn a_dim_corner_of_a_bright_room_is_never_darker_than_dark() {
+    let (shares, _) = cube(0.9);
+    // The last three see the others by a hundred thousandth.
+    let factor = |x: usize, a: usize| match (x < 3, a < 3) {
+        _ if x == a => 0.0,
+        (true, true) | (false, false) => 0.4999,
+        _ => 1e-5,
+    };
+    let mut rows: Vec<Row> =
+        (0..6).map(|x| Row::new(&[0, 1, 2, 3, 4, 5].map(|a| factor(x, a) as f32))).collect();
+    let mut direct = vec![DVec3::ZERO; 6];
+    (direct[0], direct[1]) = (DVec3::splat(1e4), DVec3::splat(3.0));
+    for tolerance in [0.3, 0.1, 1e-2, 1e-3, 1e-4] {
+        let solution =
+            solve(&shares, &mut rows, direct.clone(), vec![DVec3::ZERO; 6], tolerance, 50).unwrap();
+        assert!(solution.missing <= tolerance);
+        assert!(
+            solution.radiosity.iter().all(|light| light.min_element() >= 0.0),
+            "{:?}",
+            solution.radiosity
+        );
+    }
+}
+
+#[test]
+fn an_accuracy_beyond_rounding_ends() {
+    let (shares, mut rows) = cube(0.99);
+    let mut direct = vec![DVec3::ZERO; 6];
+    direct[0] = DVec3::new(1.0, 0.7, 0.3);
+    let solution = solve(&shares, &mut rows, direct, vec![DVec3::ZERO; 6], 0.0, 1000).unwrap();
+    assert!(solution.sweeps < 50 && solution.missing < 1e-12, "{} sweeps", solution.sweeps);
+}
+
 #[test]
 fn shots_are_no_more_than_a_sweep_has_rows() {
-    let (shares, rows) = cube(0.99);
-    let mut direct = vec![DVec3::ZERO; 6];
-    direct[2] = DVec3::ONE;
-    let shooting = Shooting::new(shares, direct, SET, 1, 1e-9);
-    let (_, shots, _) = run(shooting, &rows, cache(usize::MAX), |_| 0);
-    assert_eq!(shots, 6);
+    // Two give nearly all to each other, and are brighter than the third to the last.
+    let shares: Vec<ShareEnergy> =
+        (0..3).map(|receiver| ShareEnergy { receiver, area: 1.0, reflectance: DVec3::splat(0.99) }).collect();
+    let rows = [[0.0, 0.999, 0.001], [0.999, 0.0, 0.001], [0.001, 0.001, 0.0]].map(|row| Row::new(&row));
+    let mut cache = RowCache::new(usize::MAX);
+    assert_eq!(cache.add_set(3), SET);
+    let direct = vec![DVec3::ONE, DVec3::ZERO, DVec3::ZERO];
+    let (_, shots, _) = run(Shooting::new(shares, direct, SET, 1, 1e-9), &rows, cache, |_| 0);
+    assert_eq!(shots, 3);
 }
 
 #[test]

@@ -37,7 +37,9 @@ pub(super) fn choose(scene: &Scene, lit: &LitMesh) -> Result<f64, ExportError> {
             Err(ExportError::NotFinite { surface: surface.name.clone(), quantity })
         };
         let all = triangles.par_iter().with_min_len(TRIANGLES_AT_ONCE).map(at_corners);
-        samples.extend(all.collect::<Result<Vec<[_; 3]>, _>>()?.as_flattened());
+        for at_corners in all.collect::<Vec<Result<[_; 3], _>>>() {
+            samples.extend(at_corners?);
+        }
     }
     samples.par_sort_by(|a, b| a.0.total_cmp(&b.0));
     let total: f64 = samples.iter().map(|(_, area)| area).sum();

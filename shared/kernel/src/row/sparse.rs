@@ -177,13 +177,13 @@ impl Row {
         })
     }
 
-    /// Finds the places in front of the first receiver of each range, by rising receiver, all of which begin a group, and behind the
-    /// last group: one more than there are ranges.
+    /// Finds where each range of receivers begins in the row, and where the last one ends. Ranges begin at multiples of 32.
     ///
     /// # Panics
-    /// When there is not room for as many places.
+    /// When there is not one place more than there are ranges.
     pub fn find_places(&self, firsts: &[usize], places: &mut [Place]) {
-        let (last, others) = places.split_last_mut().expect("ranges end somewhere");
+        assert_eq!(places.len(), firsts.len() + 1, "a place for each range and the end");
+        let (others, last) = places.split_at_mut(firsts.len());
         let mut next = Place::default();
         for (place, first) in others.iter_mut().zip(firsts) {
             let index = (first / GROUP) as u32;
@@ -193,7 +193,7 @@ impl Row {
             }
             *place = next;
         }
-        *last = Place { group: self.groups.len() as u32, factor: self.factors.len() as u32 };
+        last[0] = Place { group: self.groups.len() as u32, factor: self.factors.len() as u32 };
     }
 
     /// As [`Self::groups`], from one place to another.

@@ -51,7 +51,7 @@ use crate::refinement::{MOST_DRAWN, SamplePoints};
 use crate::settings::{BakeSettings, RowStrategy};
 use crate::solver::acceleration::Acceleration;
 use crate::solver::cache::{ColumnCache, SetId};
-use crate::solver::rooms::Rooms;
+use crate::solver::rooms::{Rooms, sum};
 use hemisphere::{covered, gathered, hemispheres, publish_leaves, views};
 use interpolation::{Interpolation, Neighbours};
 use noise::Twins;
@@ -303,16 +303,12 @@ impl RowSource for GatherRows {
         mut solution: Solution,
     ) -> Result<Solution> {
         let energies = &problem.mesh.energies;
-        let rooms = Rooms::one(energies.len());
-        let flux = |radiosity: &(dyn Fn(usize) -> DVec3 + Sync)| -> DVec3 {
-            rooms.sums(|share| radiosity(share) * energies[share].area)[0]
-        };
         let areas: Vec<f64> = energies.iter().map(|share| share.area).collect();
         let mesh = &problem.mesh.mesh;
         let shares = problem.mesh.shares.iter().enumerate();
         let whole_leaves: Vec<(usize, PatchId)> =
             shares.filter_map(|(index, share)| Some((index, share.whole_leaf(mesh)?))).collect();
-        let mut acceleration = Acceleration::new(areas, rooms.clone());
+        let mut acceleration = Acceleration::new(areas, Rooms::one(energies.len()));
         for _ in 0..MOST_PASSES {
             cx.client.monitor.check()?;
             let points = self.points.gather(&solution.radiosity);
@@ -330,8 +326,11 @@ impl RowSource for GatherRows {
             });
             cx.work.sweeps += 1;
             let next = problem.mesh.reflected(&incident);
-            let changed = flux(&|share| (next[share] - solution.radiosity[share]).abs());
-            let all = flux(&|share| next[share]).element_sum();
+            let change =
+                |share: usize| (next[share] - solution.radiosity[share]).abs() * energies[share].area;
+            let changed: DVec3 = sum(next.len(), change);
+            let all: DVec3 = sum(next.len(), |share| next[share] * energies[share].area);
+            let all = all.element_sum();
             solution.unshot = changed;
             solution.residual = if all > 0.0 { changed.element_sum() / all } else { 0.0 };
             let before = std::mem::replace(&mut solution.radiosity, next);
