@@ -2,7 +2,6 @@
 
 use kernel::disjoint_sets::DisjointSets;
 use kernel::row::{GROUP, Row};
-
 use rayon::prelude::*;
 
 use super::{Light, SharesAt};

@@ -8,7 +8,6 @@
 use std::convert::Infallible;
 
 use kernel::row::Row;
-use rayon::prelude::*;
 
 use super::acceleration::Acceleration;
 use super::rooms::{RoomFinder, Rooms};
@@ -119,8 +118,6 @@ pub fn solve<L: Light, T: Transfer>(
             return Ok(Solution { radiosity, unshot, residual, missing, sweeps });
         }
         radiosity = acceleration.next(radiosity, &passed);
-        // What is missed of a bright place may be more than all that a dark one has.
-        radiosity.par_iter_mut().for_each(|light| *light = light.larger(L::default()));
         irradiance.clone_from(&direct);
         transfer.pass(&mut |first, rows| {
             add_light(&Slab::new(rows), &radiosity[first..], &mut irradiance);
