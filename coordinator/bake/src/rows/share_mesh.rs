@@ -6,9 +6,10 @@ use crate::materials::{self, AveragedMaterial, PatchMaterials};
 use crate::mesh::{Mesh, PatchId, Share};
 use crate::preview::preview;
 use crate::solver::ShareEnergy;
+use crate::solver::rooms::sum;
 use scene::Scene;
 
-/// Shares that a thread takes at a time: part of the bits of a sum.
+/// Shares that a thread takes at a time.
 const SHARES_AT_ONCE: usize = 4096;
 
 /// The mesh, and its surface dealt out among shares that shoot.
@@ -65,14 +66,13 @@ impl ShareMesh {
 
     /// Reflected flux over incident flux, where the shares have this radiosity.
     pub fn mean_reflectance(&self, radiosity: &[DVec3]) -> f64 {
-        let of_share = |(share, radiosity): (&ShareEnergy, &DVec3)| {
-            let lit = share.reflectance.cmpgt(DVec3::ZERO);
-            let incident = DVec3::select(lit, *radiosity / share.reflectance, DVec3::ZERO);
-            DVec2::new(radiosity.element_sum(), incident.element_sum()) * share.area
+        let of_share = |share: usize| {
+            let ShareEnergy { area, reflectance, .. } = self.energies[share];
+            let lit = reflectance.cmpgt(DVec3::ZERO);
+            let incident = DVec3::select(lit, radiosity[share] / reflectance, DVec3::ZERO);
+            DVec2::new(radiosity[share].element_sum(), incident.element_sum()) * area
         };
-        let some = self.energies.par_chunks(SHARES_AT_ONCE).zip(radiosity.par_chunks(SHARES_AT_ONCE));
-        let sums = some.map(|(shares, radiosity)| shares.iter().zip(radiosity).map(of_share).sum());
-        let DVec2 { x: reflected, y: incident } = sums.collect::<Vec<DVec2>>().into_iter().sum();
+        let DVec2 { x: reflected, y: incident } = sum(self.energies.len(), of_share);
         if incident > 0.0 { reflected / incident } else { 0.0 }
     }
 

@@ -27,7 +27,8 @@ const PAIRS_PER_BLOCK: usize = 4_000_000;
 /// Most shares of a block.
 const LARGEST_BLOCK: usize = 1024;
 
-/// Shares are handed over with so many factors at a time: enough for all threads, and few to be held beside what may be kept,
+/// Shares are handed over together until their rows have this many factors: enough for all threads, and few to be held beside what may
+/// be kept,
 const FACTORS_AT_ONCE: usize = 1 << 24;
 
 /// and no more of them than this.

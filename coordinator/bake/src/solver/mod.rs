@@ -96,7 +96,7 @@ pub fn add_group<L: Light>(irradiance: &mut [L], mask: u32, factors: &[f32], rad
 }
 
 /// The shares at each receiver: a vertex between two surfaces has a share on each.
-pub(crate) struct SharesAt {
+struct SharesAt {
     /// Offsets into `shares`, one per receiver and the end.
     starts: Vec<u32>,
     /// By receiver.

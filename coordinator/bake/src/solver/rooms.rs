@@ -1,5 +1,7 @@
 //! Rooms: shares between which light can pass, directly or by way of others. Light of one tells nothing of that of another.
 
+use std::iter::Sum;
+
 use kernel::disjoint_sets::DisjointSets;
 use kernel::row::{GROUP, Row};
 use rayon::prelude::*;
@@ -75,7 +77,7 @@ pub struct Rooms {
 }
 
 impl Rooms {
-    /// So many shares in one room.
+    /// One room with all shares, given their number.
     #[must_use]
     pub fn one(shares: usize) -> Self {
         Self { of: vec![0; shares], count: 1 }
@@ -108,13 +110,13 @@ impl Rooms {
     }
 }
 
-/// Sums a value of so many shares.
+/// Sums a value of each share, given their number.
 #[must_use]
-pub fn sum<L: Light>(shares: usize, value: impl Fn(usize) -> L + Sync) -> L {
+pub fn sum<T: Sum + Send>(shares: usize, value: impl Fn(usize) -> T + Sync) -> T {
     let some = |chunk: usize| {
         let first = chunk * SHARES_AT_ONCE;
         (first..(first + SHARES_AT_ONCE).min(shares)).map(&value).sum()
     };
     let chunks = (0..shares.div_ceil(SHARES_AT_ONCE)).into_par_iter().map(some);
-    chunks.collect::<Vec<L>>().into_iter().sum()
+    chunks.collect::<Vec<T>>().into_iter().sum()
 }

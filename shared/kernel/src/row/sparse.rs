@@ -183,9 +183,9 @@ impl Row {
     /// When there is not one place more than there are ranges.
     pub fn find_places(&self, firsts: &[usize], places: &mut [Place]) {
         assert_eq!(places.len(), firsts.len() + 1, "a place for each range and the end");
-        let (others, last) = places.split_at_mut(firsts.len());
+        let (begins, end) = places.split_at_mut(firsts.len());
         let mut next = Place::default();
-        for (place, first) in others.iter_mut().zip(firsts) {
+        for (place, first) in begins.iter_mut().zip(firsts) {
             let index = (first / GROUP) as u32;
             while let Some(group) = self.groups.get(next.group as usize).filter(|group| group.index < index) {
                 next.group += 1;
@@ -193,7 +193,7 @@ impl Row {
             }
             *place = next;
         }
-        last[0] = Place { group: self.groups.len() as u32, factor: self.factors.len() as u32 };
+        end[0] = Place { group: self.groups.len() as u32, factor: self.factors.len() as u32 };
     }
 
     /// As [`Self::groups`], from one place to another.
