@@ -107,6 +107,13 @@ impl Plan {
         &self.texels.points
     }
 
+    /// For each point that lies between others, four of these, which come before it: where they and the surface are evenly lit, their
+    /// mean light is its own. The first lies opposite the second, the third opposite the fourth; of two, each is there twice.
+    #[must_use]
+    pub fn around(&self) -> &[Option<[u32; 4]>] {
+        &self.texels.around
+    }
+
     /// What the lightmap is made of.
     #[must_use]
     pub fn report(&self) -> &PlanReport {

@@ -239,6 +239,31 @@ fn texels_below_a_box_are_filled_from_their_neighbours() {
     assert!(covered.iter().all(|texel| map.images[0][0][*texel as usize] == [3.0; 3]));
 }
 
+/// Most of a floor lies between other points of it, which are on its lattices and come first; nothing lies between points of two sides of
+/// an edge, or over a wall.
+#[test]
+fn texels_lie_between_those_of_coarser_lattices() {
+    let parts = [Part::floor(2.0), Part::lid([0.45, 0.45], [1.55, 1.55], 1.0)];
+    let plan = planned(&parts, Resolution::Texel(0.05));
+    let (points, around) = (plan.points(), plan.around());
+    let mut between = 0;
+    for (index, others) in around.iter().enumerate() {
+        let Some(others) = others else { continue };
+        between += 1;
+        assert!(others.iter().all(|other| (*other as usize) < index), "{index} comes before {others:?}");
+        let of = others.map(|other| points[other as usize]);
+        for pair in of.chunks(2) {
+            // A quarter of a texel off, in frame units, and rounding.
+            let middle = (pair[0].position + pair[1].position) / 2.0;
+            let off = middle.distance(points[index].position);
+            let apart = pair[0].position.distance(pair[1].position);
+            assert!(off <= apart / 8.0 + 1e-9, "{off} off, of {apart}");
+            assert!(pair.iter().all(|other| other.normal.dot(points[index].normal) > 0.99));
+        }
+    }
+    assert!(between > points.len() * 4 / 5, "{between} of {}", points.len());
+}
+
 #[test]
 fn both_sides_of_a_border_agree_on_a_curved_surface() {
     let scene = scene(&[Part::ball(12, 24)]);

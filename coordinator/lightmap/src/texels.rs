@@ -1,5 +1,7 @@
 //! The point of each texel: in the middle of the part of the surface that it covers and that is open to light.
 
+use std::cmp::Reverse;
+
 use glam::{DVec2, DVec3};
 use kernel::geometry::PlaneId;
 use kernel::hemisphere::{SeenPolygons, directions};
@@ -8,6 +10,7 @@ use rayon::prelude::*;
 use scene::{Scene, Side};
 
 use crate::error::{LightmapError, Stop};
+use crate::lattice::{Around, around, lattice};
 use crate::layout::barycentric;
 use crate::raster::covered;
 use crate::sides::LitSide;
@@ -40,8 +43,10 @@ pub struct Texels {
     pub point_of: Vec<u32>,
     /// Whether each lies inside of something whose backs are lit, too: if it is dark there, nobody looks in.
     pub may_be_hidden: Vec<bool>,
-    /// The points.
+    /// The points: those of coarse lattices first.
     pub points: Vec<Receiver>,
+    /// For each point, those around it whose mean light may be its own.
+    pub around: Vec<Option<Around>>,
 }
 
 /// A point of a surface, and whether only backs that are lit are around it.
@@ -99,17 +104,38 @@ pub fn texels(scene: &Scene, sides: &[LitSide], pages: &Pages, stop: Stop) -> Re
     let found = checked(&|index| {
         if is_mixed(index) { surroundings.part(of_texels[index]) } else { whole[index] }
     })?;
-    let mut points = vec![];
-    let mut place = |point: &Option<Point>| {
-        point.map_or(NO_POINT, |(receiver, _)| {
-            points.push(receiver);
-            points.len() as u32 - 1
-        })
+    let place = |index: usize| {
+        let texel = texel_of(index);
+        [texel / (width * height), texel % width, texel / width % height]
     };
-    let point_of = found.iter().map(&mut place).collect();
-    let may_be_hidden = found.iter().map(|point| point.is_some_and(|(_, may_be)| may_be)).collect();
+    let mut order: Vec<usize> = (0..found.len()).filter(|index| found[*index].is_some()).collect();
+    // Coarse lattices first.
+    order.sort_by_key(|index| {
+        let [_, x, y] = place(*index);
+        Reverse(lattice([x, y]))
+    });
+    let mut point_of = vec![NO_POINT; found.len()];
+    order.iter().zip(0..).for_each(|(index, point)| point_of[*index] = point);
+    let may_be_hidden: Vec<bool> =
+        found.iter().map(|point| point.is_some_and(|(_, may_be)| may_be)).collect();
+    let placed = |index: &usize| found[*index].map(|(receiver, _)| (receiver, place(*index)));
+    let points: Vec<(Receiver, [u32; 3])> = order.iter().filter_map(placed).collect();
+    let point_at = |[page, x, y]: [u32; 3]| {
+        let is_on_page = x < width && y < height;
+        let index = is_on_page.then(|| at((page * height + y) * width + x)).flatten()?;
+        Some(point_of[index]).filter(|point| *point != NO_POINT)
+    };
+    let are_alike = |a: u32, b: u32| {
+        let [a, b] = [a, b].map(|point| order[point as usize]);
+        may_be_hidden[a] == may_be_hidden[b]
+    };
+    let around = around(&points, point_at, are_alike);
+    if stop() {
+        return Err(LightmapError::Cancelled);
+    }
+    let points = points.into_iter().map(|(receiver, _)| receiver).collect();
     let texels = of_texels.iter().map(|pieces| pieces[0].texel).collect();
-    Ok(Texels { texels, point_of, may_be_hidden, points })
+    Ok(Texels { texels, point_of, may_be_hidden, points, around })
 }
 
 /// The pieces of all triangles, texel by texel: of each the surface in one plane that covers most of it.

@@ -232,6 +232,7 @@ pub fn run(
     let imported = clock.elapsed().as_secs_f64();
     let points = AskedPoints {
         on_surfaces: plan.as_ref().map_or(&[], |plan| plan.points()),
+        around: plan.as_ref().map_or(&[], |plan| plan.around()),
         in_space: probes.as_ref().map_or(&[], |probes| probes.receivers()),
     };
     let wanted = Wanted { settings: &request.bake, points };

@@ -5,11 +5,11 @@ use std::path::Path;
 
 use assert_cmd::Command;
 use bake::{AskedPoints, BakeSettings};
-use glam::DVec3;
+use glam::{DMat4, DVec3};
 use gltf::{Gltf, Semantic};
 use lightmap::{Lightmap, Plan, Resolution, plan};
 use output::export::{ExportSettings, export};
-use scene::{ImportOptions, ReadOptions, Scene, import};
+use scene::{ImportOptions, ReadOptions, Scene, import, import_slice};
 use serde_json::{Value, json};
 use tests::baking::baked_with_points;
 use tests::builder::{Material, SceneBuilder, pack};
@@ -29,7 +29,7 @@ fn planned(scene: &Scene, texel: f64) -> Plan {
 }
 
 fn texels(plan: &Plan) -> AskedPoints<'_> {
-    AskedPoints { on_surfaces: plan.points(), ..AskedPoints::default() }
+    AskedPoints { on_surfaces: plan.points(), around: plan.around(), ..AskedPoints::default() }
 }
 
 /// Irradiance that a viewer finds at a place of a surface, with bilinear filtering.
@@ -139,6 +139,46 @@ fn texels_of_cornell_are_as_near_the_reference_as_was_asked() {
     let texels = error_of(&map, &scene, "cornell");
     // Vertices follow the light, texels of 5 cm do not.
     assert!(texels <= asked && vertices.relative_l2 <= asked, "{texels} at texels, {vertices:?}");
+}
+
+/// A floor below bars that are thinner than the coarsest lattice is wide, under a sun: hardly a texel is far from what it has where all are
+/// computed, though most are not.
+#[test]
+fn thin_shadows_fall_between_no_texels() {
+    let bar = |index: usize| {
+        let x = 0.3 + 0.55 * index as f64;
+        shapes::box_facing_out(DVec3::new(x, 0.5, 0.2), DVec3::new(x + 0.04, 0.54, 3.8))
+    };
+    let floor = [[0.0, 0.0], [0.0, 4.0], [4.0, 4.0], [4.0, 0.0]].map(|[x, z]| DVec3::new(x, 0.0, z)).to_vec();
+    let glb = SceneBuilder::new()
+        .part("floor", &[floor], Material::grey(0.5))
+        .part("bars", &(0..7).flat_map(bar).collect::<Vec<_>>(), Material::grey(0.5))
+        .light(json!({ "type": "directional", "intensity": 3.0 }), DMat4::from_rotation_x(-1.3))
+        .glb();
+    let options = ImportOptions { sky: DVec3::splat(0.3), ..ImportOptions::default() };
+    let scene = import_slice(&glb, &options).unwrap();
+    let plan = planned(&scene, 0.02);
+    for rows in [bake::RowStrategy::Exact, bake::RowStrategy::Gather] {
+        let settings = BakeSettings { rows, ..BakeSettings::for_error(0.05) };
+        let light = |points: &AskedPoints| {
+            baked_with_points(&scene, &settings, points, 2).at_points.on_surfaces[0].clone()
+        };
+        let expected = light(&AskedPoints { around: &[], ..texels(&plan) });
+        let found = light(&texels(&plan));
+        let is_mean = |(point, around): (&DVec3, &Option<[u32; 4]>)| {
+            let mean =
+                |around: [u32; 4]| around.map(|other| found[other as usize] / 4.0).iter().sum::<DVec3>();
+            around.is_some_and(|around| mean(around).distance(*point) <= 1e-12 * point.length())
+        };
+        let means = found.iter().zip(plan.around()).filter(|of| is_mean(*of)).count();
+        assert!(2 * means > found.len(), "{rows:?}: {means} of {} are means", found.len());
+        let mean = expected.iter().map(|light| light.x).sum::<f64>() / expected.len() as f64;
+        let off = |(a, b): (&DVec3, &DVec3)| (a.x - b.x).abs() / mean;
+        let squares: f64 = expected.iter().zip(&found).map(off).map(|off| off * off).sum();
+        let far = expected.iter().zip(&found).map(off).filter(|off| *off > 0.2).count();
+        assert!((squares / found.len() as f64).sqrt() < 0.025, "{rows:?}: {squares} in all");
+        assert!(far * 1000 < found.len(), "{rows:?}: {far} of {} are far off", found.len());
+    }
 }
 
 #[test]

@@ -43,7 +43,7 @@ fn a_textured_cornell_box_keeps_its_light_where_it_is_gathered() {
 /// Most of its error lies in the strips along the edges of the sun's shadows: few points of the reference fall on them.
 #[test]
 fn a_house_in_the_sun_agrees_with_its_reference() {
-    let settings = BakeSettings { mesh_error: 0.04, ..BakeSettings::default() };
+    let settings = BakeSettings { mesh_error: 0.05, ..BakeSettings::default() };
     let options = ImportOptions { sky: SKY, ..ImportOptions::default() };
     assert_score(measured_as("house", &options, &settings), 0.07, 0.13, 0.01);
 }

@@ -46,7 +46,7 @@ fn a_furnace_is_exact_for_any_number_of_rays() {
 #[test]
 fn both_kinds_of_rows_light_a_room_alike() {
     let scene = imported(&room_with_ball(2).glb());
-    let fine = |rows| BakeSettings { mesh_error: 0.01, ..settings(rows) };
+    let fine = |rows| BakeSettings { mesh_error: 0.015, ..settings(rows) };
     let by_shooters = baked(&scene, &fine(RowStrategy::Exact));
     let by_receivers = baked(&scene, &fine(RowStrategy::Gather));
     for (index, surface) in scene.surfaces.iter().enumerate() {

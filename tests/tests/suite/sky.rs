@@ -94,7 +94,7 @@ fn light_through_a_pane_is_accounted_for() {
 /// Beside a long wall the ground sees what the wall leaves of the sky.
 #[test]
 fn ground_beside_a_wall() {
-    let (height, half) = (3.0, 500.0);
+    let (height, half) = (3.0, 50.0);
     let wall = vec![
         DVec3::new(0.0, 0.0, half),
         DVec3::new(0.0, 0.0, -half),

@@ -3,6 +3,7 @@
 use glam::DVec3;
 use kernel::replica::{Receiver, Receivers};
 
+use super::even_light::{DARK, EvenLight};
 use super::irradiance::{Irradiance, Lights, Place, Received, irradiance_at};
 use super::layers::Layer;
 use super::solved::Solved;
@@ -20,6 +21,9 @@ const AT_ONCE: usize = 1 << 16;
 pub struct AskedPoints<'a> {
     /// Points of the scene's surfaces, such as texels: light between them may be interpolated as that of vertices is.
     pub on_surfaces: &'a [Receiver],
+    /// For each of these that lies between others, four of them, which come before it: where light is even there, their mean is its
+    /// own. The first lies opposite the second, the third opposite the fourth. Where this is empty, each point has light of its own.
+    pub around: &'a [Option<[u32; 4]>],
     /// Points anywhere in its space.
     pub in_space: &'a [Receiver],
 }
@@ -56,16 +60,17 @@ impl Solved {
         asked: &AskedPoints,
         layers: &[Layer],
     ) -> Result<PointLight> {
+        let AskedPoints { on_surfaces, around, in_space } = *asked;
         Ok(PointLight {
-            on_surfaces: self.light_of(cx, asked.on_surfaces, &ON_SURFACES, layers)?,
-            in_space: self.light_of(cx, asked.in_space, &IN_SPACE, layers)?,
+            on_surfaces: self.light_of(cx, (on_surfaces, around), &ON_SURFACES, layers)?,
+            in_space: self.light_of(cx, (in_space, &[]), &IN_SPACE, layers)?,
         })
     }
 
     fn light_of(
         &mut self,
         cx: &mut Context,
-        points: &[Receiver],
+        (points, around): (&[Receiver], &[Option<[u32; 4]>]),
         sort: &Sort,
         layers: &[Layer],
     ) -> Result<Vec<Vec<DVec3>>> {
@@ -74,30 +79,78 @@ impl Solved {
             return Ok(light);
         }
         cx.client.monitor.enter(sort.phase, self.mesh.mesh.vertices.len());
-        // Rows over neighbours in one plane cost least.
-        let mut order: Vec<usize> = (0..points.len()).collect();
-        order.sort_by_cached_key(|point| (points[*point].plane.0, along_curve(points[*point].position)));
-        for (index, some) in order.chunks(AT_ONCE).enumerate() {
-            let first_key = sort.first_key + (index * AT_ONCE) as u64;
-            let receivers = some.iter().map(|point| points[*point]).collect();
-            let receivers = Receivers { first_key, receivers };
-            let whole = Lights { sources: &self.sources.all, radiosity: self.solution.radiosity() };
-            let of_layers =
-                layers.iter().map(|layer| Lights { sources: &layer.sources, radiosity: layer.radiosity() });
-            let lights: Vec<Lights> = [whole].into_iter().chain(of_layers).collect();
-            let place = (sort.place)(&receivers);
-            let Received { light: found, cover } =
-                irradiance_at(cx, &self.mesh, &mut self.rows, place, &lights)?;
-            let mut bounds = Bounds::default();
-            bounds.add(&cover.sums);
-            for (light, Irradiance { mut direct, mut all, .. }) in light.iter_mut().zip(found) {
-                bounds.apply(0, &mut direct.all);
-                bounds.apply(0, &mut all);
-                let wanted = cx.settings.only.of_all(&all, &direct.all);
-                some.iter().zip(wanted).for_each(|(point, wanted)| light[*point] = wanted);
+        let waves = waves(points.len(), around);
+        let even = if waves.len() > 1 { Some(EvenLight::new(self, cx, points, around)?) } else { None };
+        let mut floors = vec![];
+        let (mut first_key, mut computed) = (sort.first_key, 0);
+        for wave in waves {
+            let mut own = match &even {
+                Some(even) => even.take_means(&wave, &mut light, &floors),
+                None => wave,
+            };
+            computed += own.len();
+            // Rows over neighbours in one plane cost least.
+            own.sort_by_cached_key(|point| (points[*point].plane.0, along_curve(points[*point].position)));
+            for some in own.chunks(AT_ONCE) {
+                self.compute(cx, (points, some), (sort, first_key), layers, &mut light)?;
+                first_key += AT_ONCE as u64;
+            }
+            if floors.is_empty() {
+                floors = light.iter().map(|light| DARK * mean_of(light, &own)).collect();
             }
         }
+        let between = around.iter().flatten().count();
+        tracing::debug!(points = points.len(), between, computed, "{}", sort.phase.name());
         cx.end_step(sort.phase.name());
         Ok(light)
     }
+
+    /// Computes the light of some of the points.
+    fn compute(
+        &mut self,
+        cx: &mut Context,
+        (points, some): (&[Receiver], &[usize]),
+        (sort, first_key): (&Sort, u64),
+        layers: &[Layer],
+        light: &mut [Vec<DVec3>],
+    ) -> Result<()> {
+        let receivers = some.iter().map(|point| points[*point]).collect();
+        let receivers = Receivers { first_key, receivers };
+        let whole = Lights { sources: &self.sources.all, radiosity: self.solution.radiosity() };
+        let of_layers =
+            layers.iter().map(|layer| Lights { sources: &layer.sources, radiosity: layer.radiosity() });
+        let lights: Vec<Lights> = [whole].into_iter().chain(of_layers).collect();
+        let place = (sort.place)(&receivers);
+        let Received { light: found, cover } = irradiance_at(cx, &self.mesh, &mut self.rows, place, &lights)?;
+        let mut bounds = Bounds::default();
+        bounds.add(&cover.sums);
+        for (light, Irradiance { mut direct, mut all, .. }) in light.iter_mut().zip(found) {
+            bounds.apply(0, &mut direct.all);
+            bounds.apply(0, &mut all);
+            let wanted = cx.settings.only.of_all(&all, &direct.all);
+            some.iter().zip(wanted).for_each(|(point, wanted)| light[*point] = wanted);
+        }
+        Ok(())
+    }
+}
+
+/// Points in waves: those of each lie between points of earlier ones.
+fn waves(points: usize, around: &[Option<[u32; 4]>]) -> Vec<Vec<usize>> {
+    let mut wave_of: Vec<usize> = vec![];
+    let mut waves: Vec<Vec<usize>> = vec![];
+    for point in 0..points {
+        let others = around.get(point).copied().flatten();
+        let wave = others.map_or(0, |others| {
+            1 + others.into_iter().map(|other| wave_of[other as usize]).max().unwrap_or_default()
+        });
+        wave_of.push(wave);
+        waves.resize_with(waves.len().max(wave + 1), Vec::new);
+        waves[wave].push(point);
+    }
+    waves
+}
+
+/// Mean of the largest channel over some points.
+fn mean_of(light: &[DVec3], points: &[usize]) -> f64 {
+    points.iter().map(|point| light[*point].max_element()).sum::<f64>() / points.len().max(1) as f64
 }

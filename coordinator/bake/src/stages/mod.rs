@@ -23,6 +23,7 @@ mod back_face_check;
 mod balance;
 mod direct_light;
 mod emitters;
+mod even_light;
 mod glow;
 mod irradiance;
 mod layers;

@@ -1,5 +1,6 @@
 use std::fs;
 use std::process::Command;
+use std::sync::OnceLock;
 
 use tests::programs::{Signal, WorkerProcess, binary};
 
@@ -7,6 +8,12 @@ use super::{QUICK, Room, cornell, text, wait_for};
 
 /// A bake of some seconds, so that it can be ended in its middle.
 pub const SLOW: [&str; 2] = ["--mesh-error", "0.003"];
+
+/// What `solve` makes of cornell by the slow bake: made once for all tests.
+pub fn slowly_solved() -> &'static [u8] {
+    static SOLVED: OnceLock<Vec<u8>> = OnceLock::new();
+    SOLVED.get_or_init(|| solved(&Room::new(), "solved.glb", &SLOW))
+}
 
 /// What `solve` makes of cornell.
 pub fn solved(room: &Room, name: &str, arguments: &[&str]) -> Vec<u8> {
@@ -84,7 +91,7 @@ fn jobs_of_workers_elsewhere_run_at_once_and_give_the_same_bytes() {
 #[test]
 fn a_killed_service_goes_on_where_it_was() {
     let room = Room::new();
-    let expected = solved(&room, "solved.glb", &SLOW);
+    let expected = slowly_solved();
     let mut service = room.start(&["--jobs", "1"]);
     let first = service.submit(&cornell(), &SLOW);
     let second = service.submit(&cornell(), &QUICK);

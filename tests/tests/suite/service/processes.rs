@@ -129,8 +129,8 @@ fn a_job_is_given_up_when_its_process_was_killed_three_times() {
 fn a_job_whose_process_was_killed_gives_the_same_bytes() {
     let room = Room::new();
     let service = room.start(&[]);
-    let expected = service.result(&service.submit(&cornell(), &["--error", "0.01"]));
-    let job = service.submit(&cornell(), &["--error", "0.01", "--name", "killed"]);
+    let expected = service.result(&service.submit(&cornell(), &["--error", "0.02"]));
+    let job = service.submit(&cornell(), &["--error", "0.02", "--name", "killed"]);
     kill_running(&service);
     assert!(service.result(&job) == expected, "the lit file differs");
 }

@@ -8,7 +8,7 @@ use std::thread;
 use tests::programs::{Running, Signal};
 use tests::service::asking;
 
-use super::bytes::{SLOW, solved};
+use super::bytes::{SLOW, slowly_solved, solved};
 use super::{QUICK, Room, cornell, text, wait_for};
 
 #[test]
@@ -24,14 +24,14 @@ fn those_who_wait_wait_on_when_a_service_is_started_anew() {
 /// Two commands that wait while the service ends by this signal and comes again.
 fn waits_over(signal: Signal) {
     let room = Room::new();
-    let expected = solved(&room, "solved.glb", &SLOW);
     let mut service = room.start(&["--jobs", "1"]);
     let address = service.address.clone();
     let job = service.submit(&cornell(), &SLOW);
     let output = room.folder.path().join("lit.glb");
     let mut watching = Running::start(&mut asking(&address, &["watch", &job]));
     let scene = cornell();
-    let submit = [&["submit", text(&scene), "-o", text(&output)], &SLOW[..]].concat();
+    // It waits for the slow one first.
+    let submit = [&["submit", text(&scene), "-o", text(&output)], &QUICK[..]].concat();
     let mut submitting = Running::start(&mut asking(&address, &submit));
     // Any line of progress: they are being told.
     watching.wait_for(": ");
@@ -49,8 +49,8 @@ fn waits_over(signal: Signal) {
         assert_eq!(said.matches("is gone").count(), 1, "{name}: {said}");
         assert_eq!(said.matches("is there again").count(), 1, "{name}: {said}");
     }
-    assert!(fs::read(output).unwrap() == expected, "the lit file differs");
-    assert!(service.result(&job) == expected, "the lit file differs");
+    assert!(fs::read(output).unwrap() == solved(&room, "quick.glb", &QUICK), "the lit file differs");
+    assert!(service.result(&job) == slowly_solved(), "the lit file differs");
 }
 
 #[test]
