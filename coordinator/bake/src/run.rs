@@ -9,7 +9,7 @@ use crate::lit::LitMesh;
 use crate::observer::{Observer, Phase};
 use crate::output_mesh::output_mesh;
 use crate::preview::lit_mesh;
-use crate::refinement::RevealedErrors;
+use crate::refinement::{Obstacle, RevealedErrors};
 use crate::relight::{KeptLight, keep_light};
 use crate::settings::BakeSettings;
 use crate::stages::{
@@ -100,7 +100,9 @@ fn finish(mut measured: Measured, mut cx: Context, occluders: usize, points: &As
     let cx = &mut cx;
     let warnings = measured.solved.back_face_check(cx)?;
     let layers = measured.solved.layers(cx)?;
-    let at_points = measured.solved.light_at(cx, points, &layers)?;
+    // A mesh that may have no more vertices does not tell where light is even.
+    let around = if measured.obstacle == Some(Obstacle::MaxVertices) { &[] } else { points.around };
+    let at_points = measured.solved.light_at(cx, &AskedPoints { around, ..*points }, &layers)?;
     let layers = layers.into_iter().map(|layer| layer.lit).collect();
     let kept = keep_light(cx, &mut measured)?;
     let solved = &mut measured.solved;

@@ -6,9 +6,11 @@
 use kernel::replica::Receiver;
 use rayon::prelude::*;
 
-/// Binary logarithm of the distance between texels of the coarsest lattice: what is smaller than this distance may be seen by none of
-/// them, and is left to who knows the light.
-const COARSEST: u32 = 3;
+use crate::error::Stop;
+
+/// Binary logarithm of the distance between texels of the coarsest lattice. None of them may see what is smaller than that: whoever knows
+/// the light must look for it.
+pub const COARSEST: u32 = 3;
 
 /// Least cosine between the normals of texels that have the same light as their mean.
 const LEAST_COSINE: f64 = 0.99;
@@ -16,10 +18,10 @@ const LEAST_COSINE: f64 = 0.99;
 /// Farthest that a point may lie off the middle of two others, in texels: points are in the middle of what of a texel is covered.
 const FARTHEST: f64 = 0.25;
 
-/// Four points around another: the first lies opposite the second, the third opposite the fourth. Of two, each is here twice.
+/// Four points around another: the first lies opposite the second, the third opposite the fourth. Where there are two, each is here twice.
 pub type Around = [u32; 4];
 
-/// The finest lattice but one that a texel of a page belongs to, as a binary logarithm of its distance.
+/// The coarsest lattice that a texel of a page belongs to, as the binary logarithm of the distance between its texels.
 pub fn lattice([x, y]: [u32; 2]) -> u32 {
     (x | y).trailing_zeros().min(COARSEST)
 }
@@ -33,13 +35,14 @@ fn pairs([x, y]: [u32; 2], lattice: u32) -> &'static [[[i64; 2]; 2]] {
     }
 }
 
-/// For each point, given with its texel's place, those around it: points found at places `at`, of which the surface is even
-/// enough that its light may be their mean.
+/// For each point, given with its texel's place (page, column, row), those around it, if there are any on the same flat or little curved
+/// surface: points found `at` places, alike. None where `stop` says so.
 pub fn around(
     points: &[(Receiver, [u32; 3])],
     at: impl Fn([u32; 3]) -> Option<u32> + Sync,
     are_alike: impl Fn(u32, u32) -> bool + Sync,
-) -> Vec<Option<Around>> {
+    stop: Stop,
+) -> Option<Vec<Option<Around>>> {
     let of_point = |(index, (point, [page, x, y])): (usize, &(Receiver, [u32; 3]))| {
         let lattice = lattice([*x, *y]);
         if lattice == COARSEST {
@@ -67,5 +70,6 @@ pub fn around(
         let [c, d] = even.next().unwrap_or([a, b]);
         Some([a, b, c, d])
     };
-    points.par_iter().enumerate().with_min_len(1024).map(of_point).collect()
+    let checked = |of: (usize, &_)| if of.0 % 256 == 0 && stop() { None } else { Some(of_point(of)) };
+    points.par_iter().enumerate().with_min_len(1024).map(checked).collect()
 }

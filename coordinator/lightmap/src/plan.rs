@@ -108,7 +108,7 @@ impl Plan {
     }
 
     /// For each point that lies between others, four of these, which come before it: where they and the surface are evenly lit, their
-    /// mean light is its own. The first lies opposite the second, the third opposite the fourth; of two, each is there twice.
+    /// mean light is its own. The first lies opposite the second, the third opposite the fourth; where there are two, each is there twice.
     #[must_use]
     pub fn around(&self) -> &[Option<[u32; 4]>] {
         &self.texels.around

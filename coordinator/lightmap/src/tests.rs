@@ -239,13 +239,15 @@ fn texels_below_a_box_are_filled_from_their_neighbours() {
     assert!(covered.iter().all(|texel| map.images[0][0][*texel as usize] == [3.0; 3]));
 }
 
-/// Most of a floor lies between other points of it, which are on its lattices and come first; nothing lies between points of two sides of
-/// an edge, or over a wall.
+/// Most of a floor and the sides of a box lie between other points of them, which come first and lie opposite each other.
 #[test]
 fn texels_lie_between_those_of_coarser_lattices() {
     let parts = [Part::floor(2.0), Part::lid([0.45, 0.45], [1.55, 1.55], 1.0)];
-    let plan = planned(&parts, Resolution::Texel(0.05));
+    let scene = scene(&parts);
+    let plan = plan(&scene, Resolution::Texel(0.05), &|| false).unwrap();
     let (points, around) = (plan.points(), plan.around());
+    let unit = |x: f64| scene.frame.to_frame(DVec3::X * x);
+    let texel = unit(0.05).distance(unit(0.0));
     let mut between = 0;
     for (index, others) in around.iter().enumerate() {
         let Some(others) = others else { continue };
@@ -253,11 +255,9 @@ fn texels_lie_between_those_of_coarser_lattices() {
         assert!(others.iter().all(|other| (*other as usize) < index), "{index} comes before {others:?}");
         let of = others.map(|other| points[other as usize]);
         for pair in of.chunks(2) {
-            // A quarter of a texel off, in frame units, and rounding.
             let middle = (pair[0].position + pair[1].position) / 2.0;
             let off = middle.distance(points[index].position);
-            let apart = pair[0].position.distance(pair[1].position);
-            assert!(off <= apart / 8.0 + 1e-9, "{off} off, of {apart}");
+            assert!(off <= 0.3 * texel, "{off} off, with texels of {texel}");
             assert!(pair.iter().all(|other| other.normal.dot(points[index].normal) > 0.99));
         }
     }

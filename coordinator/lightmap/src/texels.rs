@@ -1,7 +1,5 @@
 //! The point of each texel: in the middle of the part of the surface that it covers and that is open to light.
 
-use std::cmp::Reverse;
-
 use glam::{DVec2, DVec3};
 use kernel::geometry::PlaneId;
 use kernel::hemisphere::{SeenPolygons, directions};
@@ -10,7 +8,7 @@ use rayon::prelude::*;
 use scene::{Scene, Side};
 
 use crate::error::{LightmapError, Stop};
-use crate::lattice::{Around, around, lattice};
+use crate::lattice::{Around, COARSEST, around, lattice};
 use crate::layout::barycentric;
 use crate::raster::covered;
 use crate::sides::LitSide;
@@ -104,16 +102,21 @@ pub fn texels(scene: &Scene, sides: &[LitSide], pages: &Pages, stop: Stop) -> Re
     let found = checked(&|index| {
         if is_mixed(index) { surroundings.part(of_texels[index]) } else { whole[index] }
     })?;
+    drop(whole);
     let place = |index: usize| {
         let texel = texel_of(index);
         [texel / (width * height), texel % width, texel / width % height]
     };
-    let mut order: Vec<usize> = (0..found.len()).filter(|index| found[*index].is_some()).collect();
+    let lattice_of: Vec<u8> = (0..found.len())
+        .map(|index| {
+            let [_, x, y] = place(index);
+            if found[index].is_some() { lattice([x, y]) as u8 } else { u8::MAX }
+        })
+        .collect();
     // Coarse lattices first.
-    order.sort_by_key(|index| {
-        let [_, x, y] = place(*index);
-        Reverse(lattice([x, y]))
-    });
+    let lattice_of = &lattice_of;
+    let of = |own: u32| (0..lattice_of.len()).filter(move |index| u32::from(lattice_of[*index]) == own);
+    let order: Vec<usize> = (0..=COARSEST).rev().flat_map(of).collect();
     let mut point_of = vec![NO_POINT; found.len()];
     order.iter().zip(0..).for_each(|(index, point)| point_of[*index] = point);
     let may_be_hidden: Vec<bool> =
@@ -129,10 +132,7 @@ pub fn texels(scene: &Scene, sides: &[LitSide], pages: &Pages, stop: Stop) -> Re
         let [a, b] = [a, b].map(|point| order[point as usize]);
         may_be_hidden[a] == may_be_hidden[b]
     };
-    let around = around(&points, point_at, are_alike);
-    if stop() {
-        return Err(LightmapError::Cancelled);
-    }
+    let around = around(&points, point_at, are_alike, stop).ok_or(LightmapError::Cancelled)?;
     let points = points.into_iter().map(|(receiver, _)| receiver).collect();
     let texels = of_texels.iter().map(|pieces| pieces[0].texel).collect();
     Ok(Texels { texels, point_of, may_be_hidden, points, around })

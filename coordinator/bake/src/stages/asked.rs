@@ -3,7 +3,7 @@
 use glam::DVec3;
 use kernel::replica::{Receiver, Receivers};
 
-use super::even_light::{DARK, EvenLight};
+use super::even_light::EvenLight;
 use super::irradiance::{Irradiance, Lights, Place, Received, irradiance_at};
 use super::layers::Layer;
 use super::solved::Solved;
@@ -80,12 +80,12 @@ impl Solved {
         }
         cx.client.monitor.enter(sort.phase, self.mesh.mesh.vertices.len());
         let waves = waves(points.len(), around);
-        let even = if waves.len() > 1 { Some(EvenLight::new(self, cx, points, around)?) } else { None };
-        let mut floors = vec![];
+        let even =
+            if waves.len() > 1 { Some(EvenLight::new(self, cx, (points, around), layers)?) } else { None };
         let (mut first_key, mut computed) = (sort.first_key, 0);
         for wave in waves {
             let mut own = match &even {
-                Some(even) => even.take_means(&wave, &mut light, &floors),
+                Some(even) => even.take_means(cx, &wave, &mut light)?,
                 None => wave,
             };
             computed += own.len();
@@ -94,9 +94,6 @@ impl Solved {
             for some in own.chunks(AT_ONCE) {
                 self.compute(cx, (points, some), (sort, first_key), layers, &mut light)?;
                 first_key += AT_ONCE as u64;
-            }
-            if floors.is_empty() {
-                floors = light.iter().map(|light| DARK * mean_of(light, &own)).collect();
             }
         }
         let between = around.iter().flatten().count();
@@ -148,9 +145,4 @@ fn waves(points: usize, around: &[Option<[u32; 4]>]) -> Vec<Vec<usize>> {
         waves[wave].push(point);
     }
     waves
-}
-
-/// Mean of the largest channel over some points.
-fn mean_of(light: &[DVec3], points: &[usize]) -> f64 {
-    points.iter().map(|point| light[*point].max_element()).sum::<f64>() / points.len().max(1) as f64
 }

@@ -1,20 +1,21 @@
 //! Where light is so even that the mean of points around another is its light.
 //!
-//! Points alone do not tell: what is smaller than their distance may lie between them. But the mesh was divided where light changes,
-//! so that light between its vertices, wherever they are, tells whether something does.
+//! Points alone do not tell: what is smaller than their distance may lie between them. But the mesh was divided where light changes, so
+//! that the light between its vertices tells whether something does.
 
-use glam::DVec3;
-use kernel::geometry::{ConvexPolygon, PlaneId};
+use glam::{DVec3, Vec3};
+use kernel::geometry::{ConvexPolygon, PlaneId, area_vector};
 use kernel::hemisphere::SeenPolygons;
 use kernel::replica::Receiver;
 use rayon::prelude::*;
 
+use super::layers::Layer;
 use super::solved::Solved;
 use crate::context::Context;
 use crate::error::Result;
-use crate::mesh::{PatchId, VertexId, interpolation};
+use crate::mesh::{Interpolation, PatchId, interpolation};
 
-/// Points looked up between two questions whether the bake is cancelled.
+/// Points looked at between checks for cancellation.
 const AT_ONCE: usize = 1 << 15;
 
 /// Height from which the mesh is looked for below a point, and how far below it may be, in frame units: points over curved surfaces
@@ -22,27 +23,38 @@ const AT_ONCE: usize = 1 << 15;
 const ABOVE: f64 = 0.01;
 const BELOW: f64 = 2.0;
 
+/// Least cosine between the normals of a point and of the leaf below it, where they are not in one plane.
+const LEAST_COSINE: f64 = 0.9;
+
 /// No plane of the scene.
 const NO_PLANE: PlaneId = PlaneId(u32::MAX);
 
-/// Most difference of the points around another, of the means of opposite ones, and of the light that the mesh has there from what it
-/// has around: in parts of the error asked for, relative to the light.
+/// Limits in parts of the error asked for, relative to the light: of differences among the points around another, of what of them the
+/// mesh does not have, of the difference of the means of opposite points, and of that of the mesh's light at the point from its mean
+/// around.
 const MOST_RANGE: f64 = 3.0;
+const MOST_UNKNOWN: f64 = 1.5;
 const MOST_TWIST: f64 = 1.0;
 const MOST_BEND: f64 = 0.5;
 
-/// Part of the mean light below which differences are not looked at.
-pub const DARK: f64 = 0.02;
+/// Part of the median light of the mesh below which differences are not looked at.
+const DARK: f64 = 0.02;
 
 /// What the mesh knows of light at points.
 pub struct EvenLight<'a> {
     /// For each point that lies between others, four of them.
     around: &'a [Option<[u32; 4]>],
-    /// Irradiance by the mesh; none where it has no leaf.
-    by_mesh: Vec<Option<DVec3>>,
+    /// The part of the light that is wanted, then each group's.
+    layers: Vec<MeshLight>,
     /// The error asked for.
     error: f64,
-    /// Differences of the light of the mesh are relative to this light at least.
+}
+
+/// Irradiance of a layer as the mesh has it.
+struct MeshLight {
+    /// At each point; not a number where there is no leaf.
+    at: Vec<Vec3>,
+    /// Differences are relative to this light at least.
     floor: f64,
 }
 
@@ -51,8 +63,8 @@ impl<'a> EvenLight<'a> {
     pub fn new(
         solved: &Solved,
         cx: &mut Context,
-        points: &[Receiver],
-        around: &'a [Option<[u32; 4]>],
+        (points, around): (&[Receiver], &'a [Option<[u32; 4]>]),
+        layers: &[Layer],
     ) -> Result<Self> {
         let mesh = &solved.mesh.mesh;
         let leaves: Vec<PatchId> = mesh.leaves().map(|(id, _)| id).collect();
@@ -60,59 +72,100 @@ impl<'a> EvenLight<'a> {
             leaves.par_iter().with_min_len(1024).map(|leaf| mesh.polygon(cx.scene, *leaf)).collect();
         let seen = SeenPolygons::new(&polygons, &[]);
         let all = &solved.solution.irradiance;
-        let irradiance = |vertex: VertexId| all[vertex.index()];
-        let at = |point: &Receiver| {
+        let below = |point: &Receiver| {
             let above = point.position + point.normal * ABOVE;
             let hit = seen.nearest(above, -point.normal, 0.0, NO_PLANE)?;
-            if !hit.is_front || hit.distance > ABOVE + BELOW {
+            let normal = || area_vector(&polygons[hit.polygon].corners).normalize_or_zero();
+            let is_own = hit.plane == point.plane || normal().dot(point.normal) >= LEAST_COSINE;
+            if !hit.is_front || !is_own || hit.distance > ABOVE + BELOW {
                 return None;
             }
             let place = above - point.normal * hit.distance;
-            let weights = interpolation(mesh, leaves[hit.polygon], place, irradiance);
-            Some(weights.into_iter().map(|(vertex, weight)| irradiance(vertex) * weight).sum())
+            Some(interpolation(mesh, leaves[hit.polygon], place, |vertex| all[vertex.index()]))
         };
-        let mut by_mesh: Vec<Option<DVec3>> = Vec::with_capacity(points.len());
+        let wanted = cx.settings.only.of_all(all, &solved.direct);
+        let values: Vec<&[DVec3]> =
+            [&*wanted].into_iter().chain(layers.iter().map(|layer| &*layer.lit.irradiance)).collect();
+        let mut light: Vec<Vec<Vec3>> = values.iter().map(|_| Vec::with_capacity(points.len())).collect();
         for some in points.chunks(AT_ONCE) {
             cx.client.monitor.check()?;
-            by_mesh.par_extend(some.par_iter().with_min_len(256).map(at));
-        }
-        let known = by_mesh.iter().flatten().map(|light| light.max_element());
-        let floor = DARK * known.sum::<f64>() / by_mesh.len().max(1) as f64;
-        Ok(Self { around, by_mesh, error: cx.settings.asked_error(), floor })
-    }
-
-    /// Gives those of these points where light is even the mean of the points around, layer by layer; returns all others. Differences in
-    /// a layer are relative to its floor at least.
-    pub fn take_means(&self, points: &[usize], light: &mut [Vec<DVec3>], floors: &[f64]) -> Vec<usize> {
-        let mean = |point: &usize| self.mean(*point, light, floors);
-        let means: Vec<Option<Vec<DVec3>>> = points.par_iter().with_min_len(1024).map(mean).collect();
-        let mut others = vec![];
-        for (point, mean) in points.iter().zip(means) {
-            match mean {
-                Some(mean) => light.iter_mut().zip(mean).for_each(|(light, mean)| light[*point] = mean),
-                None => others.push(*point),
+            let found: Vec<Option<Interpolation>> = some.par_iter().with_min_len(256).map(below).collect();
+            for (light, values) in light.iter_mut().zip(&values) {
+                let value = |weights: &Interpolation| {
+                    weights.iter().map(|(vertex, weight)| values[vertex.index()] * *weight).sum::<DVec3>()
+                };
+                light.extend(found.iter().map(|of| of.as_ref().map_or(Vec3::NAN, |of| value(of).as_vec3())));
             }
         }
-        others
+        let layers = light.into_iter().map(|at| MeshLight { floor: DARK * median(&at), at }).collect();
+        Ok(Self { around, layers, error: cx.settings.asked_error() })
     }
 
-    fn mean(&self, point: usize, light: &[Vec<DVec3>], floors: &[f64]) -> Option<Vec<DVec3>> {
-        let around = self.around.get(point).copied().flatten()?.map(|other| other as usize);
-        let [a, b, c, d] = around.map(|other| self.by_mesh[other]);
-        let by_mesh = (a? + b? + c? + d?) / 4.0;
-        let bend = (self.by_mesh[point]? - by_mesh).abs().max_element();
-        if bend > MOST_BEND * self.error * by_mesh.max_element().max(self.floor) {
-            return None;
+    /// Gives those of these points where light is even the mean of the points around, layer by layer; returns all others.
+    pub fn take_means(
+        &self,
+        cx: &mut Context,
+        points: &[usize],
+        light: &mut [Vec<DVec3>],
+    ) -> Result<Vec<usize>> {
+        let mut others = vec![];
+        for some in points.chunks(AT_ONCE) {
+            cx.client.monitor.check()?;
+            let mean = |point: &usize| self.mean(*point, light);
+            let means: Vec<Option<Vec<DVec3>>> = some.par_iter().with_min_len(1024).map(mean).collect();
+            for (point, mean) in some.iter().zip(means) {
+                match mean {
+                    Some(mean) => light.iter_mut().zip(mean).for_each(|(light, mean)| light[*point] = mean),
+                    None => others.push(*point),
+                }
+            }
         }
-        let mean = |(light, floor): (&Vec<DVec3>, &f64)| {
-            let [a, b, c, d] = around.map(|other| light[other]);
-            let mean = (a + b + c + d) / 4.0;
-            let allowed = self.error * mean.max_element().max(*floor);
-            let range = a.max(b).max(c).max(d) - a.min(b).min(c).min(d);
-            let twist = (a + b - c - d).abs() / 2.0;
-            (range.max_element() <= MOST_RANGE * allowed && twist.max_element() <= MOST_TWIST * allowed)
-                .then_some(mean)
-        };
-        light.iter().zip(floors).map(mean).collect()
+        Ok(others)
     }
+
+    /// The mean of the points around another in each layer, where all layers are even.
+    fn mean(&self, point: usize, light: &[Vec<DVec3>]) -> Option<Vec<DVec3>> {
+        let around = self.around.get(point).copied().flatten()?.map(|other| other as usize);
+        let mean = |(light, mesh): (&Vec<DVec3>, &MeshLight)| {
+            let (found, known) = (around.map(|other| light[other]), around.map(|other| mesh.light(other)));
+            let mean = mean_of(found);
+            let allowed = self.error * mean.max_element().max(mesh.floor);
+            let [a, b, c, d] = found;
+            let twist = (a + b - c - d).abs().max_element() / 2.0;
+            let unknown = range([0, 1, 2, 3].map(|other| found[other] - known[other]));
+            let bend = (mesh.light(point) - mean_of(known)).abs().max_element();
+            // Nothing holds of what is not a number.
+            let is_even = range(found) <= MOST_RANGE * allowed
+                && unknown <= MOST_UNKNOWN * allowed
+                && twist <= MOST_TWIST * allowed
+                && bend <= MOST_BEND * allowed;
+            is_even.then_some(mean)
+        };
+        light.iter().zip(&self.layers).map(mean).collect()
+    }
+}
+
+impl MeshLight {
+    fn light(&self, point: usize) -> DVec3 {
+        self.at[point].as_dvec3()
+    }
+}
+
+fn mean_of(light: [DVec3; 4]) -> DVec3 {
+    light.into_iter().sum::<DVec3>() / 4.0
+}
+
+/// Largest difference in a channel; not a number where one of them is not.
+fn range(light: [DVec3; 4]) -> f64 {
+    let [a, b, c, d] = light;
+    let sum = (a + b + c + d).element_sum();
+    if sum.is_nan() { sum } else { (a.max(b).max(c).max(d) - a.min(b).min(c).min(d)).max_element() }
+}
+
+/// Median of the largest channel of what is known.
+fn median(light: &[Vec3]) -> f64 {
+    let mut known: Vec<f32> =
+        light.iter().filter(|light| !light.is_nan()).map(|light| light.max_element()).collect();
+    let middle = known.len() / 2;
+    if known.is_empty() { 0.0 } else { f64::from(*known.select_nth_unstable_by(middle, f32::total_cmp).1) }
 }
