@@ -33,9 +33,6 @@ const SPREAD: f64 = 0.05;
 /// Rays of a hemisphere.
 const HEMISPHERE: u32 = 256;
 
-/// No polygon lies in it: none is left out.
-const NO_PLANE: PlaneId = PlaneId(u32::MAX);
-
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = env::args().skip(1).collect();
     let [scene, folder, count] = arguments.as_slice() else {
@@ -54,7 +51,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     for (kind, rays) in [("any", places.any(count.parse()?)), ("bundles", places.bundles(count.parse()?))] {
         write(&folder.join(format!("{kind}.f32")), rays.as_flattened())?;
         let clock = Clock::start();
-        let hits = rays.iter().filter(|[from, to]| occluder.blocks(*from, *to, [NO_PLANE; 2])).count();
+        let hits = rays.iter().filter(|[from, to]| occluder.blocks(*from, *to, [PlaneId::NONE; 2])).count();
         let seconds = clock.seconds();
         kinds.insert(kind.into(), json!({ "rays": rays.len(), "hits": hits, "seconds": seconds }));
     }
@@ -79,7 +76,7 @@ fn closest(polygons: &[ConvexPolygon], rays: &[[DVec3; 2]], folder: &Path) -> Re
     let clock = Clock::start();
     let distance = |hit: Option<Hit>| hit.map_or(f32::INFINITY, |hit| hit.distance as f32);
     let distances: Vec<f32> =
-        rays.iter().map(|[from, along]| distance(seen.nearest(*from, *along, 0.0, NO_PLANE))).collect();
+        rays.iter().map(|[from, along]| distance(seen.nearest(*from, *along, 0.0, PlaneId::NONE))).collect();
     let seconds = clock.seconds();
     let hits = distances.iter().filter(|distance| distance.is_finite()).count();
     write(&folder.join("closest.f32"), rays.as_flattened())?;

@@ -8,8 +8,8 @@ use rayon::prelude::*;
 
 use crate::error::Stop;
 
-/// Binary logarithm of the distance between texels of the coarsest lattice. None of them may see what is smaller than that: whoever knows
-/// the light must look for it.
+/// Binary logarithm of the distance between texels of the coarsest lattice. They may miss what is smaller than that: callers, who know
+/// the light, look for it.
 pub const COARSEST: u32 = 3;
 
 /// Least cosine between the normals of texels that have the same light as their mean.

@@ -11,9 +11,6 @@ use smallvec::SmallVec;
 /// Cosine of the angle (one degree) up to which two normals count as one.
 const SAME_NORMAL: f64 = 0.999_847_695;
 
-/// The plane of no facet.
-const NO_PLANE: PlaneId = PlaneId(u32::MAX);
-
 /// A lit side of a primitive of a node.
 pub struct LitSide {
     /// Its surface in the scene.
@@ -128,7 +125,7 @@ impl<'a> FacetOf<'a> {
             // Without area, or the same as another: lit as it lies.
             let [a, b, c] = corners;
             let normal = (b - a).cross(c - a).normalize_or_zero();
-            return SideTriangle { vertices, plane: NO_PLANE, normals: [normal; 3], is_smooth: true };
+            return SideTriangle { vertices, plane: PlaneId::NONE, normals: [normal; 3], is_smooth: true };
         };
         let normals = corners.map(|position| {
             let corner = facet.corners.iter().find(|corner| corner.position == position);

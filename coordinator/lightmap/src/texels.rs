@@ -107,15 +107,12 @@ pub fn texels(scene: &Scene, sides: &[LitSide], pages: &Pages, stop: Stop) -> Re
         let texel = texel_of(index);
         [texel / (width * height), texel % width, texel / width % height]
     };
-    let lattice_of: Vec<u8> = (0..found.len())
-        .map(|index| {
-            let [_, x, y] = place(index);
-            if found[index].is_some() { lattice([x, y]) as u8 } else { u8::MAX }
-        })
-        .collect();
     // Coarse lattices first.
-    let lattice_of = &lattice_of;
-    let of = |own: u32| (0..lattice_of.len()).filter(move |index| u32::from(lattice_of[*index]) == own);
+    let is_of = |index: usize, own: u32| {
+        let [_, x, y] = place(index);
+        found[index].is_some() && lattice([x, y]) == own
+    };
+    let of = |own: u32| (0..found.len()).filter(move |index| is_of(*index, own));
     let order: Vec<usize> = (0..=COARSEST).rev().flat_map(of).collect();
     let mut point_of = vec![NO_POINT; found.len()];
     order.iter().zip(0..).for_each(|(index, point)| point_of[*index] = point);

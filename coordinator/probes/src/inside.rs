@@ -7,9 +7,6 @@ use kernel::geometry::PlaneId;
 use kernel::hemisphere::SeenPolygons;
 use scene::{Scene, Side};
 
-/// The plane of no facet.
-pub const NO_PLANE: PlaneId = PlaneId(u32::MAX);
-
 /// Rays over the sphere about a point.
 const RAYS: u32 = 96;
 
@@ -56,7 +53,7 @@ impl Walls {
             let (sine, cosine) = (f64::from(ray) * TURN).sin_cos();
             let across = (1.0 - z * z).sqrt();
             let direction = DVec3::new(across * cosine, across * sine, z);
-            match self.seen.nearest(point, direction, 0.0, NO_PLANE) {
+            match self.seen.nearest(point, direction, 0.0, PlaneId::NONE) {
                 Some(hit) if !hit.is_front => backs += 1,
                 Some(hit) if self.is_back[hit.polygon] => lit_backs += 1,
                 _ => {}

@@ -1,6 +1,7 @@
 //! From a scene to receivers, and from their light to harmonics.
 
 use glam::DVec3;
+use kernel::geometry::PlaneId;
 use kernel::replica::Receiver;
 use rayon::prelude::*;
 use scene::Scene;
@@ -10,7 +11,7 @@ use serde_json::{Value, json};
 use crate::error::{MOST_PROBES, ProbeError};
 use crate::grid::Grid;
 use crate::harmonics::{Coefficients, NORMALS, fitted, normals};
-use crate::inside::{NO_PLANE, Place, Walls};
+use crate::inside::{Place, Walls};
 
 /// Light below this part of the mean is none, behind surfaces that are lit from both sides.
 const DARK: f64 = 1e-3;
@@ -76,7 +77,7 @@ pub fn plan(scene: &Scene, places: &Places) -> Result<Plan, ProbeError> {
     let open = in_frame.iter().zip(&places).filter(|(_, place)| **place != Place::Inside);
     let receivers = open
         .flat_map(|(point, _)| {
-            normals().map(|(normal, _)| Receiver { position: *point, normal, plane: NO_PLANE })
+            normals().map(|(normal, _)| Receiver { position: *point, normal, plane: PlaneId::NONE })
         })
         .collect();
     Ok(Plan { grid, positions, places, receivers })

@@ -76,7 +76,7 @@ fn receivers() -> Vec<Receiver> {
         let (height, turn) = (1.0 - (f64::from(n) + 0.5) / 16.0, PI * 2.4 * f64::from(n));
         let ring = (1.0 - height * height).sqrt();
         let normal = DVec3::new(ring * turn.cos(), ring * turn.sin(), height);
-        Receiver { position: normal * 0.21, normal, plane: PlaneId(u32::MAX) }
+        Receiver { position: normal * 0.21, normal, plane: PlaneId::NONE }
     });
     floor.chain(ball).collect()
 }

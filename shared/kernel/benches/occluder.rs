@@ -19,7 +19,7 @@ const BOXES: u32 = 12;
 const RAYS: usize = 1000;
 
 /// No polygon lies in it.
-const ELSEWHERE: [PlaneId; 2] = [PlaneId(u32::MAX); 2];
+const ELSEWHERE: [PlaneId; 2] = [PlaneId::NONE; 2];
 
 /// A lattice of boxes with gaps between them, in a cube of side 2: some rays pass, most do not.
 fn boxes() -> Vec<ConvexPolygon> {
@@ -69,7 +69,7 @@ fn shafts(criterion: &mut Criterion) {
             let receiver = |i: usize| Receiver {
                 position: DVec3::new(point.x + 0.02 * (i % 4) as f64, point.y + 0.02 * (i / 4) as f64, -1.5),
                 normal: DVec3::Z,
-                plane: PlaneId(u32::MAX),
+                plane: PlaneId::NONE,
             };
             (0..LANES).map(receiver).collect()
         })

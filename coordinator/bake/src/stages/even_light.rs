@@ -26,9 +26,6 @@ const BELOW: f64 = 2.0;
 /// Least cosine between the normals of a point and of the leaf below it, where they are not in one plane.
 const LEAST_COSINE: f64 = 0.9;
 
-/// No plane of the scene.
-const NO_PLANE: PlaneId = PlaneId(u32::MAX);
-
 /// Limits in parts of the error asked for, relative to the light: of differences among the points around another, of what of them the
 /// mesh does not have, of the difference of the means of opposite points, and of that of the mesh's light at the point from its mean
 /// around.
@@ -74,7 +71,7 @@ impl<'a> EvenLight<'a> {
         let all = &solved.solution.irradiance;
         let below = |point: &Receiver| {
             let above = point.position + point.normal * ABOVE;
-            let hit = seen.nearest(above, -point.normal, 0.0, NO_PLANE)?;
+            let hit = seen.nearest(above, -point.normal, 0.0, PlaneId::NONE)?;
             let normal = || area_vector(&polygons[hit.polygon].corners).normalize_or_zero();
             let is_own = hit.plane == point.plane || normal().dot(point.normal) >= LEAST_COSINE;
             if !hit.is_front || !is_own || hit.distance > ABOVE + BELOW {
@@ -134,7 +131,7 @@ impl<'a> EvenLight<'a> {
             let twist = (a + b - c - d).abs().max_element() / 2.0;
             let unknown = range([0, 1, 2, 3].map(|other| found[other] - known[other]));
             let bend = (mesh.light(point) - mean_of(known)).abs().max_element();
-            // Nothing holds of what is not a number.
+            // Where one of them is not a number, neither is the bend, and no comparison with it holds.
             let is_even = range(found) <= MOST_RANGE * allowed
                 && unknown <= MOST_UNKNOWN * allowed
                 && twist <= MOST_TWIST * allowed
@@ -155,11 +152,9 @@ fn mean_of(light: [DVec3; 4]) -> DVec3 {
     light.into_iter().sum::<DVec3>() / 4.0
 }
 
-/// Largest difference in a channel; not a number where one of them is not.
-fn range(light: [DVec3; 4]) -> f64 {
-    let [a, b, c, d] = light;
-    let sum = (a + b + c + d).element_sum();
-    if sum.is_nan() { sum } else { (a.max(b).max(c).max(d) - a.min(b).min(c).min(d)).max_element() }
+/// Largest difference in a channel.
+fn range([a, b, c, d]: [DVec3; 4]) -> f64 {
+    (a.max(b).max(c).max(d) - a.min(b).min(c).min(d)).max_element()
 }
 
 /// Median of the largest channel of what is known.

@@ -13,3 +13,8 @@ pub use polygon::{ConvexPolygon, area_vector, uniform_point};
 /// see nor block each other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Default)]
 pub struct PlaneId(pub u32);
+
+impl PlaneId {
+    /// No plane of the scene: that of points in space, and of rays that may meet anything.
+    pub const NONE: Self = Self(u32::MAX);
+}

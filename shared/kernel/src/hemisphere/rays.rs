@@ -7,9 +7,6 @@ use pulp::WithSimd;
 use super::polygons::{GRAZING, Hit, SeenPolygons};
 use crate::geometry::{ConvexPolygon, PlaneId};
 
-/// Not the plane of any polygon here.
-const ELSEWHERE: PlaneId = PlaneId(u32::MAX);
-
 /// One answer, whatever computes it.
 fn nearest(polygons: &SeenPolygons, origin: DVec3, direction: DVec3, from: f64, own: PlaneId) -> Option<Hit> {
     let found = polygons.nearest(origin, direction, from, own);
@@ -82,15 +79,15 @@ proptest! {
     ) {
         let seen = SeenPolygons::new(&polygons, &[]);
         for (origin, along) in origins {
-            nearest(&seen, origin, along.normalize(), 0.0, ELSEWHERE);
+            nearest(&seen, origin, along.normalize(), 0.0, PlaneId::NONE);
             for polygon in &polygons {
                 // Through inner points, corners and middles of edges, from afar and from within another triangle.
                 let [a, b, c] = [0, 1, 2].map(|corner| polygon.corners[corner]);
                 for target in [(a + b + c) / 3.0, a, (a + b) * 0.5] {
                     let direction = (target - origin).normalize();
-                    let first = nearest(&seen, origin, direction, 0.0, ELSEWHERE);
+                    let first = nearest(&seen, origin, direction, 0.0, PlaneId::NONE);
                     if let Some(first) = first {
-                        nearest(&seen, origin, direction, first.distance, ELSEWHERE);
+                        nearest(&seen, origin, direction, first.distance, PlaneId::NONE);
                         nearest(&seen, origin, direction, 0.0, first.plane);
                     }
                     let start = polygons[0].corners.iter().sum::<DVec3>() / 3.0;
@@ -99,7 +96,7 @@ proptest! {
                     }
                     // Nearly along the triangle.
                     let grazing = ((b - a).normalize_or_zero() + along * 1e-6).normalize();
-                    nearest(&seen, target - grazing * 300.0, grazing, 0.0, ELSEWHERE);
+                    nearest(&seen, target - grazing * 300.0, grazing, 0.0, PlaneId::NONE);
                 }
             }
         }
@@ -111,7 +108,7 @@ fn a_ray_of_no_numbers_meets_nothing() {
     let square = [DVec3::ZERO, DVec3::X, DVec3::X + DVec3::Y, DVec3::Y];
     let seen = SeenPolygons::new(&[polygon(0, &square)], &[]);
     let aim = DVec3::new(0.4, 0.3, 0.0) - DVec3::Z;
-    assert!(nearest(&seen, DVec3::Z, aim.normalize(), 0.0, ELSEWHERE).is_some());
-    assert_eq!(nearest(&seen, DVec3::Z, DVec3::NAN, 0.0, ELSEWHERE), None);
-    assert_eq!(nearest(&seen, DVec3::new(0.3, f64::NAN, 1.0), DVec3::NEG_Z, 0.0, ELSEWHERE), None);
+    assert!(nearest(&seen, DVec3::Z, aim.normalize(), 0.0, PlaneId::NONE).is_some());
+    assert_eq!(nearest(&seen, DVec3::Z, DVec3::NAN, 0.0, PlaneId::NONE), None);
+    assert_eq!(nearest(&seen, DVec3::new(0.3, f64::NAN, 1.0), DVec3::NEG_Z, 0.0, PlaneId::NONE), None);
 }

@@ -60,7 +60,7 @@ fn scaled(corners: &[DVec3], factor: f64) -> Polygon {
 }
 
 fn receiver(position: DVec3, normal: DVec3) -> Receiver {
-    Receiver { position, normal, plane: PlaneId(u32::MAX) }
+    Receiver { position, normal, plane: PlaneId::NONE }
 }
 
 /// The visible factor of a polygon behind these blockers.

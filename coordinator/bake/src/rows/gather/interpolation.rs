@@ -48,9 +48,6 @@ const LEAST_LIFT: f64 = 3e-5;
 /// above the straight line.
 const LIFT: f64 = 0.25;
 
-/// The plane of no polygon.
-const NO_PLANE: PlaneId = PlaneId(u32::MAX);
-
 /// Points with less than this part of the largest weight do not count.
 const LEAST_WEIGHT: f64 = 1e-3;
 
@@ -207,7 +204,7 @@ impl<'a> Neighbours<'a> {
         let lift = LEAST_LIFT * self.extent + LIFT * turn * receiver.position.distance(point.position);
         let above = |receiver: &Receiver| receiver.position + receiver.normal * lift;
         // Their own surfaces hide them from each other, too: the two sides of a cupboard's door.
-        !self.occluder.blocks(above(receiver), above(point), [NO_PLANE; 2])
+        !self.occluder.blocks(above(receiver), above(point), [PlaneId::NONE; 2])
     }
 }
 

@@ -9,7 +9,7 @@ use crate::geometry::{ConvexPolygon, PlaneId};
 use crate::triangles::{Fan, crosses};
 
 /// Not the plane of any polygon here.
-const ELSEWHERE: [PlaneId; 2] = [PlaneId(u32::MAX); 2];
+const ELSEWHERE: [PlaneId; 2] = [PlaneId::NONE; 2];
 
 /// One answer, whatever computes it.
 fn blocks(occluder: &Occluder, from: DVec3, to: DVec3, planes: [PlaneId; 2]) -> bool {
