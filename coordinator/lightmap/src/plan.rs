@@ -19,6 +19,9 @@ use crate::unwrap::{Pages, Resolution, area, check_size, unwrap};
 /// Most texels of all pages, with what is between charts.
 const MOST_IN_PAGES: u64 = 4 * MOST_TEXELS;
 
+/// Part of a page that charts fill, about.
+const LIKELY_FILL: f64 = 0.5;
+
 /// Light below this part of the mean is none, inside of something.
 const DARK: f64 = 1e-3;
 
@@ -63,7 +66,11 @@ pub fn plan(scene: &Scene, resolution: Resolution, stop: Stop) -> Result<Plan, L
     if let Resolution::Texel(texel) = resolution {
         check_size(area(scene, &sides), texel)?;
     }
-    let meetings = meetings(&sides);
+    let texel = match resolution {
+        Resolution::Texel(texel) => texel,
+        Resolution::Page(page) => (area(scene, &sides) / LIKELY_FILL).sqrt() / f64::from(page),
+    };
+    let meetings = meetings(&sides, texel / scene.frame.scale);
     let own = own_set(scene, &sides, resolution);
     let (pages, uses_second_set, second_set_problem) = match own {
         Some(Ok(pages)) => (pages, true, None),

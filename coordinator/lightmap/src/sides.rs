@@ -4,12 +4,18 @@ use document::placement::world_matrices;
 use foldhash::{HashMap, HashMapExt};
 use glam::DVec3;
 use gltf::Semantic;
-use kernel::geometry::PlaneId;
+use kernel::geometry::{PlaneId, area_vector};
 use scene::{Facet, Scene, Side, triangle_list};
 use smallvec::SmallVec;
 
 /// Cosine of the angle (one degree) up to which two normals count as one.
 const SAME_NORMAL: f64 = 0.999_847_695;
+
+/// Cosine of the angle (45 degrees) between normals up to which charts lie across an edge of small facets.
+const BENT: f64 = 0.707;
+
+/// Facets that reach no farther from an edge are small, in texels: most of them lie within the texels that filtering mixes anyway.
+const SMALL: f64 = 4.0;
 
 /// A lit side of a primitive of a node.
 pub struct LitSide {
@@ -34,6 +40,8 @@ pub struct SideTriangle {
     pub vertices: [u32; 3],
     /// Plane of its facet.
     pub plane: PlaneId,
+    /// Area of its facet, square frame units.
+    pub facet_area: f64,
     /// Unit normals at its vertices on the lit side; zero where it has no area.
     pub normals: [DVec3; 3],
     /// Whether it stands for a curved surface.
@@ -125,14 +133,26 @@ impl<'a> FacetOf<'a> {
             // Without area, or the same as another: lit as it lies.
             let [a, b, c] = corners;
             let normal = (b - a).cross(c - a).normalize_or_zero();
-            return SideTriangle { vertices, plane: PlaneId::NONE, normals: [normal; 3], is_smooth: true };
+            return SideTriangle {
+                vertices,
+                plane: PlaneId::NONE,
+                facet_area: (b - a).cross(c - a).length() / 2.0,
+                normals: [normal; 3],
+                is_smooth: true,
+            };
         };
         let normals = corners.map(|position| {
             let corner = facet.corners.iter().find(|corner| corner.position == position);
             corner.map_or(facet.normal, |corner| corner.normal)
         });
         let is_smooth = normals.iter().any(|normal| *normal != facet.normal);
-        SideTriangle { vertices, plane: facet.plane, normals, is_smooth }
+        SideTriangle {
+            vertices,
+            plane: facet.plane,
+            facet_area: area_vector(&facet.polygon().corners).length(),
+            normals,
+            is_smooth,
+        }
     }
 }
 
@@ -164,12 +184,12 @@ impl EdgeOf {
 pub struct Meetings {
     /// Edges over which light goes on smoothly, as far as normals tell: each pair once.
     pub smooth: Vec<[EdgeOf; 2]>,
-    /// All other edges.
+    /// Edges at which charts end: all others but those where small facets meet at a small angle.
     pub sharp: Vec<EdgeOf>,
 }
 
 /// Finds where triangles of some sides meet: at edges with the same end points.
-pub fn meetings(sides: &[LitSide]) -> Meetings {
+pub fn meetings(sides: &[LitSide], texel: f64) -> Meetings {
     let bits = |position: DVec3| position.to_array().map(f64::to_bits);
     let mut places: HashMap<[[u64; 3]; 2], usize> = HashMap::new();
     let mut met: Vec<SmallVec<[EdgeOf; 2]>> = vec![];
@@ -192,13 +212,19 @@ pub fn meetings(sides: &[LitSide]) -> Meetings {
     for edges in met {
         for (index, &edge) in edges.iter().enumerate() {
             // Fronts and backs of a sheet share their edges, and do not face the same way.
-            let alike = |other: &&EdgeOf| **other != edge && goes_on(sides, edge, **other);
+            let alike = |other: &&EdgeOf| **other != edge && cosine(sides, edge, **other) >= SAME_NORMAL;
+            let bent = |other: &EdgeOf| {
+                *other != edge
+                    && cosine(sides, edge, *other) >= BENT
+                    && [edge, *other].iter().any(|edge| reach(sides, *edge) <= SMALL * texel)
+            };
             let mut others = edges.iter().filter(alike);
             match (others.next(), others.next()) {
                 (Some(other), None) => {
                     let is_first = edges[index..].contains(other);
                     meetings.smooth.extend(is_first.then_some([edge, *other]));
                 }
+                (None, _) if edges.iter().filter(|other| bent(other)).count() == 1 => {}
                 _ => meetings.sharp.push(edge),
             }
         }
@@ -206,8 +232,8 @@ pub fn meetings(sides: &[LitSide]) -> Meetings {
     meetings
 }
 
-/// Whether two triangles have the same normals along an edge that they share.
-fn goes_on(sides: &[LitSide], one: EdgeOf, other: EdgeOf) -> bool {
+/// Least cosine between the normals of two triangles along an edge that they share.
+fn cosine(sides: &[LitSide], one: EdgeOf, other: EdgeOf) -> f64 {
     let ends = |edge: EdgeOf| {
         let side = &sides[edge.side as usize];
         let triangle = &side.triangles[edge.triangle as usize];
@@ -215,8 +241,18 @@ fn goes_on(sides: &[LitSide], one: EdgeOf, other: EdgeOf) -> bool {
         edge.corners().map(|corner| (corners[corner], triangle.normals[corner]))
     };
     let others = ends(other);
-    ends(one).iter().all(|(position, normal)| {
-        let same = others.iter().find(|(other, _)| other == position);
-        same.is_some_and(|(_, other)| normal.dot(*other) >= SAME_NORMAL)
-    })
+    let cosine = |(position, normal): (DVec3, DVec3)| {
+        let same = others.iter().find(|(other, _)| *other == position);
+        same.map_or(-1.0, |(_, other)| normal.dot(*other))
+    };
+    ends(one).map(cosine).into_iter().fold(1.0, f64::min)
+}
+
+/// How far the facet of an edge's triangle reaches from it, in the mean.
+fn reach(sides: &[LitSide], edge: EdgeOf) -> f64 {
+    let side = &sides[edge.side as usize];
+    let triangle = &side.triangles[edge.triangle as usize];
+    let corners = side.corners(triangle);
+    let [a, b] = edge.corners().map(|corner| corners[corner]);
+    triangle.facet_area / a.distance(b)
 }
