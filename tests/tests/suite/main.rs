@@ -11,6 +11,7 @@
 //! | `layout` | crates and modules against the rules of which may use which |
 //! | `layers` | light by groups of its sources, direct and indirect, against the whole |
 //! | `lightmaps` | texels against path-traced references and vertices, and the files that they come in |
+//! | `asked_points` | light of many points beside the mesh against that of few |
 //! | `probes` | light at points in space against the field of a disk and the solution's own irradiance |
 //! | `ambient` | ambient occlusion where it is known |
 //! | `relight` | scenes lit otherwise against bakes of the changed scenes |
@@ -43,6 +44,7 @@
 
 mod ambient;
 mod area_lights;
+mod asked_points;
 mod bad_input;
 mod determinism;
 mod dirty;

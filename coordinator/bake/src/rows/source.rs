@@ -1,7 +1,7 @@
 use std::borrow::Cow;
 
 use glam::DVec3;
-use kernel::replica::Receivers;
+use kernel::replica::{Receiver, Receivers};
 
 use super::local_radiosity::Radiosity;
 use super::means::ShareValues;
@@ -81,6 +81,18 @@ pub trait RowSource: Send {
         receivers: (ReceiverSet, &Receivers),
         radiosities: &[Radiosity],
     ) -> Result<Gathered>;
+
+    /// Gets ready for this many receivers, which lie among these, given the radiosity of the shares and what they emit beside the light of
+    /// the sources.
+    fn expect_many(
+        &mut self,
+        _: &mut Context,
+        _: &ShareMesh,
+        _: (usize, &[Receiver]),
+        _: (&[DVec3], Option<&[DVec3]>),
+    ) -> Result<()> {
+        Ok(())
+    }
 
     /// The same of many receivers, whose light may be interpolated as that of vertices is.
     fn gather_many(

@@ -4,6 +4,7 @@ use glam::DVec3;
 use kernel::replica::{Receiver, Receivers};
 
 use super::even_light::EvenLight;
+use super::glow::glow;
 use super::irradiance::{Irradiance, Lights, Place, Received, irradiance_at};
 use super::layers::Layer;
 use super::solved::Solved;
@@ -79,6 +80,9 @@ impl Solved {
             return Ok(light);
         }
         cx.client.monitor.enter(sort.phase, self.mesh.mesh.vertices.len());
+        if sort.phase == Phase::Lightmap {
+            self.expect(cx, (points, around))?;
+        }
         let waves = waves(points.len(), around);
         let even =
             if waves.len() > 1 { Some(EvenLight::new(self, cx, (points, around), layers)?) } else { None };
@@ -100,6 +104,20 @@ impl Solved {
         tracing::debug!(points = points.len(), between, computed, "{}", sort.phase.name());
         cx.end_step(sort.phase.name());
         Ok(light)
+    }
+
+    /// Lets rows be got ready for points, of which those that lie between none tell where they are.
+    fn expect(
+        &mut self,
+        cx: &mut Context,
+        (points, around): (&[Receiver], &[Option<[u32; 4]>]),
+    ) -> Result<()> {
+        let lies_alone = |index: usize| around.get(index).is_none_or(Option::is_none);
+        let alone = points.iter().enumerate().filter(|(index, _)| lies_alone(*index));
+        let alone: Vec<Receiver> = alone.map(|(_, point)| *point).collect();
+        let glow = glow(&self.mesh, &self.sources.all);
+        let light = (self.solution.radiosity().shares, glow.as_deref());
+        self.rows.source.expect_many(cx, &self.mesh, (points.len(), &alone), light)
     }
 
     /// Computes the light of some of the points.

@@ -32,7 +32,7 @@ mod weigh;
 
 use glam::DVec3;
 use kernel::occluder::Occluder;
-use kernel::replica::Receivers;
+use kernel::replica::{Receiver, Receivers};
 use rayon::prelude::*;
 
 use super::local_radiosity::Radiosity;
@@ -81,6 +81,8 @@ pub struct GatherRows {
     occluder: Option<Occluder>,
     twins: Twins,
     sets: Vec<Set>,
+    /// What gathers for receivers that are asked about in the end, where it has points and this has none.
+    of_asked: Option<Box<GatherRows>>,
 }
 
 impl GatherRows {
@@ -104,6 +106,23 @@ impl GatherRows {
         // Those that became points themselves are not asked about again.
         self.points.truncate(points);
         Ok(told)
+    }
+
+    /// What shares of these radiosities give receivers that take it from the gather points.
+    fn gather_weighed(
+        &mut self,
+        cx: &mut Context,
+        mesh: &ShareMesh,
+        receivers: &Receivers,
+        radiosities: &[Radiosity],
+    ) -> Result<Gathered> {
+        self.weigh_once(cx, receivers, |weights, points| {
+            let light =
+                radiosities.iter().map(|radiosity| weights.of(&points.gather(radiosity.shares))).collect();
+            let sums = weights.of(&points.covered(&mesh.materials)).into_iter();
+            let sums = sums.map(|sum| sum.x.clamp(0.0, 1.0)).collect();
+            Gathered { light, cover: Cover { sums, ..Cover::default() } }
+        })
     }
 
     /// Irradiance of the receivers of a set, given that of the gather points.
@@ -226,6 +245,16 @@ impl RowSource for GatherRows {
         })
     }
 
+    fn expect_many(
+        &mut self,
+        cx: &mut Context,
+        mesh: &ShareMesh,
+        receivers: (usize, &[Receiver]),
+        light: (&[DVec3], Option<&[DVec3]>),
+    ) -> Result<()> {
+        self.place_for_asked(cx, mesh, receivers, light)
+    }
+
     fn gather_many(
         &mut self,
         cx: &mut Context,
@@ -234,13 +263,10 @@ impl RowSource for GatherRows {
         (_, receivers): (ReceiverSet, &Receivers),
         radiosities: &[Radiosity],
     ) -> Result<Gathered> {
-        self.weigh_once(cx, receivers, |weights, points| {
-            let light =
-                radiosities.iter().map(|radiosity| weights.of(&points.gather(radiosity.shares))).collect();
-            let sums = weights.of(&points.covered(&mesh.materials)).into_iter();
-            let sums = sums.map(|sum| sum.x.clamp(0.0, 1.0)).collect();
-            Gathered { light, cover: Cover { sums, ..Cover::default() } }
-        })
+        if let Some(asked) = &mut self.of_asked {
+            return asked.gather_weighed(cx, mesh, receivers, radiosities);
+        }
+        self.gather_weighed(cx, mesh, receivers, radiosities)
     }
 
     fn interpolated(

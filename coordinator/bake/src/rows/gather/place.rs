@@ -14,12 +14,12 @@ use super::interpolation::{Neighbours, interpolated};
 use super::nearest::{Nearest, take_nearer};
 use super::noise::{TWINS, Twins};
 use super::rays;
+use super::set::Set;
 use super::weigh::cell;
 use crate::context::Context;
 use crate::error::Result;
 use crate::error_budget::{INTERPOLATED_NOISE, without_noise};
-use crate::jobs::ReceiverSet;
-use crate::mesh::{Mesh, PatchId, Share};
+use crate::mesh::{Mesh, Patch, PatchId};
 use crate::refinement::{MOST_DRAWN, SamplePoints};
 use crate::rows::means::ShareValues;
 use crate::rows::share_mesh::ShareMesh;
@@ -29,6 +29,9 @@ use scene::{Facet, Scene};
 
 /// Meshes of no more receivers cast rays from each.
 const FEW_RECEIVERS: usize = 1 << 13;
+
+/// Receivers that are asked about once, for each point that is placed for them, at least: else their own rays cost less.
+const LEAST_RECEIVERS: usize = 4;
 
 /// Points to begin with.
 pub(super) const FIRST_POINTS: usize = 1024;
@@ -56,7 +59,7 @@ const FIRST_KEY: u64 = 1 << 36;
 const FIRST_ROUND: u32 = 1 << 16;
 
 /// Passes in which light goes between points and shares before points are added: enough to tell where it changes.
-const PASSES: u32 = 8;
+const PASSES: usize = 8;
 
 impl GatherRows {
     /// Places gather points until the light between them is known as well as the asked error wants it. Returns a first radiosity of the
@@ -68,17 +71,53 @@ impl GatherRows {
         direct: &[DVec3],
         glow: Option<&[DVec3]>,
     ) -> Result<Vec<DVec3>> {
-        let asked = cx.settings.asked_error();
         let values = ShareValues::means(mesh, &vec![true; direct.len()]);
         let direct = values.of(&mesh.energies, direct);
-        let mut radiosity: Vec<DVec3> =
+        let radiosity: Vec<DVec3> =
             mesh.energies.iter().zip(&direct).map(|(share, light)| share.reflectance * *light).collect();
-        let Some(polygons) = self.polygons else { return Ok(radiosity) };
         if self.sets[COARSE.index()].receivers.len() <= FEW_RECEIVERS {
-            self.place_twins(cx, mesh, polygons)?;
+            self.place_twins(cx, mesh)?;
             return Ok(radiosity);
         }
-        let (middles, of_shares) = middles(cx, &mesh.mesh);
+        self.place_by_light(cx, mesh, (radiosity, glow), Some(&direct), MOST_POINTS)
+    }
+
+    /// Places points for this many receivers, which lie among some, and whose light is asked for once all is solved, where the vertices
+    /// needed none: where these are few, each casts rays of its own. `glow` is what the shares emit beside the light of the sources.
+    pub(super) fn place_for_asked(
+        &mut self,
+        cx: &mut Context,
+        mesh: &ShareMesh,
+        (count, among): (usize, &[Receiver]),
+        (radiosity, glow): (&[DVec3], Option<&[DVec3]>),
+    ) -> Result<()> {
+        if self.points.shared > 0 || count <= FEW_RECEIVERS {
+            return Ok(());
+        }
+        // Those of the vertices are for them alone.
+        let mut asked = Self { polygons: self.polygons, rounds: self.rounds + 1, ..Self::default() };
+        asked.place_by_light(cx, mesh, (radiosity.to_vec(), glow), None, count / LEAST_RECEIVERS)?;
+        asked.sets.push(Set::new(among, None, 0.0, rays::of_receiver(cx.settings)));
+        asked.weigh_all(cx)?;
+        asked.points.truncate(asked.points.shared);
+        asked.sets.clear();
+        self.of_asked = Some(Box::new(asked));
+        Ok(())
+    }
+
+    /// Places up to this number of points by the light of the shares. Where their direct light is given, the rest is found on the way.
+    /// Returns their radiosity.
+    fn place_by_light(
+        &mut self,
+        cx: &mut Context,
+        mesh: &ShareMesh,
+        (mut radiosity, glow): (Vec<DVec3>, Option<&[DVec3]>),
+        direct: Option<&[DVec3]>,
+        most: usize,
+    ) -> Result<Vec<DVec3>> {
+        let Some(polygons) = self.polygons else { return Ok(radiosity) };
+        let asked = cx.settings.asked_error();
+        let (middles, of_leaves) = middles(cx, &mesh.mesh);
         let area: f64 = mesh.energies.iter().map(|share| share.area).sum();
         let (mut expected, mut errors_so_far) = (vec![], vec![]);
         let mut nearest = vec![Nearest::default(); middles.len()];
@@ -97,12 +136,12 @@ impl GatherRows {
             let Some(neighbours) = self.neighbours(cx) else { break };
             // Near enough to tell where points are needed.
             take_nearer(&mut nearest, &middles, &self.points.receivers, known_points, cx.extent());
-            for _ in 0..PASSES {
+            for direct in std::iter::repeat_n(direct, PASSES).flatten() {
                 let light = self.points.gather(&leaving(&radiosity, glow));
                 let of_share = |((share, direct), middle): ((&ShareEnergy, &DVec3), &u32)| {
                     share.reflectance * (*direct + light[nearest[*middle as usize].point as usize])
                 };
-                let all = mesh.energies.par_iter().zip(&direct).zip(&of_shares).with_min_len(1024);
+                let all = mesh.energies.par_iter().zip(direct).zip(&of_leaves).with_min_len(1024);
                 radiosity = all.map(of_share).collect();
             }
             let all_light = leaving(&radiosity, glow);
@@ -120,17 +159,17 @@ impl GatherRows {
             let mut gains = [LEAST_GAIN, LEAST_GAIN.powi(2)].into_iter().zip(errors_so_far.iter().rev());
             let helps = gains.all(|(gain, before)| error <= gain * before);
             errors_so_far.push(error);
-            let most = if helps { MOST_POINTS } else { MANY_POINTS };
+            let most = most.min(if helps { MOST_POINTS } else { MANY_POINTS });
             // Fresh points alone tell of places where no others lie.
             if at_fresh.is_some() && error <= PART * asked || self.points.placed >= most {
                 break;
             }
-            let square = |(share, middle): (&Share, &u32)| {
-                let reflectance = cx.scene.surfaces[share.surface as usize].reflectance;
+            let square = |((_, patch), middle): ((PatchId, &Patch), &u32)| {
+                let reflectance = cx.scene.surfaces[patch.surface as usize].reflectance;
                 let error = left_out[nearest[*middle as usize].point as usize];
-                share.area * error.length_squared() * reflectance.length_squared()
+                patch.area * error.length_squared() * reflectance.length_squared()
             };
-            expected = mesh.shares.iter().zip(&of_shares).map(square).collect();
+            expected = mesh.mesh.leaves().zip(&of_leaves).map(square).collect();
             count = (self.points.placed / 2).clamp(FIRST_POINTS, MOST_DRAWN);
         }
         Ok(radiosity)
@@ -166,7 +205,8 @@ impl GatherRows {
     }
 
     /// Places points only to measure the noise, where each receiver casts rays of its own.
-    fn place_twins(&mut self, cx: &mut Context, mesh: &ShareMesh, polygons: ReceiverSet) -> Result<()> {
+    fn place_twins(&mut self, cx: &mut Context, mesh: &ShareMesh) -> Result<()> {
+        let Some(polygons) = self.polygons else { return Ok(()) };
         let seed = (cx.settings.seed, FIRST_ROUND);
         let drawn = SamplePoints::draw_everywhere(&mesh.mesh, cx.scene, seed, FIRST_KEY, &[], TWINS);
         let rays = rays::of_receiver(cx.settings);
