@@ -4,17 +4,16 @@
 //! density of the cosine; the part of them that hits a polygon is its visible form factor (Malley's method). One ray serves all
 //! polygons at once and costs the logarithm of their number.
 
+mod directions;
 mod polygons;
 #[cfg(test)]
 mod rays;
 #[cfg(test)]
 mod tests;
 
-use std::f64::consts::TAU;
-
 use glam::DVec3;
-use sobol_burley::sample_4d;
 
+pub use directions::directions;
 pub use polygons::{Hit, SeenPolygons};
 
 use crate::replica::Receiver;
@@ -35,8 +34,7 @@ pub struct Seen {
 /// that hit the back of an opaque polygon end there and count for none. A factor has in it what stands before a polygon, but not the
 /// polygon's own opacity: that is in its radiosity.
 ///
-/// Directions are Owen-scrambled Sobol' points, spread over the disk below the hemisphere: the error of a factor falls
-/// faster than with the square root of their number.
+/// [`directions`] are spread so evenly that the error of a factor falls faster than with the square root of their number.
 #[must_use]
 pub fn seen_from(polygons: &SeenPolygons, receiver: &Receiver, rays: u32, seed: u32) -> Seen {
     let part = 1.0 / f64::from(rays);
@@ -69,50 +67,6 @@ pub fn seen_from(polygons: &SeenPolygons, receiver: &Receiver, rays: u32, seed: 
         .map(|same| (same[0].0, same.iter().map(|(_, part)| part).sum::<f64>() as f32))
         .collect();
     Seen { factors, rays: cast }
-}
-
-/// Unit vectors over the hemisphere about a normal, with the density of the cosine, and their numbers in the sequence. Vectors that
-/// follow each other are much alike: their rays go through the same parts of the tree, which then are in the caches.
-#[must_use]
-pub fn directions(normal: DVec3, rays: u32, seed: u32) -> Vec<(u32, DVec3)> {
-    let (tangent, bitangent) = normal.any_orthonormal_pair();
-    let mut points: Vec<(u32, u32, [f32; 2])> = (0..rays)
-        .map(|index| {
-            let [x, y, ..] = sample_4d(index, 0, seed);
-            (along_curve(x, y), index, [x, y])
-        })
-        .collect();
-    points.sort_unstable_by_key(|(place, index, _)| (*place, *index));
-    let direction = |(_, index, [x, y]): (u32, u32, [f32; 2])| {
-        let (disk_x, disk_y) = on_disk(f64::from(x), f64::from(y));
-        let height = (1.0 - disk_x * disk_x - disk_y * disk_y).max(0.0).sqrt();
-        (index, tangent * disk_x + bitangent * disk_y + normal * height)
-    };
-    points.into_iter().map(direction).collect()
-}
-
-/// Place of a point of the unit square along the curve through 256 x 256 cells that Morton's order is.
-fn along_curve(x: f32, y: f32) -> u32 {
-    let spread = |coordinate: f32| {
-        let cell = (coordinate * 256.0) as u32;
-        let cell = (cell | cell << 4) & 0x0f0f;
-        let cell = (cell | cell << 2) & 0x3333;
-        (cell | cell << 1) & 0x5555
-    };
-    spread(x) | spread(y) << 1
-}
-
-/// The concentric map of the unit square to the unit disk, which keeps areas and neighbours (Shirley and Chiu, "A low distortion map
-/// between disk and square", 1997).
-fn on_disk(x: f64, y: f64) -> (f64, f64) {
-    let (a, b) = (2.0 * x - 1.0, 2.0 * y - 1.0);
-    if a == 0.0 && b == 0.0 {
-        return (0.0, 0.0);
-    }
-    let (radius, angle) =
-        if a.abs() > b.abs() { (a, TAU / 8.0 * (b / a)) } else { (b, TAU / 4.0 - TAU / 8.0 * (a / b)) };
-    let (sine, cosine) = angle.sin_cos();
-    (radius * cosine, radius * sine)
 }
 
 /// True where a ray meets the front of a polygon with this normal.

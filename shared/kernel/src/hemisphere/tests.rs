@@ -128,23 +128,3 @@ fn nothing_is_lost_beside_the_edges_of_a_room() {
         }
     }
 }
-
-/// Whatever the order in which they are cast, they are those of the sequence.
-#[test]
-fn directions_that_follow_each_other_are_alike() {
-    let rays = 1024;
-    let found = directions(DVec3::Z, rays, 3);
-    let mut numbers: Vec<u32> = found.iter().map(|(number, _)| *number).collect();
-    numbers.sort_unstable();
-    assert!(numbers.into_iter().eq(0..rays));
-    for (number, direction) in &found {
-        let [x, y, ..] = sample_4d(*number, 0, 3);
-        let (a, b) = on_disk(f64::from(x), f64::from(y));
-        let (tangent, bitangent) = DVec3::Z.any_orthonormal_pair();
-        assert!((direction.dot(tangent) - a).abs() < 1e-12 && (direction.dot(bitangent) - b).abs() < 1e-12);
-        assert!((direction.length() - 1.0).abs() < 1e-12 && direction.z >= 0.0);
-    }
-    // Two random points of the disk are 128 / (45 pi) apart in the mean.
-    let apart: f64 = found.windows(2).map(|pair| (pair[1].1 - pair[0].1).truncate().length()).sum();
-    assert!(apart / f64::from(rays) < 0.2, "{apart}");
-}
