@@ -11,6 +11,7 @@
 //! | `plan` | from a scene to texels; [`Plan::lightmap`]: from their light to images |
 //! | `own_set` | the input's second set of texture coordinates, checked |
 //! | `texels` | the point of each texel, and which texels lie inside of something |
+//! | `pieces` | what of each texel the triangles cover |
 //! | `lattice` | which texels lie between others, whose mean light may be theirs |
 //! | `seams` | texels on both sides of a border between charts made to agree |
 //! | `unwrap` | charts made and packed, where the input has none |
@@ -27,6 +28,7 @@ mod instances;
 mod lattice;
 mod layout;
 mod own_set;
+mod pieces;
 mod plan;
 mod raster;
 mod seams;

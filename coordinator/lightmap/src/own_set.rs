@@ -69,7 +69,7 @@ fn checked(scene: &Scene, sides: &[LitSide], resolution: Resolution) -> Result<P
         check_charts(&fronts().map(|(layout, side)| (layout, &*side.name)).collect::<Vec<_>>(), size)?;
     Ok(Pages {
         size,
-        count: 1 + u32::from(sides.iter().any(|side| side.is_back)),
+        count: 1 + u32::from(sides.iter().any(|side| side.is_back && side.needs_texels())),
         texel: (of_fronts / in_page).sqrt() / f64::from(edge),
         layouts,
         charts,

@@ -42,6 +42,8 @@ pub struct SideTriangle {
     pub plane: PlaneId,
     /// Area of its facet, square frame units.
     pub facet_area: f64,
+    /// Whether it is part of the dark inside of a closed body, and needs no texels.
+    pub is_sealed: bool,
     /// Unit normals at its vertices on the lit side; zero where it has no area.
     pub normals: [DVec3; 3],
     /// Whether it stands for a curved surface.
@@ -54,8 +56,16 @@ impl LitSide {
         triangle.vertices.map(|vertex| self.positions[vertex as usize])
     }
 
-    /// Area of a triangle, square frame units.
+    /// Whether any of its triangles does.
+    pub fn needs_texels(&self) -> bool {
+        self.triangles.iter().any(|triangle| self.area(triangle) > 0.0)
+    }
+
+    /// Area of a triangle that needs texels, square frame units; 0 of one in the dark inside of a closed body.
     pub fn area(&self, triangle: &SideTriangle) -> f64 {
+        if triangle.is_sealed {
+            return 0.0;
+        }
         let [a, b, c] = self.corners(triangle);
         (b - a).cross(c - a).length() / 2.0
     }
@@ -137,6 +147,7 @@ impl<'a> FacetOf<'a> {
                 vertices,
                 plane: PlaneId::NONE,
                 facet_area: (b - a).cross(c - a).length() / 2.0,
+                is_sealed: false,
                 normals: [normal; 3],
                 is_smooth: true,
             };
@@ -150,6 +161,7 @@ impl<'a> FacetOf<'a> {
             vertices,
             plane: facet.plane,
             facet_area: area_vector(&facet.polygon().corners).length(),
+            is_sealed: facet.is_sealed,
             normals,
             is_smooth,
         }
@@ -194,7 +206,8 @@ pub fn meetings(sides: &[LitSide], texel: f64) -> Meetings {
     let mut places: HashMap<[[u64; 3]; 2], usize> = HashMap::new();
     let mut met: Vec<SmallVec<[EdgeOf; 2]>> = vec![];
     for (side_index, side) in sides.iter().enumerate() {
-        for (index, triangle) in side.triangles.iter().enumerate() {
+        let lit = side.triangles.iter().enumerate().filter(|(_, triangle)| !triangle.is_sealed);
+        for (index, triangle) in lit {
             let corners = side.corners(triangle);
             for corner in 0..3u8 {
                 let edge = EdgeOf { side: side_index as u32, triangle: index as u32, corner };

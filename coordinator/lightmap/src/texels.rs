@@ -1,7 +1,6 @@
 //! The point of each texel: in the middle of the part of the surface that it covers and that is open to light.
 
 use glam::{DVec2, DVec3};
-use kernel::geometry::PlaneId;
 use kernel::hemisphere::{SeenPolygons, directions};
 use kernel::replica::Receiver;
 use rayon::prelude::*;
@@ -10,12 +9,9 @@ use scene::{Scene, Side};
 use crate::error::{LightmapError, Stop};
 use crate::lattice::{Around, COARSEST, around, lattice};
 use crate::layout::barycentric;
-use crate::raster::covered;
+use crate::pieces::{Piece, beside, pieces};
 use crate::sides::LitSide;
 use crate::unwrap::Pages;
-
-/// Least part of a texel that a surface must cover for the texel to have light of its own.
-const LEAST_PART: f64 = 1.0 / 256.0;
 
 /// Rays that tell whether a point lies inside of something.
 const RAYS: u32 = 16;
@@ -50,17 +46,6 @@ pub struct Texels {
 /// A point of a surface, and whether only backs that are lit are around it.
 type Point = (Receiver, bool);
 
-/// What of a texel a triangle covers.
-#[derive(Clone, Copy)]
-struct Piece {
-    texel: u32,
-    side: u32,
-    plane: PlaneId,
-    triangle: u32,
-    area: f32,
-    middle: DVec2,
-}
-
 /// Finds the points of all texels.
 pub fn texels(scene: &Scene, sides: &[LitSide], pages: &Pages, stop: Stop) -> Result<Texels, LightmapError> {
     let pieces = pieces(sides, pages, stop)?;
@@ -89,15 +74,8 @@ pub fn texels(scene: &Scene, sides: &[LitSide], pages: &Pages, stop: Stop) -> Re
     let at = |texel: u32| of_texels.binary_search_by_key(&texel, |pieces| pieces[0].texel).ok();
     let is_mixed = |index: usize| {
         let texel = texel_of(index);
-        let (x, y) = (texel % width, texel / width % height);
-        let near = [
-            (x > 0).then(|| texel - 1),
-            (x + 1 < width).then(|| texel + 1),
-            (y > 0).then(|| texel - width),
-            (y + 1 < height).then(|| texel + width),
-        ];
         let kind = |index: usize| whole[index].map(|(_, may_be_hidden)| may_be_hidden);
-        near.into_iter().flatten().filter_map(at).any(|other| kind(other) != kind(index))
+        beside(texel, pages.size).filter_map(at).any(|other| kind(other) != kind(index))
     };
     let found = checked(&|index| {
         if is_mixed(index) { surroundings.part(of_texels[index]) } else { whole[index] }
@@ -133,49 +111,6 @@ pub fn texels(scene: &Scene, sides: &[LitSide], pages: &Pages, stop: Stop) -> Re
     let points = points.into_iter().map(|(receiver, _)| receiver).collect();
     let texels = of_texels.iter().map(|pieces| pieces[0].texel).collect();
     Ok(Texels { texels, point_of, may_be_hidden, points, around })
-}
-
-/// The pieces of all triangles, texel by texel: of each the surface in one plane that covers most of it.
-fn pieces(sides: &[LitSide], pages: &Pages, stop: Stop) -> Result<Vec<Piece>, LightmapError> {
-    let [width, height] = pages.size;
-    let of_side = |(side_index, side): (usize, &LitSide)| {
-        let layout = &pages.layouts[side_index];
-        let mut pieces = vec![];
-        for (index, triangle) in side.triangles.iter().enumerate() {
-            let Some(page) = layout.pages[index] else { continue };
-            if index % 64 == 0 && stop() {
-                break;
-            }
-            let first = page * width * height;
-            covered(layout.corners(index, pages.size), pages.size, |[x, y], area, middle| {
-                pieces.push(Piece {
-                    texel: first + y * width + x,
-                    side: side_index as u32,
-                    plane: triangle.plane,
-                    triangle: index as u32,
-                    area: area as f32,
-                    middle,
-                });
-            });
-        }
-        pieces
-    };
-    let mut pieces: Vec<Piece> = sides.par_iter().enumerate().flat_map_iter(of_side).collect();
-    if stop() {
-        return Err(LightmapError::Cancelled);
-    }
-    pieces.par_sort_unstable_by_key(|piece| (piece.texel, piece.side, piece.plane.0, piece.triangle));
-    let mut kept = Vec::with_capacity(pieces.len());
-    for of_texel in pieces.chunk_by(|a, b| a.texel == b.texel) {
-        let area = |pieces: &[Piece]| pieces.iter().map(|piece| piece.area).sum::<f32>();
-        let planes = of_texel.chunk_by(|a, b| (a.side, a.plane) == (b.side, b.plane));
-        let largest =
-            planes.map(|pieces| (area(pieces), pieces)).reduce(|a, b| if b.0 > a.0 { b } else { a });
-        kept.extend_from_slice(
-            largest.filter(|(area, _)| f64::from(*area) >= LEAST_PART).map_or(&[], |(_, p)| p),
-        );
-    }
-    Ok(kept)
 }
 
 /// What stands around texels.

@@ -10,7 +10,7 @@ use uvunwrap::{Density, InstanceRect, MeshInput, Options, Packing, generate_with
 use crate::error::{LightmapError, MOST_TEXELS, Stop};
 use crate::instances::{Instances, instances};
 use crate::layout::{SharedLayout, SideLayout};
-use crate::sides::{LitSide, Meetings};
+use crate::sides::{LitSide, Meetings, SideTriangle};
 
 /// Longest side of a page, in texels: what graphics cards of phones take.
 pub const LARGEST_PAGE: u32 = 4096;
@@ -23,6 +23,10 @@ const LEAST_FILL: f64 = 0.4;
 
 /// Part of a page's area that a layout of several sides may take.
 const LARGEST_SHARED: f64 = 0.25;
+
+/// Largest angle between a facet and the mean of its chart, in degrees: texels where a bevelled edge is finer than they are would mix the
+/// light of its two sides.
+const MOST_TURNED: f32 = 30.0;
 
 /// From this number of triangles on, charts are packed fast rather than tightly.
 const MANY_TRIANGLES: usize = 5_000;
@@ -98,11 +102,19 @@ pub fn unwrap(
     for edge in &meetings.sharp {
         seams[group_of[edge.side as usize]][edge.triangle as usize][usize::from(edge.corner)] = true;
     }
+    let is_sealed = |group: &Instances, triangle: usize| {
+        group.sides.iter().all(|side| sides[*side].triangles[triangle].is_sealed)
+    };
+    let sealed: Vec<Vec<bool>> = groups
+        .iter()
+        .map(|group| (0..sides[group.sides[0]].triangles.len()).map(|own| is_sealed(group, own)).collect())
+        .collect();
     let meshes: Vec<MeshInput> = groups
         .iter()
-        .zip(positions.iter().zip(&indices).zip(&seams))
-        .map(|(group, ((positions, indices), seams))| MeshInput {
+        .zip(positions.iter().zip(&indices).zip(seams.iter().zip(&sealed)))
+        .map(|(group, ((positions, indices), (seams, sealed)))| MeshInput {
             seams: Some(seams),
+            ignored_faces: Some(sealed),
             instance_scales: if group.sides.len() > 1 { &group.scales } else { &[] },
             ..MeshInput::new(positions, indices)
         })
@@ -122,6 +134,7 @@ pub fn unwrap(
         padding: PADDING,
         packing: if triangles < MANY_TRIANGLES { Packing::Shape } else { Packing::Fast },
         max_chart_size: LARGEST_PAGE - 4 * PADDING,
+        max_chart_angle: MOST_TURNED,
         ..Options::default()
     };
     let atlas = generate_with_progress(&meshes, &options, |_| !stop()).map_err(|error| match error {
@@ -198,13 +211,16 @@ fn layout(side: &LitSide, mesh: &uvunwrap::OutputMesh) -> Result<SideLayout, Lig
     }
     let (corners, _) = mesh.indices.as_chunks::<3>();
     let triangles: Vec<[u32; 3]> = corners.iter().map(|t| t.map(|index| places[index as usize])).collect();
-    let page = |corners: &[u32; 3]| corners.iter().find_map(|index| mesh.vertices[*index as usize].page);
+    let page = |(corners, triangle): (&[u32; 3], &SideTriangle)| {
+        let of_corners = corners.iter().find_map(|index| mesh.vertices[*index as usize].page);
+        of_corners.filter(|_| !triangle.is_sealed)
+    };
     Ok(SideLayout {
         surface: side.surface,
         sources,
         coordinates,
         triangles,
-        pages: corners.iter().map(page).collect(),
+        pages: corners.iter().zip(&side.triangles).map(page).collect(),
         shared: None,
     })
 }

@@ -95,3 +95,23 @@ fn charts_go_over_edges_of_small_facets_that_meet_at_small_angles() {
     assert!(coarse >= facets * 3 / 4, "{coarse} charts where texels are small");
     assert_eq!(charts(Part::lid([0.0, 0.0], [0.1, 0.1], 0.1), 0.1), 5);
 }
+
+/// Nobody sees the insides of a closed body: they have neither charts nor texels.
+#[test]
+fn dark_insides_have_no_texels() {
+    let side = |low: f32, high: f32| {
+        let mut body = Part::lid([low; 2], [high; 2], high - low);
+        let bottom = Part::square([low, 0.0, low], [high - low, 0.0, 0.0], [0.0, 0.0, high - low]);
+        let first = body.positions.len() as u32;
+        body.indices.extend(bottom.indices.iter().map(|index| first + index));
+        body.positions.extend(bottom.positions);
+        body
+    };
+    let report = |is_double_sided: bool| {
+        let body = Part { is_double_sided, ..side(0.3, 1.3) };
+        planned(&[body], Resolution::Texel(0.1)).report().clone()
+    };
+    let (plain, double_sided) = (report(false), report(true));
+    assert_eq!((plain.charts, plain.hidden_texels), (6, 0));
+    assert_eq!(double_sided, plain);
+}

@@ -19,6 +19,7 @@ struct Part {
     normals: Vec<[f32; 3]>,
     second_set: Vec<[f32; 2]>,
     indices: Vec<u32>,
+    is_double_sided: bool,
 }
 
 impl Part {
@@ -124,11 +125,14 @@ fn scene_of(parts: &[Part], nodes: &[Value]) -> Scene {
         let indices = part.indices.iter().flat_map(|index| index.to_le_bytes()).collect();
         let scalars = json!({ "componentType": 5125, "count": part.indices.len(), "type": "SCALAR" });
         let indices = push(indices, scalars);
-        meshes.push(json!({ "primitives": [{ "attributes": attributes, "indices": indices }] }));
+        let material = usize::from(part.is_double_sided);
+        meshes.push(
+            json!({ "primitives": [{ "attributes": attributes, "indices": indices, "material": material }] }),
+        );
     }
     let document = json!({
         "asset": { "version": "2.0" }, "scene": 0, "scenes": [{ "nodes": (0..nodes.len()).collect::<Vec<_>>() }],
-        "nodes": nodes, "meshes": meshes, "accessors": accessors, "bufferViews": views,
+        "nodes": nodes, "meshes": meshes, "materials": [{}, { "doubleSided": true }], "accessors": accessors, "bufferViews": views,
         "buffers": [{ "byteLength": bytes.len() }],
     });
     let mut json = document.to_string().into_bytes();

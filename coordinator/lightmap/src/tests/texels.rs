@@ -1,6 +1,6 @@
 //! Texels and their points.
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 use super::{Part, planned, scene};
 use crate::plan::plan;
@@ -112,5 +112,32 @@ fn filtering_reads_four_texels_whose_weights_sum_to_one() {
         let read = bilinear(place, [4, 4]);
         assert!((read.iter().map(|(_, weight)| weight).sum::<f64>() - 1.0).abs() < 1e-12);
         assert!(read.iter().all(|(texel, _)| *texel < 16));
+    }
+}
+
+/// Viewers find light on all of them, though most cover next to nothing of a texel.
+#[test]
+fn small_things_are_lit() {
+    let size = 0.004;
+    let screws: Vec<Part> = (0..9)
+        .map(|index| {
+            let [x, z] = [0.2 + 0.517 * (index % 3) as f32, 0.2 + 0.533 * (index / 3) as f32];
+            Part::lid([x, z], [x + size, z + size], size)
+        })
+        .collect();
+    let parts: Vec<Part> = [Part::floor(2.0)].into_iter().chain(screws).collect();
+    let plan = planned(&parts, Resolution::Texel(0.1));
+    let light = vec![vec![DVec3::splat(3.0); plan.points().len()]];
+    let map = plan.lightmap(&light);
+    for layout in &map.layouts {
+        for index in 0..layout.triangles.len() {
+            let middle = layout.corners(index, map.size).iter().sum::<DVec2>() / 3.0;
+            let read = bilinear(middle, map.size);
+            let value: f64 = read
+                .iter()
+                .map(|(texel, weight)| f64::from(map.images[0][0][*texel as usize][0]) * weight)
+                .sum();
+            assert!((value - 3.0).abs() < 1e-6, "{value} on triangle {index} of surface {}", layout.surface);
+        }
     }
 }
