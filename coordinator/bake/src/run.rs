@@ -114,14 +114,18 @@ fn finish(mut measured: Measured, mut cx: Context, occluders: usize, points: &As
         lit_mesh(cx.scene, mesh, cx.settings.only, (irradiance, &solved.revealed), &solved.direct);
     solved.solution.irradiance = fitted;
     solved.revealed = RevealedErrors::default();
-    let error = cx.settings.simplifies().then_some(&measured.error);
-    let (lit, difference) = output_mesh(cx.scene, LitMesh { layers, ..lit }, error);
+    let lit = LitMesh { layers, ..lit };
+    let (lit, difference) = if points.without_mesh {
+        (lit, 0.0)
+    } else {
+        output_mesh(cx.scene, lit, cx.settings.simplifies().then_some(&measured.error))
+    };
     measured.error = measured.error.with_simplification(difference);
     cx.client.monitor.set_error(Some(measured.error.total));
     cx.client.monitor.enter(Phase::ExportMesh, lit.vertices.len());
     cx.end_step("export mesh");
     let mut report = measured.report(cx, occluders);
-    report.warnings.extend(over_bound(cx, lit.vertices.len()));
+    report.warnings.extend(over_bound(cx, lit.vertices.len()).filter(|_| !points.without_mesh));
     report.warnings.extend(warnings);
     Ok(Baked { lit, report, kept, at_points })
 }

@@ -33,7 +33,9 @@ pub fn instances(scene: &Scene, sides: &[LitSide], largest: f64) -> Vec<Instance
         let surface = &scene.surfaces[side.surface];
         let mesh = scene.source.root.nodes.get(surface.node).and_then(|node| node.mesh);
         let area = || side.triangles.iter().map(|triangle| side.area(triangle)).sum::<f64>();
-        let scale = world.get(surface.node).and_then(even_scale).filter(|_| area() <= largest);
+        // Those without charts share nothing.
+        let has_charts = side.needs_texels() && area() <= largest;
+        let scale = world.get(surface.node).and_then(even_scale).filter(|_| has_charts);
         if let (Some(mesh), Some(scale)) = (mesh, scale) {
             let known = of_mesh.entry((mesh.value(), surface.primitive, side.is_back)).or_default();
             let scale_of = |group: &Instances| {

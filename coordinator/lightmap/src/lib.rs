@@ -19,6 +19,7 @@
 //! | `fill` | texels without light, filled from their neighbours |
 //! | `layout` | the vertices and triangles of each side with their coordinates |
 //! | `raster` | which texels a triangle covers |
+//! | `meetings` | where light goes on over an edge, and where charts end |
 //! | `sides` | the lit sides of the input's primitives |
 //! | `error` | why there is no lightmap |
 
@@ -27,6 +28,7 @@ mod fill;
 mod instances;
 mod lattice;
 mod layout;
+mod meetings;
 mod own_set;
 mod pieces;
 mod plan;

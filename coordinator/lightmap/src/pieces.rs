@@ -39,14 +39,16 @@ pub fn pieces(sides: &[LitSide], pages: &Pages, stop: Stop) -> Result<Vec<Piece>
             }
             let first = page * width * height;
             covered(layout.corners(index, pages.size), pages.size, |[x, y], area, middle| {
-                pieces.push(Piece {
+                let area = area as f32;
+                let piece = Piece {
                     texel: first + y * width + x,
                     side: side_index as u32,
                     plane: triangle.plane,
                     triangle: index as u32,
-                    area: area as f32,
+                    area,
                     middle,
-                });
+                };
+                pieces.extend((area > 0.0).then_some(piece));
             });
         }
         pieces
@@ -56,6 +58,9 @@ pub fn pieces(sides: &[LitSide], pages: &Pages, stop: Stop) -> Result<Vec<Piece>
         return Err(LightmapError::Cancelled);
     }
     pieces.par_sort_unstable_by_key(|piece| (piece.texel, piece.side, piece.plane.0, piece.triangle));
+    if stop() {
+        return Err(LightmapError::Cancelled);
+    }
     let all: Vec<(f32, &[Piece])> = pieces.chunk_by(|a, b| a.texel == b.texel).filter_map(largest).collect();
     let is_large = |(area, _): &(f32, &[Piece])| f64::from(*area) >= LEAST_PART;
     let at = |texel: u32| all.binary_search_by_key(&texel, |(_, pieces)| pieces[0].texel).ok();
@@ -64,7 +69,11 @@ pub fn pieces(sides: &[LitSide], pages: &Pages, stop: Stop) -> Result<Vec<Piece>
         let mut others = beside(own.1[0].texel, pages.size).filter_map(at);
         is_large(own) || !others.any(|other| is_large(&all[other]))
     };
-    Ok(all.iter().filter(is_kept).flat_map(|(_, pieces)| pieces.iter().copied()).collect())
+    if stop() {
+        return Err(LightmapError::Cancelled);
+    }
+    let kept = all.par_iter().with_min_len(1024).filter(is_kept);
+    Ok(kept.flat_map_iter(|(_, pieces)| pieces.iter().copied()).collect())
 }
 
 /// The pieces of the surface in one plane that covers most of a texel, and their area.

@@ -10,9 +10,10 @@ use serde::Serialize;
 use crate::error::{LightmapError, MOST_TEXELS, Stop};
 use crate::fill::{State, fill};
 use crate::layout::SideLayout;
+use crate::meetings::meetings;
 use crate::own_set::own_set;
 use crate::seams::{Equation, agree, equations};
-use crate::sides::{lit_sides, meetings};
+use crate::sides::lit_sides;
 use crate::texels::{NO_POINT, Texels, texels};
 use crate::unwrap::{Pages, Resolution, area, check_size, unwrap};
 
@@ -70,7 +71,7 @@ pub fn plan(scene: &Scene, resolution: Resolution, stop: Stop) -> Result<Plan, L
         Resolution::Texel(texel) => texel,
         Resolution::Page(page) => (area(scene, &sides) / LIKELY_FILL).sqrt() / f64::from(page),
     };
-    let meetings = meetings(&sides, texel / scene.frame.scale);
+    let meetings = meetings(&sides, texel / scene.frame.scale, stop).ok_or(LightmapError::Cancelled)?;
     let own = own_set(scene, &sides, resolution);
     let (pages, uses_second_set, second_set_problem) = match own {
         Some(Ok(pages)) => (pages, true, None),

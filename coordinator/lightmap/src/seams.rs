@@ -7,7 +7,8 @@ use foldhash::{HashMap, HashMapExt};
 use glam::{DVec2, DVec3};
 use smallvec::SmallVec;
 
-use crate::sides::{EdgeOf, LitSide, Meetings};
+use crate::meetings::{EdgeOf, Meetings};
+use crate::sides::LitSide;
 use crate::unwrap::Pages;
 
 /// Points along a border, per texel.

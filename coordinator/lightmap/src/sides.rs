@@ -6,16 +6,6 @@ use glam::DVec3;
 use gltf::Semantic;
 use kernel::geometry::{PlaneId, area_vector};
 use scene::{Facet, Scene, Side, triangle_list};
-use smallvec::SmallVec;
-
-/// Cosine of the angle (one degree) up to which two normals count as one.
-const SAME_NORMAL: f64 = 0.999_847_695;
-
-/// Cosine of the angle (45 degrees) between normals up to which charts lie across an edge of small facets.
-const BENT: f64 = 0.707;
-
-/// Facets that reach no farther from an edge are small, in texels: most of them lie within the texels that filtering mixes anyway.
-const SMALL: f64 = 4.0;
 
 /// A lit side of a primitive of a node.
 pub struct LitSide {
@@ -171,101 +161,4 @@ impl<'a> FacetOf<'a> {
 fn sorted(mut vertices: [u32; 3]) -> [u32; 3] {
     vertices.sort_unstable();
     vertices
-}
-
-/// An edge of a triangle of a side.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct EdgeOf {
-    /// Index of the side.
-    pub side: u32,
-    /// Index of the triangle.
-    pub triangle: u32,
-    /// Its first corner in the triangle.
-    pub corner: u8,
-}
-
-impl EdgeOf {
-    /// The corners of the triangle that it joins.
-    pub fn corners(self) -> [usize; 2] {
-        [usize::from(self.corner), (usize::from(self.corner) + 1) % 3]
-    }
-}
-
-/// How the triangles of some sides meet.
-#[derive(Default)]
-pub struct Meetings {
-    /// Edges over which light goes on smoothly, as far as normals tell: each pair once.
-    pub smooth: Vec<[EdgeOf; 2]>,
-    /// Edges at which charts end: all others but those where small facets meet at a small angle.
-    pub sharp: Vec<EdgeOf>,
-}
-
-/// Finds where triangles of some sides meet: at edges with the same end points.
-pub fn meetings(sides: &[LitSide], texel: f64) -> Meetings {
-    let bits = |position: DVec3| position.to_array().map(f64::to_bits);
-    let mut places: HashMap<[[u64; 3]; 2], usize> = HashMap::new();
-    let mut met: Vec<SmallVec<[EdgeOf; 2]>> = vec![];
-    for (side_index, side) in sides.iter().enumerate() {
-        let lit = side.triangles.iter().enumerate().filter(|(_, triangle)| !triangle.is_sealed);
-        for (index, triangle) in lit {
-            let corners = side.corners(triangle);
-            for corner in 0..3u8 {
-                let edge = EdgeOf { side: side_index as u32, triangle: index as u32, corner };
-                let mut key = edge.corners().map(|corner| bits(corners[corner]));
-                key.sort_unstable();
-                let place = *places.entry(key).or_insert(met.len());
-                if place == met.len() {
-                    met.push(SmallVec::new());
-                }
-                met[place].push(edge);
-            }
-        }
-    }
-    let mut meetings = Meetings::default();
-    for edges in met {
-        for (index, &edge) in edges.iter().enumerate() {
-            // Fronts and backs of a sheet share their edges, and do not face the same way.
-            let alike = |other: &&EdgeOf| **other != edge && cosine(sides, edge, **other) >= SAME_NORMAL;
-            let bent = |other: &EdgeOf| {
-                *other != edge
-                    && cosine(sides, edge, *other) >= BENT
-                    && [edge, *other].iter().any(|edge| reach(sides, *edge) <= SMALL * texel)
-            };
-            let mut others = edges.iter().filter(alike);
-            match (others.next(), others.next()) {
-                (Some(other), None) => {
-                    let is_first = edges[index..].contains(other);
-                    meetings.smooth.extend(is_first.then_some([edge, *other]));
-                }
-                (None, _) if edges.iter().filter(|other| bent(other)).count() == 1 => {}
-                _ => meetings.sharp.push(edge),
-            }
-        }
-    }
-    meetings
-}
-
-/// Least cosine between the normals of two triangles along an edge that they share.
-fn cosine(sides: &[LitSide], one: EdgeOf, other: EdgeOf) -> f64 {
-    let ends = |edge: EdgeOf| {
-        let side = &sides[edge.side as usize];
-        let triangle = &side.triangles[edge.triangle as usize];
-        let corners = side.corners(triangle);
-        edge.corners().map(|corner| (corners[corner], triangle.normals[corner]))
-    };
-    let others = ends(other);
-    let cosine = |(position, normal): (DVec3, DVec3)| {
-        let same = others.iter().find(|(other, _)| *other == position);
-        same.map_or(-1.0, |(_, other)| normal.dot(*other))
-    };
-    ends(one).map(cosine).into_iter().fold(1.0, f64::min)
-}
-
-/// How far the facet of an edge's triangle reaches from it, in the mean.
-fn reach(sides: &[LitSide], edge: EdgeOf) -> f64 {
-    let side = &sides[edge.side as usize];
-    let triangle = &side.triangles[edge.triangle as usize];
-    let corners = side.corners(triangle);
-    let [a, b] = edge.corners().map(|corner| corners[corner]);
-    triangle.facet_area / a.distance(b)
 }

@@ -10,7 +10,8 @@ use uvunwrap::{Density, InstanceRect, MeshInput, Options, Packing, generate_with
 use crate::error::{LightmapError, MOST_TEXELS, Stop};
 use crate::instances::{Instances, instances};
 use crate::layout::{SharedLayout, SideLayout};
-use crate::sides::{LitSide, Meetings, SideTriangle};
+use crate::meetings::Meetings;
+use crate::sides::{LitSide, SideTriangle};
 
 /// Longest side of a page, in texels: what graphics cards of phones take.
 pub const LARGEST_PAGE: u32 = 4096;

@@ -234,6 +234,8 @@ pub fn run(
         on_surfaces: plan.as_ref().map_or(&[], |plan| plan.points()),
         around: plan.as_ref().map_or(&[], |plan| plan.around()),
         in_space: probes.as_ref().map_or(&[], |probes| probes.receivers()),
+        // A lightmap is for the input's own.
+        without_mesh: plan.is_some() && request.occlusion.is_none(),
     };
     let wanted = Wanted { settings: &request.bake, points };
     let (mut baked, workers, recorded) =

@@ -33,4 +33,11 @@ fn many_points_have_the_light_that_few_have_with_fewer_rays() {
     }
     let error = (error / all).sqrt();
     assert!(error > 0.0 && error <= 0.6 * asked, "{error} apart");
+
+    // Whatever the threads, with the mesh and without, though it is then left as it was.
+    let points = AskedPoints { on_surfaces: many, without_mesh: true, ..AskedPoints::default() };
+    let without = baked_with_points(&scene, &settings, &points, 1);
+    assert!(without.at_points.on_surfaces[0] == many_lit.1);
+    let with = baked_with_points(&scene, &settings, &AskedPoints::default(), 2);
+    assert!(with.lit.vertices.len() < without.lit.vertices.len(), "{}", with.lit.vertices.len());
 }

@@ -17,6 +17,9 @@ use crate::solver::bounds::Bounds;
 /// Points of which rows are under way at a time.
 const AT_ONCE: usize = 1 << 16;
 
+/// Points between others for each that is computed all the same, about: from two to eight were seen.
+const MEANS_PER_ROW: usize = 4;
+
 /// Points whose light is wanted beside that of the mesh.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct AskedPoints<'a> {
@@ -27,6 +30,8 @@ pub struct AskedPoints<'a> {
     pub around: &'a [Option<[u32; 4]>],
     /// Points anywhere in its space.
     pub in_space: &'a [Receiver],
+    /// Whether the mesh is wanted for its brightness only: it is then left as it was solved on.
+    pub without_mesh: bool,
 }
 
 /// Irradiance at the points that were asked about: the part that the settings want, then each group's.
@@ -40,17 +45,23 @@ pub struct PointLight {
 
 /// A sort of points.
 struct Sort {
-    /// Where rows ask for them.
-    place: for<'a> fn(&'a Receivers) -> Place<'a>,
     /// Key of the first point as a receiver: above those of all others.
     first_key: u64,
+    /// Whether their light may be interpolated between gather points.
+    may_interpolate: bool,
     phase: Phase,
 }
 
-const ON_SURFACES: Sort =
-    Sort { place: |points| Place::Many(points), first_key: 1 << 39, phase: Phase::Lightmap };
+impl Sort {
+    /// Where rows ask for some of the points.
+    fn place<'a>(&self, points: &'a Receivers) -> Place<'a> {
+        if self.may_interpolate { Place::Many(points) } else { Place::Once(points) }
+    }
+}
 
-const IN_SPACE: Sort = Sort { place: |points| Place::Once(points), first_key: 1 << 40, phase: Phase::Probes };
+const ON_SURFACES: Sort = Sort { first_key: 1 << 39, may_interpolate: true, phase: Phase::Lightmap };
+
+const IN_SPACE: Sort = Sort { first_key: 1 << 40, may_interpolate: false, phase: Phase::Probes };
 
 impl Solved {
     /// Irradiance at all points that are asked about.
@@ -61,7 +72,7 @@ impl Solved {
         asked: &AskedPoints,
         layers: &[Layer],
     ) -> Result<PointLight> {
-        let AskedPoints { on_surfaces, around, in_space } = *asked;
+        let AskedPoints { on_surfaces, around, in_space, .. } = *asked;
         Ok(PointLight {
             on_surfaces: self.light_of(cx, (on_surfaces, around), &ON_SURFACES, layers)?,
             in_space: self.light_of(cx, (in_space, &[]), &IN_SPACE, layers)?,
@@ -80,7 +91,7 @@ impl Solved {
             return Ok(light);
         }
         cx.client.monitor.enter(sort.phase, self.mesh.mesh.vertices.len());
-        if sort.phase == Phase::Lightmap {
+        if sort.may_interpolate {
             self.expect(cx, (points, around))?;
         }
         let waves = waves(points.len(), around);
@@ -117,7 +128,8 @@ impl Solved {
         let alone: Vec<Receiver> = alone.map(|(_, point)| *point).collect();
         let glow = glow(&self.mesh, &self.sources.all);
         let light = (self.solution.radiosity().shares, glow.as_deref());
-        self.rows.source.expect_many(cx, &self.mesh, (points.len(), &alone), light)
+        let count = alone.len() + (points.len() - alone.len()) / MEANS_PER_ROW;
+        self.rows.source.expect_many(cx, &self.mesh, (count, &alone), light)
     }
 
     /// Computes the light of some of the points.
@@ -135,7 +147,7 @@ impl Solved {
         let of_layers =
             layers.iter().map(|layer| Lights { sources: &layer.sources, radiosity: layer.radiosity() });
         let lights: Vec<Lights> = [whole].into_iter().chain(of_layers).collect();
-        let place = (sort.place)(&receivers);
+        let place = sort.place(&receivers);
         let Received { light: found, cover } = irradiance_at(cx, &self.mesh, &mut self.rows, place, &lights)?;
         let mut bounds = Bounds::default();
         bounds.add(&cover.sums);

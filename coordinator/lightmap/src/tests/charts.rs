@@ -1,7 +1,7 @@
 //! Charts and pages.
 
 use glam::DVec3;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::{Part, planned, scene_of};
 use crate::Resolution;
@@ -96,22 +96,28 @@ fn charts_go_over_edges_of_small_facets_that_meet_at_small_angles() {
     assert_eq!(charts(Part::lid([0.0, 0.0], [0.1, 0.1], 0.1), 0.1), 5);
 }
 
-/// Nobody sees the insides of a closed body: they have neither charts nor texels.
+/// Nobody sees the insides of closed bodies: they have neither charts nor texels, and share none.
 #[test]
 fn dark_insides_have_no_texels() {
-    let side = |low: f32, high: f32| {
-        let mut body = Part::lid([low; 2], [high; 2], high - low);
-        let bottom = Part::square([low, 0.0, low], [high - low, 0.0, 0.0], [0.0, 0.0, high - low]);
-        let first = body.positions.len() as u32;
-        body.indices.extend(bottom.indices.iter().map(|index| first + index));
-        body.positions.extend(bottom.positions);
-        body
-    };
-    let report = |is_double_sided: bool| {
-        let body = Part { is_double_sided, ..side(0.3, 1.3) };
-        planned(&[body], Resolution::Texel(0.1)).report().clone()
-    };
-    let (plain, double_sided) = (report(false), report(true));
-    assert_eq!((plain.charts, plain.hidden_texels), (6, 0));
+    let mut body = Part::lid([0.3; 2], [1.3; 2], 1.0);
+    let bottom = Part::square([0.3, 0.0, 0.3], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]);
+    let first = body.positions.len() as u32;
+    body.indices.extend(bottom.indices.iter().map(|index| first + index));
+    body.positions.extend(bottom.positions);
+    let flat = Part { indices: vec![0, 1, 1], ..Part::floor(1.0) };
+    let twice = [[0.0, 0.0, 0.0], [3.0, 0.0, 0.0]];
+    let nodes: Vec<Value> =
+        (0..2).flat_map(|mesh| twice.map(|at| json!({ "mesh": mesh, "translation": at }))).collect();
+    let mut reports = vec![];
+    for is_double_sided in [false, true] {
+        let parts = [Part { is_double_sided, ..body.clone() }, flat.clone()];
+        for resolution in [Resolution::Texel(0.1), Resolution::Page(64)] {
+            for nodes in [&nodes[..1], &nodes] {
+                reports.push(plan(&scene_of(&parts, nodes), resolution, &|| false).unwrap().report().clone());
+            }
+        }
+    }
+    assert_eq!((reports[0].charts, reports[0].hidden_texels, reports[1].instances), (6, 0, 1));
+    let (plain, double_sided) = reports.split_at(reports.len() / 2);
     assert_eq!(double_sided, plain);
 }

@@ -13,7 +13,7 @@ use crate::Resolution;
 use crate::plan::{Plan, plan};
 
 /// A mesh of a scene.
-#[derive(Default)]
+#[derive(Clone, Default)]
 struct Part {
     positions: Vec<[f32; 3]>,
     normals: Vec<[f32; 3]>,

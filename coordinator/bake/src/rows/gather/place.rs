@@ -14,7 +14,6 @@ use super::interpolation::{Neighbours, interpolated};
 use super::nearest::{Nearest, take_nearer};
 use super::noise::{TWINS, Twins};
 use super::rays;
-use super::set::Set;
 use super::weigh::cell;
 use crate::context::Context;
 use crate::error::Result;
@@ -97,10 +96,7 @@ impl GatherRows {
         // Those of the vertices are for them alone.
         let mut asked = Self { polygons: self.polygons, rounds: self.rounds + 1, ..Self::default() };
         asked.place_by_light(cx, mesh, (radiosity.to_vec(), glow), None, count / LEAST_RECEIVERS)?;
-        asked.sets.push(Set::new(among, None, 0.0, rays::of_receiver(cx.settings)));
-        asked.weigh_all(cx)?;
-        asked.points.truncate(asked.points.shared);
-        asked.sets.clear();
+        asked.add_where_none_is_alike(cx, among)?;
         self.of_asked = Some(Box::new(asked));
         Ok(())
     }
@@ -136,7 +132,7 @@ impl GatherRows {
             let Some(neighbours) = self.neighbours(cx) else { break };
             // Near enough to tell where points are needed.
             take_nearer(&mut nearest, &middles, &self.points.receivers, known_points, cx.extent());
-            for direct in std::iter::repeat_n(direct, PASSES).flatten() {
+            for direct in direct.into_iter().flat_map(|direct| std::iter::repeat_n(direct, PASSES)) {
                 let light = self.points.gather(&leaving(&radiosity, glow));
                 let of_share = |((share, direct), middle): ((&ShareEnergy, &DVec3), &u32)| {
                     share.reflectance * (*direct + light[nearest[*middle as usize].point as usize])

@@ -36,6 +36,21 @@ impl GatherRows {
         let receivers: Vec<Receiver> =
             self.sets.iter().flat_map(|set| set.receivers.iter().copied()).collect();
         let rays: Vec<u32> = self.sets.iter().flat_map(|set| set.rays.iter().copied()).collect();
+        let mut all = self.add_where_none_is_alike(cx, &receivers)?;
+        self.give_own(cx, &receivers, &rays, &mut all)?;
+        let mut all = all.into_iter();
+        for set in &mut self.sets {
+            set.weights = Interpolation::new(all.by_ref().take(set.receivers.len()));
+        }
+        Ok(())
+    }
+
+    /// Adds points where these receivers see none that is like them. Returns the weights of all points for them.
+    pub(super) fn add_where_none_is_alike(
+        &mut self,
+        cx: &mut Context,
+        receivers: &[Receiver],
+    ) -> Result<Vec<Option<Weights>>> {
         let mut all: Vec<Option<Weights>> = vec![None; receivers.len()];
         let mut left: Vec<usize> = (0..receivers.len()).collect();
         let mut size = CELL * cx.extent();
@@ -63,12 +78,7 @@ impl GatherRows {
             self.points.add_shared(looking, views);
             size /= 2.0;
         }
-        self.give_own(cx, &receivers, &rays, &mut all)?;
-        let mut all = all.into_iter();
-        for set in &mut self.sets {
-            set.weights = Interpolation::new(all.by_ref().take(set.receivers.len()));
-        }
-        Ok(())
+        Ok(all)
     }
 
     /// Weights of the gather points for some receivers; none where a receiver sees no point that is so much alike.
