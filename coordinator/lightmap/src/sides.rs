@@ -105,17 +105,18 @@ pub fn lit_sides(scene: &Scene) -> Vec<LitSide> {
 
 /// The facet of each triangle.
 struct FacetOf<'a> {
-    facets: &'a [Facet],
-    of: HashMap<[u32; 3], u32>,
+    /// With its area.
+    of: HashMap<[u32; 3], (&'a Facet, f64)>,
 }
 
 impl<'a> FacetOf<'a> {
     /// Takes over positions of vertices that the import moved.
     fn new(facets: &'a [Facet], positions: &mut [DVec3]) -> Self {
         let mut of = HashMap::new();
-        for (index, facet) in facets.iter().enumerate() {
+        for facet in facets {
+            let area = facet.polygon().area();
             for triangle in &facet.triangles {
-                of.insert(sorted(triangle.vertices), index as u32);
+                of.insert(sorted(triangle.vertices), (facet, area));
                 for (vertex, position) in triangle.vertices.iter().zip(triangle.positions) {
                     if let Some(own) = positions.get_mut(*vertex as usize) {
                         *own = position;
@@ -123,20 +124,19 @@ impl<'a> FacetOf<'a> {
                 }
             }
         }
-        Self { facets, of }
+        Self { of }
     }
 
     fn triangle(&self, vertices: [u32; 3], positions: &[DVec3]) -> SideTriangle {
         let corners = vertices.map(|vertex| positions[vertex as usize]);
-        let facet = self.of.get(&sorted(vertices)).map(|facet| &self.facets[*facet as usize]);
-        let Some(facet) = facet else {
+        let Some(&(facet, facet_area)) = self.of.get(&sorted(vertices)) else {
             // Without area, or the same as another: lit as it lies.
-            let [a, b, c] = corners;
-            let normal = (b - a).cross(c - a).normalize_or_zero();
+            let area = area_vector(&corners);
+            let normal = area.normalize_or_zero();
             return SideTriangle {
                 vertices,
                 plane: PlaneId::NONE,
-                facet_area: (b - a).cross(c - a).length() / 2.0,
+                facet_area: area.length(),
                 is_sealed: false,
                 normals: [normal; 3],
                 is_smooth: true,
@@ -150,7 +150,7 @@ impl<'a> FacetOf<'a> {
         SideTriangle {
             vertices,
             plane: facet.plane,
-            facet_area: area_vector(&facet.polygon().corners).length(),
+            facet_area,
             is_sealed: facet.is_sealed,
             normals,
             is_smooth,

@@ -68,21 +68,33 @@ pub fn texels(scene: &Scene, sides: &[LitSide], pages: &Pages, stop: Stop) -> Re
         all.into_iter().collect::<Option<Vec<_>>>().ok_or(LightmapError::Cancelled)
     };
     let whole = checked(&|index| surroundings.whole(of_texels[index]))?;
-    let texel_of = |index: usize| of_texels[index][0].texel;
-    let [width, height] = pages.size;
     // Only next to texels inside of something can one be inside in part.
-    let at = |texel: u32| of_texels.binary_search_by_key(&texel, |pieces| pieces[0].texel).ok();
     let is_mixed = |index: usize| {
-        let texel = texel_of(index);
         let kind = |index: usize| whole[index].map(|(_, may_be_hidden)| may_be_hidden);
-        beside(texel, pages.size).filter_map(at).any(|other| kind(other) != kind(index))
+        let mut others = beside(of_texels[index][0].texel, pages.size);
+        others.any(|other| index_of(&of_texels, other).is_some_and(|other| kind(other) != kind(index)))
     };
     let found = checked(&|index| {
         if is_mixed(index) { surroundings.part(of_texels[index]) } else { whole[index] }
     })?;
     drop(whole);
+    numbered(&of_texels, &found, pages.size, stop)
+}
+
+/// Index of a texel among those with pieces.
+fn index_of(of_texels: &[&[Piece]], texel: u32) -> Option<usize> {
+    of_texels.binary_search_by_key(&texel, |pieces| pieces[0].texel).ok()
+}
+
+/// Numbers the points that were found of texels, and finds those around each.
+fn numbered(
+    of_texels: &[&[Piece]],
+    found: &[Option<Point>],
+    [width, height]: [u32; 2],
+    stop: Stop,
+) -> Result<Texels, LightmapError> {
     let place = |index: usize| {
-        let texel = texel_of(index);
+        let texel = of_texels[index][0].texel;
         [texel / (width * height), texel % width, texel / width % height]
     };
     // Coarse lattices first.
@@ -100,7 +112,8 @@ pub fn texels(scene: &Scene, sides: &[LitSide], pages: &Pages, stop: Stop) -> Re
     let points: Vec<(Receiver, [u32; 3])> = order.iter().filter_map(placed).collect();
     let point_at = |[page, x, y]: [u32; 3]| {
         let is_on_page = x < width && y < height;
-        let index = is_on_page.then(|| at((page * height + y) * width + x)).flatten()?;
+        let texel = is_on_page.then(|| (page * height + y) * width + x)?;
+        let index = index_of(of_texels, texel)?;
         Some(point_of[index]).filter(|point| *point != NO_POINT)
     };
     let are_alike = |a: u32, b: u32| {

@@ -4,7 +4,7 @@
 //! that the light between its vertices tells whether something does.
 
 use glam::{DVec3, Vec3};
-use kernel::geometry::{ConvexPolygon, PlaneId, area_vector};
+use kernel::geometry::{ConvexPolygon, PlaneId};
 use kernel::hemisphere::SeenPolygons;
 use kernel::replica::Receiver;
 use rayon::prelude::*;
@@ -72,8 +72,8 @@ impl<'a> EvenLight<'a> {
         let below = |point: &Receiver| {
             let above = point.position + point.normal * ABOVE;
             let hit = seen.nearest(above, -point.normal, 0.0, PlaneId::NONE)?;
-            let normal = || area_vector(&polygons[hit.polygon].corners).normalize_or_zero();
-            let is_own = hit.plane == point.plane || normal().dot(point.normal) >= LEAST_COSINE;
+            let cosine = || polygons[hit.polygon].normal().dot(point.normal);
+            let is_own = hit.plane == point.plane || cosine() >= LEAST_COSINE;
             if !hit.is_front || !is_own || hit.distance > ABOVE + BELOW {
                 return None;
             }

@@ -19,7 +19,9 @@
 //! | `set` | receivers that take their light from the points |
 //! | `place` | where the points lie |
 //! | `weigh` | which of them each receiver takes its light from |
+//! | `asked` | light of receivers that are asked about once |
 
+mod asked;
 mod hemisphere;
 mod interpolation;
 mod nearest;
@@ -53,7 +55,7 @@ use crate::solver::acceleration::Acceleration;
 use crate::solver::cache::{ColumnCache, SetId};
 use crate::solver::rooms::{Rooms, sum};
 use hemisphere::{covered, gathered, hemispheres, publish_leaves, views};
-use interpolation::{Interpolation, Neighbours};
+use interpolation::Neighbours;
 use noise::Twins;
 use place::{FIRST_POINTS, MOST_POINTS};
 use points::GatherPoints;
@@ -90,39 +92,6 @@ impl GatherRows {
     fn neighbours<'a>(&'a self, cx: &Context) -> Option<Neighbours<'a>> {
         let rays = rays::of_point(cx.settings);
         self.occluder.as_ref().map(|occluder| self.points.neighbours(rays, occluder, cx.extent()))
-    }
-
-    /// What the weights of the gather points tell of receivers that are asked about once. Those that see no point get all rays of one.
-    fn weigh_once<T>(
-        &mut self,
-        cx: &mut Context,
-        receivers: &Receivers,
-        tell: impl FnOnce(&Interpolation, &GatherPoints) -> T,
-    ) -> Result<T> {
-        let points = self.points.receivers.len();
-        let rays = vec![rays::of_receiver(cx.settings); receivers.receivers.len()];
-        let weights = self.weigh(cx, &receivers.receivers, &rays)?;
-        let told = tell(&weights, &self.points);
-        // Those that became points themselves are not asked about again.
-        self.points.truncate(points);
-        Ok(told)
-    }
-
-    /// What shares of these radiosities give receivers that take it from the gather points.
-    fn gather_weighed(
-        &mut self,
-        cx: &mut Context,
-        mesh: &ShareMesh,
-        receivers: &Receivers,
-        radiosities: &[Radiosity],
-    ) -> Result<Gathered> {
-        self.weigh_once(cx, receivers, |weights, points| {
-            let light =
-                radiosities.iter().map(|radiosity| weights.of(&points.gather(radiosity.shares))).collect();
-            let sums = weights.of(&points.covered(&mesh.materials)).into_iter();
-            let sums = sums.map(|sum| sum.x.clamp(0.0, 1.0)).collect();
-            Gathered { light, cover: Cover { sums, ..Cover::default() } }
-        })
     }
 
     /// Irradiance of the receivers of a set, given that of the gather points.

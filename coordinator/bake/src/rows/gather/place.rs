@@ -27,10 +27,7 @@ use crate::solver::ShareEnergy;
 use scene::{Facet, Scene};
 
 /// Meshes of no more receivers cast rays from each.
-const FEW_RECEIVERS: usize = 1 << 13;
-
-/// Receivers that are asked about once, for each point that is placed for them, at least: else their own rays cost less.
-const LEAST_RECEIVERS: usize = 4;
+pub(super) const FEW_RECEIVERS: usize = 1 << 13;
 
 /// Points to begin with.
 pub(super) const FIRST_POINTS: usize = 1024;
@@ -58,7 +55,7 @@ const FIRST_KEY: u64 = 1 << 36;
 const FIRST_ROUND: u32 = 1 << 16;
 
 /// Passes in which light goes between points and shares before points are added: enough to tell where it changes.
-const PASSES: usize = 8;
+const PASSES: u32 = 8;
 
 impl GatherRows {
     /// Places gather points until the light between them is known as well as the asked error wants it. Returns a first radiosity of the
@@ -81,29 +78,9 @@ impl GatherRows {
         self.place_by_light(cx, mesh, (radiosity, glow), Some(&direct), MOST_POINTS)
     }
 
-    /// Places points for this many receivers, which lie among some, and whose light is asked for once all is solved, where the vertices
-    /// needed none: where these are few, each casts rays of its own. `glow` is what the shares emit beside the light of the sources.
-    pub(super) fn place_for_asked(
-        &mut self,
-        cx: &mut Context,
-        mesh: &ShareMesh,
-        (count, among): (usize, &[Receiver]),
-        (radiosity, glow): (&[DVec3], Option<&[DVec3]>),
-    ) -> Result<()> {
-        if self.points.shared > 0 || count <= FEW_RECEIVERS {
-            return Ok(());
-        }
-        // Those of the vertices are for them alone.
-        let mut asked = Self { polygons: self.polygons, rounds: self.rounds + 1, ..Self::default() };
-        asked.place_by_light(cx, mesh, (radiosity.to_vec(), glow), None, count / LEAST_RECEIVERS)?;
-        asked.add_where_none_is_alike(cx, among)?;
-        self.of_asked = Some(Box::new(asked));
-        Ok(())
-    }
-
     /// Places up to this number of points by the light of the shares. Where their direct light is given, the rest is found on the way.
     /// Returns their radiosity.
-    fn place_by_light(
+    pub(super) fn place_by_light(
         &mut self,
         cx: &mut Context,
         mesh: &ShareMesh,
@@ -132,13 +109,9 @@ impl GatherRows {
             let Some(neighbours) = self.neighbours(cx) else { break };
             // Near enough to tell where points are needed.
             take_nearer(&mut nearest, &middles, &self.points.receivers, known_points, cx.extent());
-            for direct in direct.into_iter().flat_map(|direct| std::iter::repeat_n(direct, PASSES)) {
-                let light = self.points.gather(&leaving(&radiosity, glow));
-                let of_share = |((share, direct), middle): ((&ShareEnergy, &DVec3), &u32)| {
-                    share.reflectance * (*direct + light[nearest[*middle as usize].point as usize])
-                };
-                let all = mesh.energies.par_iter().zip(direct).zip(&of_leaves).with_min_len(1024);
-                radiosity = all.map(of_share).collect();
+            if let Some(direct) = direct {
+                let of_leaf = |leaf: usize| nearest[of_leaves[leaf] as usize].point;
+                radiosity = self.passed_on(mesh, (radiosity, glow), direct, of_leaf);
             }
             let all_light = leaving(&radiosity, glow);
             let left_out = self.errors_left_out(&all_light, &neighbours);
@@ -169,6 +142,25 @@ impl GatherRows {
             count = (self.points.placed / 2).clamp(FIRST_POINTS, MOST_DRAWN);
         }
         Ok(radiosity)
+    }
+
+    /// Radiosity of the shares after some passes between points and shares, each of which is a leaf that has the light of one point.
+    fn passed_on(
+        &self,
+        mesh: &ShareMesh,
+        (mut radiosity, glow): (Vec<DVec3>, Option<&[DVec3]>),
+        direct: &[DVec3],
+        of_leaf: impl Fn(usize) -> u32 + Sync,
+    ) -> Vec<DVec3> {
+        for _ in 0..PASSES {
+            let light = self.points.gather(&leaving(&radiosity, glow));
+            let of_share = |(leaf, (share, direct)): (usize, (&ShareEnergy, &DVec3))| {
+                share.reflectance * (*direct + light[of_leaf(leaf) as usize])
+            };
+            let all = mesh.energies.par_iter().zip(direct).enumerate().with_min_len(1024);
+            radiosity = all.map(of_share).collect();
+        }
+        radiosity
     }
 
     /// Draws points by the square error that is expected in each leaf, and looks at the shares from them.
