@@ -139,14 +139,12 @@ pub fn compute_row_until(
         Shape::Polygons(polygons) if polygons.len() >= MANY_POLYGONS => {
             let parts = polygons.iter().map(|polygon| (PreparedPolygon::new(polygon), 1.0));
             let mut many = ManyPolygons::new(parts, scene.occluder(), scene.transparent(), precision);
-            let factor = |(index, receiver)| many.factor(receiver, seed(index), &mut statistics);
-            wanted().map(factor).collect()
+            many.factors(groups, seed, stop, &mut statistics)
         }
         Shape::Weighted(polygons) => {
             let parts = polygons.iter().map(|(polygon, weight)| (PreparedPolygon::new(polygon), *weight));
             let mut many = ManyPolygons::new(parts, scene.occluder(), scene.transparent(), precision);
-            let factor = |(index, receiver)| many.factor(receiver, seed(index), &mut statistics);
-            wanted().map(factor).collect()
+            many.factors(groups, seed, stop, &mut statistics)
         }
         Shape::Polygons(polygons) => {
             let mut kernel = VisibilityKernel::new(scene.occluder(), precision).until(stop);

@@ -16,11 +16,15 @@ const MOST_RANGE: usize = 1 << 14;
 /// Parts that are enough for all threads.
 const ENOUGH_PARTS: usize = 1 << 10;
 
-/// Size of a part where a shooter has many polygons, or is a sky: receivers times polygons, each of which takes as long as some pairs.
+/// Size of a part where a shooter has many polygons, or is a sky, in pairs that take as long as some others.
 const RANGE_OF_MANY: usize = 12 << 10;
 
-/// Rays to a sky that take about as long as one of those polygons.
-const RAYS_PER_POLYGON: usize = 4;
+/// Rays that take about as long as some of those pairs do.
+const RAYS_PER_PAIR: usize = 4;
+
+/// Polygons of a shooter whose form factors take about as long as one of those pairs, and what its rays take, in pairs.
+const POLYGONS_PER_PAIR: usize = 16;
+const PAIRS_OF_RAYS: usize = 8;
 
 /// Bounds of the receivers then: a message has all polygons of the shooter.
 const LEAST_RANGE_OF_MANY: usize = 1 << 6;
@@ -64,12 +68,13 @@ impl ReceiverSet {
     }
 }
 
-/// Polygons of a shooter where they are many enough to compute their rows together, or as many as take as long as a sky.
-fn many_polygons(shooter: &Shooter) -> Option<usize> {
+/// Cost of a receiver where rays go to all of a shooter, its many polygons or a sky, in pairs of [`RANGE_OF_MANY`].
+fn cost_of_many(shooter: &Shooter) -> Option<usize> {
+    let joint = |polygons: usize| polygons / POLYGONS_PER_PAIR + PAIRS_OF_RAYS;
     match &shooter.shape {
-        Shape::Polygons(polygons) => Some(polygons.len()).filter(|count| *count >= MANY_POLYGONS),
-        Shape::Weighted(polygons) => Some(polygons.len()),
-        Shape::Sky(rays) => Some(*rays as usize / RAYS_PER_POLYGON),
+        Shape::Polygons(polygons) if polygons.len() >= MANY_POLYGONS => Some(joint(polygons.len())),
+        Shape::Weighted(polygons) => Some(joint(polygons.len())),
+        Shape::Sky(rays) => Some((*rays as usize / RAYS_PER_PAIR).max(1)),
         _ => None,
     }
 }
@@ -100,14 +105,14 @@ impl Plan {
         let few_polygons =
             (pairs / ENOUGH_PARTS).clamp(LEAST_RANGE, MOST_RANGE).next_multiple_of(LEAST_RANGE_OF_MANY);
         // Most receivers of a piece.
-        let range = |shooter: &Shooter| match many_polygons(shooter) {
-            Some(polygons) => {
-                let range = (RANGE_OF_MANY / polygons.max(1)).clamp(LEAST_RANGE_OF_MANY, MOST_RANGE_OF_MANY);
+        let range = |shooter: &Shooter| match cost_of_many(shooter) {
+            Some(cost) => {
+                let range = (RANGE_OF_MANY / cost).clamp(LEAST_RANGE_OF_MANY, MOST_RANGE_OF_MANY);
                 range / LEAST_RANGE_OF_MANY * LEAST_RANGE_OF_MANY
             }
             None => few_polygons,
         };
-        let has_many = shooters.iter().any(|shooter| many_polygons(shooter).is_some());
+        let has_many = shooters.iter().any(|shooter| cost_of_many(shooter).is_some());
         let set = ReceiverSet { kind: if has_many { RowKind::Many } else { RowKind::Plain }, ..set };
         // Few rows over many receivers would leave most threads without work.
         if shooters.len() >= FEW_ROWS || shooters.iter().all(|shooter| set.count <= range(shooter)) {

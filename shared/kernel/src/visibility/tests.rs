@@ -228,3 +228,76 @@ fn a_room_does_not_hide_its_own_ceiling() {
     assert!(seen[..16].iter().all(|factor| *factor > 0.01), "{seen:?}");
     assert!(seen[16..].iter().all(|factor| *factor == 0.0), "{seen:?}");
 }
+
+/// A small lamp of many tiles over the floor, facing down: the least number of rays goes to it.
+fn tiles() -> Vec<ConvexPolygon> {
+    let tile = |i: u32| {
+        let at = |i: u32| 0.02 * f64::from(i) - 0.07;
+        square(DVec3::new(at(i % 8), at(i / 8), 1.5), 0.01 * DVec3::X, 0.01 * DVec3::NEG_Y, 1)
+    };
+    (0..64).map(tile).collect()
+}
+
+/// Factors of many polygons as one, all of the same weight.
+fn as_one(
+    occluders: &[ConvexPolygon],
+    polygons: &[ConvexPolygon],
+    receivers: &[Receiver],
+    (rays_per_hemisphere, seeds): (u32, impl Fn(usize) -> u32),
+) -> Vec<f64> {
+    let occluder = Occluder::new(occluders);
+    let precision = Precision { rays_per_hemisphere, ..Precision::DEFAULT };
+    let prepared = polygons.iter().map(|polygon| (PreparedPolygon::new(polygon), 1.0));
+    let mut many = ManyPolygons::new(prepared, &occluder, None, &precision);
+    let groups = ReceiverGroups::new(receivers.to_vec());
+    many.factors(&groups, seeds, &|| false, &mut RowStatistics::default())
+}
+
+/// Where few rays are asked for, those that agree are fewer still, and tell a little too much; where many are, the mean of many
+/// draws is right, however small the part that is seen or hidden.
+#[test]
+fn rays_end_early_only_where_few_are_asked_for() {
+    let lamp = square(DVec3::Z * 1.5, 0.08 * DVec3::X, 0.08 * DVec3::NEG_Y, 1);
+    let receivers = [floor(0.0, 0.0)];
+    let whole = visible(&[], &receivers, &lamp)[0];
+    for end in [-0.074, -0.06, 0.0, 0.07] {
+        let wall = square(DVec3::new(end - 1.0, 0.0, 1.49), DVec3::X, DVec3::Y, 2);
+        let exact = visible(std::slice::from_ref(&wall), &receivers, &lamp)[0];
+        assert!(exact > 0.0 && exact < whole, "{end}: {exact} of {whole}");
+        for (rays, most) in [(256, 0.02), (2048, 0.002)] {
+            let draws = 2000;
+            let draw = |seed| as_one(std::slice::from_ref(&wall), &tiles(), &receivers, (rays, |_| seed))[0];
+            let mean = (0..draws).map(draw).sum::<f64>() / f64::from(draws);
+            assert!((mean - exact).abs() <= most * whole, "{end}, {rays}: {mean}, not {exact} of {whole}");
+        }
+    }
+}
+
+/// Receivers of all sorts, the last group of them not full.
+#[test]
+fn what_a_receiver_sees_of_many_polygons_does_not_depend_on_the_others() {
+    let receiver = |index: u32| {
+        let at = |step: u32| 0.37 * f64::from(index * step % 11) - 1.9;
+        let normal = DVec3::new(at(3), at(5), 2.0 + at(7)).normalize();
+        let position = DVec3::new(at(1), at(2), f64::from(index % 5) / 4.0);
+        Receiver { position, normal, plane: PlaneId(index % 3) }
+    };
+    let receivers: Vec<Receiver> = (0..53).map(receiver).collect();
+    let walls = [square(DVec3::new(0.3, 0.2, 1.2), DVec3::X * 0.4, DVec3::Y * 0.3, 2)];
+    let together = as_one(&walls, &tiles(), &receivers, (256, |index| index as u32));
+    assert!(together.iter().filter(|factor| **factor > 0.0).count() > 10, "{together:?}");
+    for (index, receiver) in receivers.iter().enumerate() {
+        let alone = as_one(&walls, &tiles(), std::slice::from_ref(receiver), (256, |_| index as u32));
+        assert_eq!(alone, [together[index]], "{receiver:?}");
+    }
+}
+
+/// A form factor of each tile may be off by little, that of all of them by less.
+#[test]
+fn what_is_far_counts_as_points_within_a_thousandth() {
+    for receiver in [floor(0.0, 0.0), floor(0.5, -0.3), floor(4.0, 1.0)] {
+        let exact: f64 = tiles().iter().map(|tile| visible(&[], &[receiver], tile)[0]).sum();
+        let one = as_one(&[], &tiles(), &[receiver], (256, |_| 0))[0];
+        assert!((one / exact - 1.0).abs() <= 5e-4, "{one}, not {exact}");
+    }
+}
