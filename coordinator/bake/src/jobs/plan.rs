@@ -16,15 +16,16 @@ const MOST_RANGE: usize = 1 << 14;
 /// Parts that are enough for all threads.
 const ENOUGH_PARTS: usize = 1 << 10;
 
-/// Size of a part where a shooter has many polygons, or is a sky, in pairs that take as long as some others.
+/// Size of a part where a shooter has many polygons, or is a sky, in receivers times their cost.
 const RANGE_OF_MANY: usize = 12 << 10;
 
-/// Rays that take about as long as some of those pairs do.
-const RAYS_PER_PAIR: usize = 4;
+/// Rays, and form factors of polygons, that make a cost of 1.
+const RAYS_PER_COST: usize = 4;
+const POLYGONS_PER_COST: usize = 16;
 
-/// Polygons of a shooter whose form factors take about as long as one of those pairs, and what its rays take, in pairs.
-const POLYGONS_PER_PAIR: usize = 16;
-const PAIRS_OF_RAYS: usize = 8;
+/// Rays of a receiver to the polygons of a lamp, about, and the most of those to lamps that lie apart.
+const RAYS_TO_LAMP: usize = 64;
+const RAYS_TO_LAMPS: usize = 256;
 
 /// Bounds of the receivers then: a message has all polygons of the shooter.
 const LEAST_RANGE_OF_MANY: usize = 1 << 6;
@@ -68,13 +69,17 @@ impl ReceiverSet {
     }
 }
 
-/// Cost of a receiver where rays go to all of a shooter, its many polygons or a sky, in pairs of [`RANGE_OF_MANY`].
+/// Cost of a receiver where rays go to all of a shooter, its many polygons or a sky.
 fn cost_of_many(shooter: &Shooter) -> Option<usize> {
-    let joint = |polygons: usize| polygons / POLYGONS_PER_PAIR + PAIRS_OF_RAYS;
+    let joint = |polygons: usize, rays: usize| polygons / POLYGONS_PER_COST + rays / RAYS_PER_COST;
     match &shooter.shape {
-        Shape::Polygons(polygons) if polygons.len() >= MANY_POLYGONS => Some(joint(polygons.len())),
-        Shape::Weighted(polygons) => Some(joint(polygons.len())),
-        Shape::Sky(rays) => Some((*rays as usize / RAYS_PER_PAIR).max(1)),
+        Shape::Polygons(polygons) if polygons.len() >= MANY_POLYGONS => {
+            Some(joint(polygons.len(), RAYS_TO_LAMP))
+        }
+        Shape::Weighted(polygons) => {
+            Some(joint(polygons.len(), polygons.len().clamp(RAYS_TO_LAMP, RAYS_TO_LAMPS)))
+        }
+        Shape::Sky(rays) => Some((*rays as usize / RAYS_PER_COST).max(1)),
         _ => None,
     }
 }

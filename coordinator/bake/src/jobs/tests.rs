@@ -57,8 +57,8 @@ fn receivers(count: usize) -> Receivers {
     Receivers { first_key: count as u64, receivers: vec![receiver; count] }
 }
 
-/// Asks for the rows of three shooters, one of them a sky, over some sets. Returns set, row and variance in the order in which they
-/// came, and the jobs asked for ahead.
+/// Asks for the rows of three shooters, one of them of many polygons, over some sets. Returns set, row and variance in the order in
+/// which they came, and the jobs asked for ahead.
 fn rows_over(counts: &[usize]) -> (Vec<(usize, usize, f64)>, usize) {
     let mut service = Backwards::default();
     let mut observer = Unobserved;
@@ -68,7 +68,7 @@ fn rows_over(counts: &[usize]) -> (Vec<(usize, usize, f64)>, usize) {
     let polygon = ConvexPolygon { plane: PlaneId(1), corners: vec![DVec3::X, DVec3::Y, DVec3::Z] };
     let shapes = [
         Shape::Point(DVec3::Z),
-        Shape::Polygons(vec![polygon; MANY_POLYGONS]),
+        Shape::Polygons(vec![polygon; 4 * MANY_POLYGONS]),
         Shape::Directional(DVec3::NEG_Z),
     ];
     let shooters: Vec<Shooter> = (0..).zip(shapes).map(|(key, shape)| Shooter { key, shape }).collect();
@@ -89,7 +89,11 @@ fn rows_come_in_order_whole_and_once_whatever_the_order_of_the_jobs() {
     let expected = |set: usize, count: usize| (0..3).map(move |row| (set, row, count as f64));
     let all: Vec<_> = expected(0, 1000).chain(expected(1, 0)).chain(expected(2, 10)).collect();
     assert_eq!(taken, all);
-    assert_eq!(asked_ahead, 1 + 3 + 1 + 1 + 1, "the sky over many in three pieces; no set waits for another");
+    assert_eq!(
+        asked_ahead,
+        1 + 2 + 1 + 1 + 1,
+        "many polygons over many in two pieces; no set waits for another"
+    );
 }
 
 /// The vertices of one round of refinement would else be one job for each lamp.
@@ -99,7 +103,7 @@ fn rows_of_few_lamps_are_cut() {
     let (taken, asked_ahead) = rows_over(&counts);
     let rows = (0..2).flat_map(|set| (0..3).map(move |row| (set, row, counts[set] as f64)));
     assert_eq!(taken, rows.collect::<Vec<_>>());
-    let of_many = 2500_usize.div_ceil(384);
+    let of_many = 2500_usize.div_ceil(512);
     assert_eq!(asked_ahead, 3 + of_many + 3 + 1, "a point and a sun in three pieces each");
 }
 

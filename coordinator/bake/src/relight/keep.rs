@@ -140,7 +140,7 @@ impl Solved {
     fn sources_by_names(&self, scene: &Scene) -> Vec<(Vec<String>, Vec<LightSource>)> {
         let mut groups: Vec<(Vec<String>, Vec<LightSource>)> = vec![];
         let mut places = HashMap::new();
-        for source in self.sources.all.iter().filter(|source| source.strength != DVec3::ZERO) {
+        for source in self.sources.each().iter().filter(|source| source.strength != DVec3::ZERO) {
             // A light may have the name of the sky.
             let is_sky = source.origin == Origin::Sky;
             let names: Vec<String> = names_of(scene, source.origin).map(str::to_owned).collect();
@@ -251,7 +251,7 @@ impl Solved {
         Ok(())
     }
 
-    /// Standard error of a part of the light from rays, relative to the whole.
+    /// Standard error of a part of the light from rays, relative to the whole. That of small lamps that share rows is not known.
     fn noise_of_part(&self, sources: &[LightSource], solution: &Solution) -> f64 {
         let whole = self.solution.samples.level();
         if whole <= 0.0 {

@@ -11,7 +11,7 @@ use kernel::geometry::PlaneId;
 use kernel::replica::{Receiver, Receivers};
 
 use super::irradiance::{Lights, Place, irradiance_at};
-use super::light::LightSource;
+use super::light_source::LightSource;
 use super::solved::Solved;
 use crate::context::Context;
 use crate::error::Result;

@@ -6,7 +6,9 @@ use std::collections::HashMap;
 use glam::DVec3;
 
 use super::glow::{Emissions, make_glow};
-use super::light::{self, Direct, LightSource};
+use super::joint::pool;
+use super::light::{self, Direct};
+use super::light_source::{LightSource, Origin};
 use super::setup::Setup;
 use crate::context::Context;
 use crate::error::Result;
@@ -30,9 +32,19 @@ pub struct Lit {
 
 /// The light sources, and what their rows tell beside irradiance.
 pub struct Sources {
+    /// Those that have rows or glow.
     pub all: Vec<LightSource>,
+    /// Each by itself, where small lamps share rows.
+    apart: Option<Vec<LightSource>>,
     /// Variance of the row of each over the refinement samples, summed over it.
     pub variances: Vec<f64>,
+}
+
+impl Sources {
+    /// Each light source by itself.
+    pub fn each(&self) -> &[LightSource] {
+        self.apart.as_ref().unwrap_or(&self.all)
+    }
 }
 
 impl Setup {
@@ -66,6 +78,7 @@ impl Setup {
         let emissions =
             if source.joins_sources() { Emissions::of_many(&sources) } else { Emissions::default() };
         let mut light = light::no_light(&sets);
+        let mut apart = None;
         let others = sources.iter().filter(|source| !emissions.has(source));
         light::add_direct(&mut light, others, &sets, cx.client, &mut look)?;
         if !emissions.is_empty() {
@@ -78,8 +91,11 @@ impl Setup {
             let glowing = emissions.glowing(level, area, rays, cx.settings.asked_error());
             tracing::debug!(level, surfaces = glowing.len(), "surfaces glow");
             make_glow(&mut sources, &glowing);
-            let others = sources.iter().filter(|source| emissions.has(source));
-            light::add_direct(&mut light, others, &sets, cx.client, &mut look)?;
+            if let Some(pooled) = pool(&sources) {
+                apart = Some(std::mem::replace(&mut sources, pooled));
+            }
+            let is_new = |source: &&LightSource| emissions.has(source) || source.origin == Origin::Lamps;
+            light::add_direct(&mut light, sources.iter().filter(is_new), &sets, cx.client, &mut look)?;
         }
         let mut light = light.into_iter();
         if table.samples.is_some() {
@@ -100,7 +116,7 @@ impl Setup {
             key.and_then(|key| variances.get(&key)).copied().unwrap_or(0.0)
         };
         let variances = sources.iter().map(variance).collect();
-        let sources = Sources { all: sources, variances };
+        let sources = Sources { all: sources, apart, variances };
         Ok(Lit { mesh, rows, sources, samples, middles, direct })
     }
 }

@@ -10,7 +10,8 @@ use glam::DVec3;
 use kernel::geometry::area_vector;
 use kernel::row::Shape;
 
-use super::light::{LightSource, MANY_EMITTERS, Origin};
+use super::joint::MANY_EMITTERS;
+use super::light_source::{LightSource, Origin};
 use crate::context::Context;
 use crate::error::Result;
 use crate::error_budget::INTERPOLATED_NOISE;

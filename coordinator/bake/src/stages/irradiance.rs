@@ -4,7 +4,8 @@ use glam::DVec3;
 use kernel::replica::Receivers;
 
 use super::glow::{add, glow};
-use super::light::{self, Direct, LightSource};
+use super::light::{self, Direct};
+use super::light_source::LightSource;
 use crate::context::Context;
 use crate::error::Result;
 use crate::rows::{Cover, Gathered, Radiosity, Rows, ShareMesh};

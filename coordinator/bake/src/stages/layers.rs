@@ -7,7 +7,7 @@ use std::collections::HashSet;
 
 use glam::DVec3;
 
-use super::light::{LightSource, Origin};
+use super::light_source::{LightSource, Origin};
 use super::solved::Solved;
 use crate::context::Context;
 use crate::error::{BakeError, Result};
@@ -84,6 +84,7 @@ pub fn names_of(scene: &Scene, origin: Origin) -> impl Iterator<Item = &str> {
         }
         Origin::Light(index) => (root.nodes.get(scene.lights[index].node), None, None),
         Origin::Sky => (None, None, Some(SKY)),
+        Origin::Lamps => (None, None, None),
     };
     let node = node.and_then(|node| node.name.as_deref());
     let material = material.and_then(|material| material.name.as_deref());
@@ -127,7 +128,7 @@ impl Solved {
             let is_meant = |source: &&LightSource| {
                 names_of(cx.scene, source.origin).any(|name| group.lights.iter().any(|light| light == name))
             };
-            let sources: Vec<LightSource> = self.sources.all.iter().filter(is_meant).cloned().collect();
+            let sources: Vec<LightSource> = self.sources.each().iter().filter(is_meant).cloned().collect();
             let direct = self.direct_of(cx, &sources)?;
             let (part, radiosity, local) = if cx.settings.only == LightPart::Direct {
                 (direct, vec![DVec3::ZERO; self.mesh.shares.len()], None)

@@ -1,11 +1,11 @@
 //! Light sources: emitting polygons of constant exitance, lights that are no surface, and the sky.
 
 use glam::DVec3;
-use kernel::geometry::area_vector;
 use kernel::row::{Row, Shape, Shooter};
-use kernel::visibility::MANY_POLYGONS;
 
-use super::emitters::{Emitter, emitters, weighted};
+use super::emitters::emitters;
+use super::joint::{alone, join};
+use super::light_source::{LightSource, Origin};
 use super::sky;
 use crate::error::BakeError;
 use crate::jobs::{ReceiverSet, RowClient};
@@ -13,41 +13,6 @@ use crate::mesh::Mesh;
 use crate::settings::BakeSettings;
 use crate::solver::add_row;
 use scene::{LightKind, Scene};
-
-/// A light source. It has a row of its own, or glows.
-#[derive(Clone)]
-pub struct LightSource {
-    /// What its row is made of. None where it glows: its light is then gathered like reflected light.
-    pub shooter: Option<Shooter>,
-    /// What one unit of the row is worth: exitance of a polygon, intensity of a point or spot light per squared frame unit,
-    /// irradiance across a directional light. Of what glows, a factor of its exitance.
-    pub strength: DVec3,
-    /// What of the scene it is.
-    pub origin: Origin,
-    /// True where its light comes from outside of the scene: of what it emits only what falls on the scene is counted.
-    pub is_outside: bool,
-}
-
-/// What of a scene a light source is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Origin {
-    /// A facet, or a part of one, of the surface with this index.
-    Surface(usize),
-    /// The light with this index.
-    Light(usize),
-    /// A part of the sky.
-    Sky,
-}
-
-/// Most polygons of a joint light source: its row must fit a job.
-const MOST_JOINED: usize = 1024;
-
-/// Emitters of a scene beyond which those of a surface are joined from [`FEW_POLYGONS`] on: an exact row for each takes too long.
-pub const MANY_EMITTERS: usize = 256;
-const FEW_POLYGONS: usize = 8;
-
-/// Colours that differ by less than this part of their strongest channel are one.
-const ONE_COLOUR: f64 = 1.0 / 64.0;
 
 /// The light sources of a scene, whose mesh is that of the shares; their keys start at `first_key`. Those of a fine lamp, or of the
 /// sky, are joined where `joined`: then rays tell what stands between all of them and a receiver.
@@ -76,74 +41,10 @@ pub fn sources(
             strength,
             origin,
             is_outside: match origin {
-                Origin::Surface(_) => false,
+                Origin::Surface(_) | Origin::Lamps => false,
                 Origin::Light(index) => scene.lights[index].kind.from_far().is_some(),
                 Origin::Sky => true,
             },
-        })
-        .collect()
-}
-
-/// What shines, its exitance and where it comes from.
-type Shining = (Shape, DVec3, Origin);
-
-/// An emitter by itself, exact.
-fn alone(Emitter { surface, polygon, exitance }: Emitter) -> Shining {
-    (Shape::Polygons(vec![polygon]), exitance, Origin::Surface(surface))
-}
-
-/// Joins the emitters of each surface where they are many enough to be sampled; the others stay by themselves, exact.
-fn join(emitters: Vec<Emitter>) -> Vec<Shining> {
-    let least = if emitters.len() > MANY_EMITTERS { FEW_POLYGONS } else { MANY_POLYGONS };
-    let mut joined = vec![];
-    for own in emitters.chunk_by(|a, b| a.surface == b.surface) {
-        let mut others = vec![];
-        for even in own.chunk_by(|a, b| a.exitance == b.exitance) {
-            if even.len() < MANY_POLYGONS {
-                others.extend_from_slice(even);
-                continue;
-            }
-            joined.extend(parts_of(even).map(|part| {
-                let polygons = part.iter().map(|emitter| emitter.polygon.clone()).collect();
-                (Shape::Polygons(polygons), part[0].exitance, Origin::Surface(part[0].surface))
-            }));
-        }
-        if others.len() < least {
-            joined.extend(others.into_iter().map(alone));
-        } else {
-            joined.extend(parts_of(&others).flat_map(by_colour));
-        }
-    }
-    joined
-}
-
-/// Parts of about one size, none too large for a job.
-fn parts_of(emitters: &[Emitter]) -> impl Iterator<Item = &[Emitter]> {
-    let parts = emitters.len().div_ceil(MOST_JOINED);
-    emitters.chunks(emitters.len().div_ceil(parts))
-}
-
-/// Emitters of one surface as shapes with weights: one where all have about one colour, else one for each channel.
-fn by_colour(emitters: &[Emitter]) -> Vec<Shining> {
-    let origin = Origin::Surface(emitters[0].surface);
-    let strongest = |emitter: &Emitter| emitter.exitance.max_element();
-    let area = |emitter: &Emitter| area_vector(&emitter.polygon.corners).length();
-    let flux: DVec3 = emitters.iter().map(|emitter| area(emitter) * emitter.exitance).sum();
-    // Of what the strongest channel would give: so that the flux is right in each.
-    let colour = flux / emitters.iter().map(|emitter| area(emitter) * strongest(emitter)).sum::<f64>();
-    let has_it = |emitter: &Emitter| {
-        (emitter.exitance / strongest(emitter) - colour).abs().max_element() <= ONE_COLOUR
-    };
-    let channels = if emitters.iter().all(has_it) {
-        vec![(DVec3::ONE, colour)]
-    } else {
-        [DVec3::X, DVec3::Y, DVec3::Z].map(|channel| (channel, channel)).to_vec()
-    };
-    channels
-        .into_iter()
-        .filter_map(|(channel, colour)| {
-            let polygons = emitters.iter().map(|emitter| (emitter.polygon.clone(), emitter.exitance));
-            weighted(polygons, channel).map(|(shape, most)| (shape, colour * most, origin))
         })
         .collect()
 }
@@ -177,7 +78,7 @@ impl SourceCounts {
         let mut counts = Self::default();
         for source in sources {
             *match source.origin {
-                Origin::Surface(_) => &mut counts.area,
+                Origin::Surface(_) | Origin::Lamps => &mut counts.area,
                 Origin::Light(index) => match scene.lights[index].kind {
                     LightKind::Point { .. } => &mut counts.point,
                     LightKind::Spot(_) => &mut counts.spot,
@@ -261,75 +162,4 @@ pub fn direct(
     let mut light = no_light(&[set]);
     add_direct(&mut light, sources.iter(), &[set], client, |_, _, _| ())?;
     Ok(light.pop().unwrap_or_default())
-}
-
-#[cfg(test)]
-mod tests {
-    use kernel::geometry::{ConvexPolygon, PlaneId};
-
-    use super::*;
-
-    fn emitter(index: u32, exitance: DVec3) -> Emitter {
-        let low = f64::from(index);
-        let edge = 0.2 + 0.01 * low;
-        let corners =
-            [(0.0, 0.0), (edge, 0.0), (edge, 0.5), (0.0, 0.5)].map(|(x, y)| DVec3::new(low + x, y, 0.0));
-        Emitter {
-            surface: 3,
-            polygon: ConvexPolygon { plane: PlaneId(0), corners: corners.to_vec() },
-            exitance,
-        }
-    }
-
-    fn flux_of(emitters: &[Emitter]) -> DVec3 {
-        emitters.iter().map(|own| area_vector(&own.polygon.corners).length() * own.exitance).sum()
-    }
-
-    fn flux(shining: &[Shining]) -> DVec3 {
-        let area = |polygon: &ConvexPolygon| area_vector(&polygon.corners).length();
-        let of_shape = |shape: &Shape| -> f64 {
-            match shape {
-                Shape::Polygons(polygons) => polygons.iter().map(area).sum(),
-                Shape::Weighted(polygons) => {
-                    polygons.iter().map(|(polygon, weight)| area(polygon) * weight).sum()
-                }
-                other => panic!("{other:?} is no surface"),
-            }
-        };
-        shining.iter().map(|(shape, strength, _)| *strength * of_shape(shape)).sum::<DVec3>()
-    }
-
-    #[test]
-    fn joined_emitters_keep_their_flux_in_each_channel() {
-        // Of one colour, of nearly one, of many.
-        let brightness = |index: u32| 1.0 + f64::from(index % 7);
-        let colours: [fn(u32) -> DVec3; 3] = [
-            |_| DVec3::new(1.0, 0.5, 0.25),
-            |index| DVec3::new(1.0, 0.5 + 0.001 * f64::from(index % 5), 0.25),
-            |index| DVec3::from_array([0, 1, 2].map(|channel| f64::from((index + channel) % 3))),
-        ];
-        for (colour, rows) in colours.into_iter().zip([1, 1, 3]) {
-            let emitters: Vec<Emitter> =
-                (0..40).map(|index| emitter(index, colour(index) * brightness(index))).collect();
-            let joined = join(emitters.clone());
-            assert_eq!(joined.len(), rows);
-            assert!(joined.iter().all(|(_, _, origin)| *origin == Origin::Surface(3)));
-            let wanted = flux_of(&emitters);
-            assert!((flux(&joined) - wanted).abs().max_element() <= 1e-12 * wanted.max_element());
-        }
-    }
-
-    #[test]
-    fn few_emitters_stay_exact_and_very_many_go_into_several_rows() {
-        let few: Vec<Emitter> =
-            (0..20).map(|index| emitter(index, DVec3::splat(f64::from(index + 1)))).collect();
-        assert!(join(few).iter().all(|(shape, ..)| matches!(shape, Shape::Polygons(one) if one.len() == 1)));
-        let many: Vec<Emitter> =
-            (0..3000).map(|index| emitter(index, DVec3::splat(f64::from(index % 9 + 1)))).collect();
-        let joined = join(many.clone());
-        assert_eq!(joined.len(), 3);
-        assert!(joined.iter().all(|(shape, ..)| shape.polygons() <= MOST_JOINED));
-        let wanted = flux_of(&many);
-        assert!((flux(&joined) - wanted).abs().max_element() <= 1e-12 * wanted.max_element());
-    }
 }

@@ -76,7 +76,7 @@ pub struct BakeReport {
 pub struct Model {
     /// Channels of light: 1 where all light has one colour and all surfaces are grey, else 3.
     pub channels: usize,
-    /// Rows of emitting facets and of area lights; a surface whose light is gathered counts once.
+    /// Rows of emitting facets and of area lights; a surface whose light is gathered counts once, and small lamps may share rows.
     pub area_lights: usize,
     /// Point lights, each with a row of solid angles.
     pub point_lights: usize,

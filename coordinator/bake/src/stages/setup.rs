@@ -2,7 +2,8 @@
 
 use glam::DVec3;
 
-use super::light::{self, LightSource};
+use super::light;
+use super::light_source::LightSource;
 use super::shooting_mesh::ShootingMesh;
 use crate::context::Context;
 use crate::error::{BakeError, Result};

@@ -5,9 +5,17 @@ mod clip;
 pub mod lanes;
 mod polygon;
 
+use glam::DVec3;
+
 pub use bounds::Bounds;
 pub use clip::{Corners, clip, clip_by_plane, split};
 pub use polygon::{ConvexPolygon, area_vector, uniform_point};
+
+/// Equal for equal points, and in some order.
+pub(crate) fn position_bits(point: DVec3) -> [u64; 3] {
+    // Zero has two signs.
+    (point + DVec3::ZERO).to_array().map(f64::to_bits)
+}
 
 /// Number of a plane of the scene. Polygons that lie in one plane, whichever way they face, share it: they can neither
 /// see nor block each other.

@@ -5,7 +5,7 @@ use foldhash::{HashMap, HashMapExt};
 use glam::DVec3;
 
 use super::OccluderPolygon;
-use crate::geometry::{Bounds, ConvexPolygon};
+use crate::geometry::{Bounds, ConvexPolygon, position_bits};
 
 /// Corners this far from where they should be, relative to the scene's largest coordinate, are rounding: files hold f32.
 const ROUNDING: f64 = 1e-6;
@@ -71,7 +71,7 @@ impl Body {
             let polygon = &polygons[*face as usize];
             let side = Side::of(polygon.normal, &polygon.corners);
             for (from, to) in directed_edges(&polygon.corners) {
-                sides.insert((bits(from), bits(to)), side);
+                sides.insert((position_bits(from), position_bits(to)), side);
             }
         }
         let mut edges = vec![];
@@ -79,16 +79,19 @@ impl Body {
         for face in &faces {
             let polygon = &polygons[*face as usize];
             for (from, to) in directed_edges(&polygon.corners) {
-                let pair = (sides.get(&(bits(from), bits(to))), sides.get(&(bits(to), bits(from))));
+                let pair = (
+                    sides.get(&(position_bits(from), position_bits(to))),
+                    sides.get(&(position_bits(to), position_bits(from))),
+                );
                 if let (Some(left), Some(right)) = pair
-                    && bits(from) < bits(to)
+                    && position_bits(from) < position_bits(to)
                 {
                     edges.push(Edge { from, to, left: *left, right: *right });
                 }
                 corners.push(from);
             }
         }
-        corners.sort_unstable_by_key(|corner| bits(*corner));
+        corners.sort_unstable_by_key(|corner| position_bits(*corner));
         corners.dedup();
         Self { faces, corners, edges, rounding }
     }
@@ -116,7 +119,9 @@ pub fn convex_bodies(polygons: &[ConvexPolygon]) -> Vec<Vec<usize>> {
     let mut left = HashMap::new();
     for (index, polygon) in polygons.iter().enumerate() {
         for (from, to) in directed_edges(&polygon.corners) {
-            left.entry((bits(from), bits(to))).and_modify(|face| *face = None).or_insert(Some(index));
+            left.entry((position_bits(from), position_bits(to)))
+                .and_modify(|face| *face = None)
+                .or_insert(Some(index));
         }
     }
     let mut is_seen = vec![false; polygons.len()];
@@ -131,8 +136,8 @@ pub fn convex_bodies(polygons: &[ConvexPolygon]) -> Vec<Vec<usize>> {
         let mut next = 0;
         while let Some(face) = faces.get(next) {
             for (from, to) in directed_edges(&polygons[*face].corners) {
-                let own = left.get(&(bits(from), bits(to))).copied().flatten();
-                match left.get(&(bits(to), bits(from))).copied().flatten() {
+                let own = left.get(&(position_bits(from), position_bits(to))).copied().flatten();
+                match left.get(&(position_bits(to), position_bits(from))).copied().flatten() {
                     Some(other) if own.is_some() => {
                         if !std::mem::replace(&mut is_seen[other], true) {
                             faces.push(other);
@@ -172,10 +177,4 @@ fn is_convex(polygons: &[ConvexPolygon], faces: &[usize], rounding: f64) -> bool
 
 fn directed_edges(corners: &[DVec3]) -> impl Iterator<Item = (DVec3, DVec3)> {
     corners.iter().copied().zip(corners.iter().copied().cycle().skip(1))
-}
-
-/// Equal for equal points, and in some order.
-fn bits(point: DVec3) -> [u64; 3] {
-    // Zero has two signs.
-    (point + DVec3::ZERO).to_array().map(f64::to_bits)
 }

@@ -1,17 +1,20 @@
 //! Shooters of very many polygons: a lamp's fine mesh, a sky that differs by direction.
 //!
 //! The unoccluded form factors are summed, each times the weight of its polygon, for groups of receivers at once. Visibility is
-//! sampled for the shooter as a whole: rays choose among its polygons in proportion to their part of that sum.
+//! sampled for the shooter as a whole: rays choose among its polygons in proportion to their part of that sum. Where polygons lie
+//! apart, as those of many lamps do, most may be hidden from a receiver: what arrives is then told for each of these bodies.
 
+use std::collections::HashMap;
 use std::slice;
 
 use sobol_burley::sample_4d;
 
 use super::ratio::RayRatio;
 use super::{ReceiverGroups, ReceiverLanes, Stop, TransparentOccluders, faces_away};
+use crate::disjoint_sets::DisjointSets;
 use crate::form_factor::{PreparedPolygon, ViewLanes, kernel};
 use crate::geometry::lanes::LANES;
-use crate::geometry::{area_vector, uniform_point};
+use crate::geometry::{area_vector, position_bits, uniform_point};
 use crate::messages::RowStatistics;
 use crate::occluder::Occluder;
 use crate::replica::Receiver;
@@ -29,11 +32,20 @@ const PART: f64 = 0.5;
 const LEAST_RAYS: u32 = 64;
 const MOST_RAYS: u32 = 4096;
 
-/// Where no more than the least number of rays goes to a shooter, they end after this part of those of a hemisphere, and no fewer
-/// than the other number, if all arrived or none did. Of a lamp a seventeenth of which is hidden 16 rays then tell up to 2 % too much:
-/// less than noise where few rays are asked for; where many are, none ends.
-const PROBE_PART: u32 = 16;
-const LEAST_PROBE: u32 = 16;
+/// Most rays that a shooter gets for the number of its bodies: one for each, else.
+const MOST_FOR_BODIES: u32 = 256;
+
+/// Rays that are enough to tell of a body by itself, in the mean.
+const ENOUGH_RAYS: f64 = 2.0;
+
+/// A single body that covers so little that this many rays would be its part gets no more than a quarter of the least number if all
+/// of these arrive, or their part of them as of [`NO_PROBE`] for a hemisphere, if that is more. A lamp a seventeenth of which is
+/// hidden may then seem 2 % too bright: less than noise where few rays are asked for. Where none arrives they go on: the little light
+/// that comes through a grille may be all that there is.
+const PROBE_DIVISOR: u32 = 4;
+
+/// Rays of a hemisphere from which on none end early.
+const NO_PROBE: u32 = 1024;
 
 /// Relative error that the form factor of one polygon may have: less than what rays leave of the sum.
 const TOLERANCE: f64 = 1e-3;
@@ -43,6 +55,7 @@ struct Part {
     polygon: PreparedPolygon,
     area: f64,
     weight: f64,
+    body: usize,
 }
 
 /// The polygons of one shooter.
@@ -51,10 +64,21 @@ pub struct ManyPolygons<'a> {
     occluder: &'a Occluder,
     transparent: Option<&'a TransparentOccluders>,
     precision: &'a Precision,
+    least_rays: u32,
     faced: Faced,
+    bodies: Vec<Body>,
 }
 
-/// What some receivers see of the polygons before occlusion.
+/// Polygons that share corners, as the receiver at hand sees them.
+#[derive(Clone, Default)]
+struct Body {
+    /// Sum of weighted form factors.
+    all: f64,
+    /// What its rays told.
+    ratio: RayRatio,
+}
+
+/// The view of some receivers before occlusion.
 #[derive(Default)]
 struct Faced {
     /// The polygons that any of them sees.
@@ -78,15 +102,18 @@ impl<'a> ManyPolygons<'a> {
     ) -> Self {
         let part = |(polygon, weight): (PreparedPolygon, f64)| {
             let area = area_vector(polygon.corners()).length();
-            Part { polygon, area, weight }
+            Part { polygon, area, weight, body: 0 }
         };
         let seen = |part: &Part| part.weight > 0.0;
-        let polygons = polygons.into_iter().map(part).filter(seen).collect();
-        Self { polygons, occluder, transparent, precision, faced: Faced::default() }
+        let mut polygons: Vec<Part> = polygons.into_iter().map(part).filter(seen).collect();
+        let count = find_bodies(&mut polygons);
+        let least_rays = (count as u32).next_power_of_two().clamp(LEAST_RAYS, MOST_FOR_BODIES);
+        let bodies = vec![Body::default(); count];
+        Self { polygons, occluder, transparent, precision, least_rays, faced: Faced::default(), bodies }
     }
 
     /// The visible form factors from receivers to all of them, by weight. `seed` gives the seed of each receiver's rays; `stop` is
-    /// asked before each few receivers. The result for a receiver does not depend on the others.
+    /// asked before each of them. The result for a receiver does not depend on the others.
     pub fn factors(
         &mut self,
         groups: &ReceiverGroups,
@@ -99,11 +126,11 @@ impl<'a> ManyPolygons<'a> {
         for (group, (factors, receivers)) in
             factors.chunks_mut(LANES).zip(groups.receivers().chunks(LANES)).enumerate()
         {
-            if stop() {
-                break;
-            }
             self.look(groups, group, statistics);
             for (lane, (factor, receiver)) in factors.iter_mut().zip(receivers).enumerate() {
+                if stop() {
+                    return vec![];
+                }
                 *factor = self.visible(receiver, lane, seed(group * LANES + lane), statistics);
             }
         }
@@ -147,62 +174,103 @@ impl<'a> ManyPolygons<'a> {
 
     /// The visible form factor of a receiver of the group looked at.
     fn visible(
-        &self,
+        &mut self,
         Receiver { position, normal, plane }: &Receiver,
         lane: usize,
         seed: u32,
         statistics: &mut RowStatistics,
     ) -> f64 {
-        let Faced { polygons, ends, covered, counts } = &self.faced;
+        let Self { polygons, occluder, transparent, precision, least_rays, faced, bodies } = self;
+        let ends = &faced.ends;
         let all = ends.last().map_or(0.0, |ends| ends[lane]);
-        if all == 0.0 || (self.occluder.is_empty() && self.transparent.is_none()) {
+        if all == 0.0 || (occluder.is_empty() && transparent.is_none()) {
             return all;
         }
-        let wanted = PART * covered[lane] * f64::from(self.precision.rays_per_hemisphere);
-        let rays = (wanted as u32).next_power_of_two().clamp(LEAST_RAYS, MOST_RAYS);
-        let probe = self.precision.rays_per_hemisphere / PROBE_PART;
-        let probe = probe.clamp(LEAST_PROBE, LEAST_RAYS).next_power_of_two();
-        let mut ratio = RayRatio::default();
+        let before = |place: usize| if place == 0 { 0.0 } else { ends[place - 1][lane] };
+        bodies.fill(Body::default());
+        for (place, polygon) in faced.polygons.iter().enumerate() {
+            bodies[polygons[*polygon].body].all += ends[place][lane] - before(place);
+        }
+        let wanted = PART * faced.covered[lane] * f64::from(precision.rays_per_hemisphere);
+        let rays = (wanted as u32).next_power_of_two().clamp(*least_rays, MOST_RAYS);
+        let part = f64::from(precision.rays_per_hemisphere) / f64::from(NO_PROBE);
+        let probe = ((part * f64::from(rays)) as u32).max(rays / PROBE_DIVISOR);
+        let ends_early = bodies.len() == 1 && wanted <= f64::from(LEAST_RAYS / PROBE_DIVISOR);
         let mut cast = 0;
         for ray in 0..rays {
             let [choice, x, y, _] = sample_4d(ray, 0, seed).map(f64::from);
             let place = ends.partition_point(|ends| ends[lane] <= choice * all).min(ends.len() - 1);
-            let before = if place == 0 { 0.0 } else { ends[place - 1][lane] };
-            let own = ends[place][lane] - before;
-            let Part { polygon, area, weight } = &self.polygons[polygons[place]];
+            let own = ends[place][lane] - before(place);
+            let Part { polygon, area, weight, body } = &polygons[faced.polygons[place]];
             let target = uniform_point(polygon.corners(), x, y);
             // Polygons are chosen by their form factors and weights, points on them by area.
             let weight = kernel(*normal, polygon.normal(), target - *position) * area * weight / own;
             cast += 1;
             if weight > 0.0 && own > 0.0 {
                 let planes = [*plane, polygon.plane()];
-                let part = if self.occluder.blocks(*position, target, planes) {
+                let part = if occluder.blocks(*position, target, planes) {
                     0.0
                 } else {
-                    self.transparent.map_or(1.0, |some| some.between(*position, target, planes))
+                    transparent.map_or(1.0, |some| some.between(*position, target, planes))
                 };
-                ratio.add(ray >= rays / 2, weight, part);
+                bodies[*body].ratio.add(ray >= rays / 2, weight, part);
             }
-            if cast == probe && rays == LEAST_RAYS {
-                let (arrived, sent) = ratio.sums();
-                if arrived == 0.0 || arrived == sent {
+            if cast == probe && ends_early {
+                let (arrived, sent) = bodies[0].ratio.sums();
+                if arrived == sent && sent > 0.0 {
                     break;
                 }
             }
         }
         statistics.rays += u64::from(cast);
-        statistics.sampled_pairs += u64::from(counts[lane]);
-        statistics.occluded_pairs += u64::from(counts[lane]);
-        let (arrived, sent) = ratio.sums();
-        if let Some((_, difference)) = ratio.estimate() {
-            let difference = all * difference;
-            statistics.sampling_variance += difference * difference / 4.0;
-        }
-        if sent > 0.0 { all * arrived / sent } else { all }
+        statistics.sampled_pairs += u64::from(faced.counts[lane]);
+        statistics.occluded_pairs += u64::from(faced.counts[lane]);
+        let (visible, difference) = visible_of(bodies, rays);
+        statistics.sampling_variance += difference * difference / 4.0;
+        visible
     }
 }
 
-/// What the receivers of a group see of a polygon.
+/// The part of all bodies that arrives: rays tell of those that get enough of them one by one, and of all others together. And the difference
+/// of what the one half of the rays tells and the other.
+fn visible_of(bodies: &[Body], rays: u32) -> (f64, f64) {
+    let all: f64 = bodies.iter().map(|body| body.all).sum();
+    let enough = all * ENOUGH_RAYS / f64::from(rays);
+    let (mut others, mut halved) = (Body::default(), Body::default());
+    let (mut visible, mut told, mut difference) = (0.0, 0.0, 0.0);
+    let mut tell = |Body { all, ratio }: &Body| {
+        let (arrived, cast) = ratio.sums();
+        // Rays to bodies that are barely over the horizon may all end under it.
+        if cast > 0.0 {
+            visible += all * (arrived / cast);
+            told += all;
+        }
+        match ratio.estimate() {
+            Some((_, own)) => difference += all * own,
+            // With rays in one half only: their difference is that of all such.
+            None => halved.add(*all, *ratio),
+        }
+    };
+    for body in bodies {
+        if body.all >= enough {
+            tell(body);
+        } else {
+            others.add(body.all, body.ratio);
+        }
+    }
+    tell(&others);
+    difference += halved.ratio.estimate().map_or(0.0, |(_, own)| halved.all * own);
+    (if told > 0.0 { visible * (all / told) } else { all }, difference)
+}
+
+impl Body {
+    fn add(&mut self, all: f64, ratio: RayRatio) {
+        self.all += all;
+        self.ratio += ratio;
+    }
+}
+
+/// The view of a polygon by the receivers of a group.
 #[inline(always)]
 fn view(polygon: &PreparedPolygon, lanes: &ReceiverLanes, tolerance: f64) -> ViewLanes {
     let mut view = ViewLanes::default();
@@ -217,4 +285,22 @@ fn view(polygon: &PreparedPolygon, lanes: &ReceiverLanes, tolerance: f64) -> Vie
         }
     }
     view
+}
+
+/// Numbers the bodies of polygons, which share corners, and counts them.
+fn find_bodies(polygons: &mut [Part]) -> usize {
+    let mut sets = DisjointSets::new(polygons.len());
+    let mut owners: HashMap<[u64; 3], usize> = HashMap::new();
+    for (index, part) in polygons.iter().enumerate() {
+        for corner in part.polygon.corners() {
+            let owner = *owners.entry(position_bits(*corner)).or_insert(index);
+            sets.join(owner, index);
+        }
+    }
+    let mut numbers: HashMap<usize, usize> = HashMap::new();
+    for (index, part) in polygons.iter_mut().enumerate() {
+        let next = numbers.len();
+        part.body = *numbers.entry(sets.representative(index)).or_insert(next);
+    }
+    numbers.len()
 }

@@ -1,11 +1,22 @@
 //! The visible part of a form factor, estimated with rays.
 
+use std::ops::AddAssign;
+
 /// A ratio of weighted sums over the same rays: what arrives over what is cast. Both halves of the rays are nets of their own, so
 /// that their difference shows what another draw would change.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct RayRatio {
     arrived: [f64; 2],
     cast: [f64; 2],
+}
+
+impl AddAssign for RayRatio {
+    fn add_assign(&mut self, other: Self) {
+        for half in 0..2 {
+            self.arrived[half] += other.arrived[half];
+            self.cast[half] += other.cast[half];
+        }
+    }
 }
 
 impl RayRatio {

@@ -229,11 +229,15 @@ fn a_room_does_not_hide_its_own_ceiling() {
     assert!(seen[16..].iter().all(|factor| *factor == 0.0), "{seen:?}");
 }
 
-/// A small lamp of many tiles over the floor, facing down: the least number of rays goes to it.
+/// A small lamp of many tiles over the floor that share corners, facing down: the least number of rays goes to it.
 fn tiles() -> Vec<ConvexPolygon> {
     let tile = |i: u32| {
-        let at = |i: u32| 0.02 * f64::from(i) - 0.07;
-        square(DVec3::new(at(i % 8), at(i / 8), 1.5), 0.01 * DVec3::X, 0.01 * DVec3::NEG_Y, 1)
+        let corner = |(x, y): (u32, u32)| {
+            let at = |place: u32| 0.02 * f64::from(place) - 0.08;
+            DVec3::new(at(i % 8 + x), at(i / 8 + y), 1.5)
+        };
+        let corners = [(0, 0), (0, 1), (1, 1), (1, 0)].map(corner).to_vec();
+        ConvexPolygon { plane: PlaneId(1), corners }
     };
     (0..64).map(tile).collect()
 }
@@ -245,31 +249,78 @@ fn as_one(
     receivers: &[Receiver],
     (rays_per_hemisphere, seeds): (u32, impl Fn(usize) -> u32),
 ) -> Vec<f64> {
+    as_one_with_rays(occluders, polygons, receivers, (rays_per_hemisphere, seeds)).0
+}
+
+/// The same with the number of rays.
+fn as_one_with_rays(
+    occluders: &[ConvexPolygon],
+    polygons: &[ConvexPolygon],
+    receivers: &[Receiver],
+    (rays_per_hemisphere, seeds): (u32, impl Fn(usize) -> u32),
+) -> (Vec<f64>, u64) {
     let occluder = Occluder::new(occluders);
     let precision = Precision { rays_per_hemisphere, ..Precision::DEFAULT };
     let prepared = polygons.iter().map(|polygon| (PreparedPolygon::new(polygon), 1.0));
     let mut many = ManyPolygons::new(prepared, &occluder, None, &precision);
     let groups = ReceiverGroups::new(receivers.to_vec());
-    many.factors(&groups, seeds, &|| false, &mut RowStatistics::default())
+    let mut statistics = RowStatistics::default();
+    (many.factors(&groups, seeds, &|| false, &mut statistics), statistics.rays)
 }
 
-/// Where few rays are asked for, those that agree are fewer still, and tell a little too much; where many are, the mean of many
-/// draws is right, however small the part that is seen or hidden.
+/// Where few rays are asked for, those that all arrive are fewer still, and tell a little too much; where many are, and where little
+/// is seen, the mean of many draws is right.
 #[test]
 fn rays_end_early_only_where_few_are_asked_for() {
     let lamp = square(DVec3::Z * 1.5, 0.08 * DVec3::X, 0.08 * DVec3::NEG_Y, 1);
     let receivers = [floor(0.0, 0.0)];
     let whole = visible(&[], &receivers, &lamp)[0];
-    for end in [-0.074, -0.06, 0.0, 0.07] {
+    // One wall is before nothing, one before all.
+    for (x, rays, wanted) in [(3.0, 256, 16), (3.0, 2048, 64), (0.0, 256, 64)] {
+        let wall = square(DVec3::new(x, 0.0, 1.49), DVec3::X, DVec3::Y, 2);
+        let (_, cast) = as_one_with_rays(&[wall], &tiles(), &receivers, (rays, |_| 5));
+        assert_eq!(cast, wanted, "{x}, {rays}");
+    }
+    for (end, most) in [(-0.074, 0.02), (-0.06, 0.02), (0.0, 0.002), (0.07, 0.002)] {
         let wall = square(DVec3::new(end - 1.0, 0.0, 1.49), DVec3::X, DVec3::Y, 2);
         let exact = visible(std::slice::from_ref(&wall), &receivers, &lamp)[0];
         assert!(exact > 0.0 && exact < whole, "{end}: {exact} of {whole}");
-        for (rays, most) in [(256, 0.02), (2048, 0.002)] {
+        for (rays, most) in [(256, most), (2048, 0.002)] {
             let draws = 2000;
             let draw = |seed| as_one(std::slice::from_ref(&wall), &tiles(), &receivers, (rays, |_| seed))[0];
             let mean = (0..draws).map(draw).sum::<f64>() / f64::from(draws);
             assert!((mean - exact).abs() <= most * whole, "{end}, {rays}: {mean}, not {exact} of {whole}");
         }
+    }
+}
+
+/// Most of the lamps that lie apart are hidden: where each of the others gets rays, they tell its light, not how often it was met. In
+/// the mean it is right where they are too many for that.
+#[test]
+fn lamps_that_lie_apart_are_told_one_by_one() {
+    for (along_edge, reach, off, off_in_the_mean) in [(4, 0.6, 1e-3, 1e-3), (20, 1.8, f64::INFINITY, 0.02)] {
+        let step = 2.0 * reach / f64::from(along_edge - 1);
+        let lamp = |index: u32| {
+            let at = |index: u32| step * f64::from(index) - reach;
+            let centre = DVec3::new(at(index % along_edge), at(index / along_edge), 2.0);
+            square(centre, 0.02 * DVec3::X, 0.02 * DVec3::NEG_Y, 1)
+        };
+        let lamps: Vec<ConvexPolygon> = (0..along_edge * along_edge).map(lamp).collect();
+        // All but those of the last column are behind a wall that ends before no lamp.
+        let end = reach - 0.5 * step;
+        let wall = [square(DVec3::new(end - 3.0, 0.0, 1.99), 3.0 * DVec3::X, 9.0 * DVec3::Y, 2)];
+        let receiver = floor(0.0, 0.0);
+        let exact: f64 = lamps.iter().map(|lamp| visible(&wall, &[receiver], lamp)[0]).sum();
+        let all: f64 = lamps.iter().map(|lamp| visible(&[], &[receiver], lamp)[0]).sum();
+        assert!(exact > 0.01 * all && exact < 0.25 * all, "{exact} of {all}");
+        let draws = 4000;
+        let mut mean = 0.0;
+        for seed in 0..draws {
+            let one = as_one(&wall, &lamps, &[receiver], (256, |_| seed))[0];
+            assert!((one / exact - 1.0).abs() <= off, "{seed}: {one}, not {exact} of {all}");
+            mean += one / f64::from(draws);
+        }
+        assert!((mean / exact - 1.0).abs() <= off_in_the_mean, "{mean}, not {exact} of {all}");
     }
 }
 

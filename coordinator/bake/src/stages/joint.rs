@@ -1,0 +1,292 @@
+//! Joint light sources: the many polygons of a lamp, or of many small lamps, with a row for all of them.
+
+use std::collections::BTreeMap;
+
+use glam::DVec3;
+use kernel::geometry::{ConvexPolygon, area_vector};
+use kernel::row::{Shape, Shooter};
+use kernel::visibility::MANY_POLYGONS;
+
+use super::emitters::{Emitter, weighted};
+use super::light_source::{LightSource, Origin};
+
+/// Most polygons of a joint light source: its row must fit a job.
+const MOST_JOINED: usize = 1024;
+
+/// Emitters of a scene beyond which those of a surface are joined from [`FEW_POLYGONS`] on: an exact row for each takes too long.
+pub const MANY_EMITTERS: usize = 256;
+const FEW_POLYGONS: usize = 8;
+
+/// Colours that differ by less than this part of their strongest channel are one.
+const ONE_COLOUR: f64 = 1.0 / 64.0;
+
+const CHANNELS: usize = 3;
+
+/// Exact rows that take about as long as one of a joint light source.
+const ROWS_OF_JOINT: usize = 32;
+
+/// Lamps that give this part of the light of all of them keep rows of their own: their shadows are looked at.
+const LARGE_PART: f64 = 1.0 / 32.0;
+
+/// A shape that shines, its exitance and where it comes from.
+pub type Shining = (Shape, DVec3, Origin);
+
+/// An emitter by itself, exact.
+pub fn alone(Emitter { surface, polygon, exitance }: Emitter) -> Shining {
+    (Shape::Polygons(vec![polygon]), exitance, Origin::Surface(surface))
+}
+
+/// Joins the emitters of each surface where they are many enough to be sampled; the others stay by themselves, exact.
+pub fn join(emitters: Vec<Emitter>) -> Vec<Shining> {
+    let least = if emitters.len() > MANY_EMITTERS { FEW_POLYGONS } else { MANY_POLYGONS };
+    let mut joined = vec![];
+    for own in emitters.chunk_by(|a, b| a.surface == b.surface) {
+        let mut others = vec![];
+        for even in own.chunk_by(|a, b| a.exitance == b.exitance) {
+            if even.len() < MANY_POLYGONS {
+                others.extend_from_slice(even);
+                continue;
+            }
+            joined.extend(parts_of(even).map(|part| {
+                let polygons = part.iter().map(|emitter| emitter.polygon.clone()).collect();
+                (Shape::Polygons(polygons), part[0].exitance, Origin::Surface(part[0].surface))
+            }));
+        }
+        if others.len() < least {
+            joined.extend(others.into_iter().map(alone));
+        } else {
+            let origin = Origin::Surface(others[0].surface);
+            let shapes = parts_of(&others).flat_map(by_colour);
+            joined.extend(shapes.map(|(shape, strength)| (shape, strength, origin)));
+        }
+    }
+    joined
+}
+
+/// The light sources with small lamps taken together; `None` where rows for each lamp take no longer. A lamp is all of a surface that
+/// emits.
+pub fn pool(sources: &[LightSource]) -> Option<Vec<LightSource>> {
+    let cost = |source: &LightSource| match (source.origin, &source.shooter) {
+        (Origin::Surface(_), Some(shooter)) if shooter.shape.polygons() > 1 => ROWS_OF_JOINT,
+        (Origin::Surface(_), Some(_)) => 1,
+        _ => 0,
+    };
+    if sources.iter().map(cost).sum::<usize>() <= MANY_EMITTERS {
+        return None;
+    }
+    let lamps: Vec<Vec<Emitter>> = sources.iter().map(emitters_of).collect();
+    let mut flux: BTreeMap<usize, DVec3> = BTreeMap::new();
+    for Emitter { surface, polygon, exitance } in lamps.iter().flatten() {
+        *flux.entry(*surface).or_default() += area_vector(&polygon.corners).length() * *exitance;
+    }
+    let large = LARGE_PART * flux.values().sum::<DVec3>();
+    let is_small = |own: &Vec<Emitter>| own.first().is_some_and(|one| flux[&one.surface].cmple(large).all());
+    let (small, others): (Vec<_>, Vec<_>) = sources.iter().zip(lamps).partition(|(_, own)| is_small(own));
+    let rows = small.len();
+    let colours = by_colours(small.into_iter().flat_map(|(_, own)| own).collect());
+    let pools: Vec<_> = colours.iter().flat_map(|one| parts_of(one)).flat_map(by_colour).collect();
+    if pools.len() >= rows {
+        return None;
+    }
+    let keys = sources.iter().filter_map(|source| Some(source.shooter.as_ref()?.key));
+    let free = keys.max().map_or(0, |last| last + 1);
+    let pooled = (free..).zip(pools).map(|(key, (shape, strength))| LightSource {
+        shooter: Some(Shooter { key, shape }),
+        strength,
+        origin: Origin::Lamps,
+        is_outside: false,
+    });
+    Some(others.into_iter().map(|(source, _)| source.clone()).chain(pooled).collect())
+}
+
+/// The emitters that a light source with a row is made of.
+fn emitters_of(source: &LightSource) -> Vec<Emitter> {
+    let (Origin::Surface(surface), Some(shooter)) = (source.origin, &source.shooter) else {
+        return vec![];
+    };
+    let emitter = |(polygon, weight): (&ConvexPolygon, f64)| Emitter {
+        surface,
+        polygon: polygon.clone(),
+        exitance: weight * source.strength,
+    };
+    match &shooter.shape {
+        Shape::Polygons(polygons) => polygons.iter().map(|polygon| emitter((polygon, 1.0))).collect(),
+        Shape::Weighted(polygons) => {
+            let lit = polygons.iter().filter(|(_, weight)| *weight > 0.0);
+            lit.map(|(polygon, weight)| emitter((polygon, *weight))).collect()
+        }
+        _ => vec![],
+    }
+}
+
+/// Emitters by colour; all together where rows for each channel are fewer.
+fn by_colours(emitters: Vec<Emitter>) -> Vec<Vec<Emitter>> {
+    let colour = |emitter: &Emitter| emitter.exitance / emitter.exitance.max_element();
+    let mut colours: Vec<Vec<Emitter>> = vec![];
+    for emitter in &emitters {
+        let is_like =
+            |one: &Vec<Emitter>| (colour(&one[0]) - colour(emitter)).abs().max_element() <= ONE_COLOUR / 2.0;
+        match colours.iter().position(is_like) {
+            Some(place) => colours[place].push(emitter.clone()),
+            None if colours.len() == CHANNELS => return vec![emitters],
+            None => colours.push(vec![emitter.clone()]),
+        }
+    }
+    colours
+}
+
+/// Parts of about one size, none too large for a job.
+fn parts_of(emitters: &[Emitter]) -> impl Iterator<Item = &[Emitter]> {
+    let parts = emitters.len().div_ceil(MOST_JOINED);
+    emitters.chunks(emitters.len().div_ceil(parts))
+}
+
+/// Emitters as shapes with weights: one where all have about one colour, else one for each channel.
+fn by_colour(emitters: &[Emitter]) -> Vec<(Shape, DVec3)> {
+    let strongest = |emitter: &Emitter| emitter.exitance.max_element();
+    let area = |emitter: &Emitter| area_vector(&emitter.polygon.corners).length();
+    let flux: DVec3 = emitters.iter().map(|emitter| area(emitter) * emitter.exitance).sum();
+    // In parts of what the strongest channel would give: so that the flux is right in each.
+    let colour = flux / emitters.iter().map(|emitter| area(emitter) * strongest(emitter)).sum::<f64>();
+    let has_it = |emitter: &Emitter| {
+        (emitter.exitance / strongest(emitter) - colour).abs().max_element() <= ONE_COLOUR
+    };
+    let channels = if emitters.iter().all(has_it) {
+        vec![(DVec3::ONE, colour)]
+    } else {
+        [DVec3::X, DVec3::Y, DVec3::Z].map(|channel| (channel, channel)).to_vec()
+    };
+    channels
+        .into_iter()
+        .filter_map(|(channel, colour)| {
+            let polygons = emitters.iter().map(|emitter| (emitter.polygon.clone(), emitter.exitance));
+            weighted(polygons, channel).map(|(shape, most)| (shape, colour * most))
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use kernel::geometry::PlaneId;
+
+    use super::*;
+
+    fn emitter(index: u32, exitance: DVec3) -> Emitter {
+        let low = f64::from(index);
+        let edge = 0.2 + 0.01 * low;
+        let corners =
+            [(0.0, 0.0), (edge, 0.0), (edge, 0.5), (0.0, 0.5)].map(|(x, y)| DVec3::new(low + x, y, 0.0));
+        Emitter {
+            surface: 3,
+            polygon: ConvexPolygon { plane: PlaneId(0), corners: corners.to_vec() },
+            exitance,
+        }
+    }
+
+    fn flux_of(emitters: &[Emitter]) -> DVec3 {
+        emitters.iter().map(|own| area_vector(&own.polygon.corners).length() * own.exitance).sum()
+    }
+
+    fn flux(shining: &[Shining]) -> DVec3 {
+        let area = |polygon: &ConvexPolygon| area_vector(&polygon.corners).length();
+        let of_shape = |shape: &Shape| -> f64 {
+            match shape {
+                Shape::Polygons(polygons) => polygons.iter().map(area).sum(),
+                Shape::Weighted(polygons) => {
+                    polygons.iter().map(|(polygon, weight)| area(polygon) * weight).sum()
+                }
+                other => panic!("{other:?} is no surface"),
+            }
+        };
+        shining.iter().map(|(shape, strength, _)| *strength * of_shape(shape)).sum::<DVec3>()
+    }
+
+    #[test]
+    fn joined_emitters_keep_their_flux_in_each_channel() {
+        // Of one colour, of nearly one, of many.
+        let brightness = |index: u32| 1.0 + f64::from(index % 7);
+        let colours: [fn(u32) -> DVec3; 3] = [
+            |_| DVec3::new(1.0, 0.5, 0.25),
+            |index| DVec3::new(1.0, 0.5 + 0.001 * f64::from(index % 5), 0.25),
+            |index| DVec3::from_array([0, 1, 2].map(|channel| f64::from((index + channel) % 3))),
+        ];
+        for (colour, rows) in colours.into_iter().zip([1, 1, 3]) {
+            let emitters: Vec<Emitter> =
+                (0..40).map(|index| emitter(index, colour(index) * brightness(index))).collect();
+            let joined = join(emitters.clone());
+            assert_eq!(joined.len(), rows);
+            assert!(joined.iter().all(|(_, _, origin)| *origin == Origin::Surface(3)));
+            let wanted = flux_of(&emitters);
+            assert!((flux(&joined) - wanted).abs().max_element() <= 1e-12 * wanted.max_element());
+        }
+    }
+
+    #[test]
+    fn few_emitters_stay_exact_and_very_many_go_into_several_rows() {
+        let few: Vec<Emitter> =
+            (0..20).map(|index| emitter(index, DVec3::splat(f64::from(index + 1)))).collect();
+        assert!(join(few).iter().all(|(shape, ..)| matches!(shape, Shape::Polygons(one) if one.len() == 1)));
+        let many: Vec<Emitter> =
+            (0..3000).map(|index| emitter(index, DVec3::splat(f64::from(index % 9 + 1)))).collect();
+        let joined = join(many.clone());
+        assert_eq!(joined.len(), 3);
+        assert!(joined.iter().all(|(shape, ..)| shape.polygons() <= MOST_JOINED));
+        let wanted = flux_of(&many);
+        assert!((flux(&joined) - wanted).abs().max_element() <= 1e-12 * wanted.max_element());
+    }
+
+    /// A square lamp with a row of its own.
+    fn lamp(surface: usize, exitance: DVec3) -> LightSource {
+        let (shape, strength, origin) = alone(Emitter { surface, ..emitter(surface as u32, exitance) });
+        LightSource {
+            shooter: Some(Shooter { key: surface as u64, shape }),
+            strength,
+            origin,
+            is_outside: false,
+        }
+    }
+
+    fn shining(sources: &[LightSource]) -> Vec<Shining> {
+        let shape = |source: &LightSource| source.shooter.as_ref().unwrap().shape.clone();
+        sources.iter().map(|source| (shape(source), source.strength, source.origin)).collect()
+    }
+
+    #[test]
+    fn small_lamps_are_pooled_where_all_are_many_and_keep_their_flux() {
+        let few: Vec<LightSource> = (0..MANY_EMITTERS).map(|index| lamp(index, DVec3::ONE)).collect();
+        assert!(pool(&few).is_none());
+
+        // Rows for each channel would be more than those of lamps that are large enough to fill one.
+        let fine = |surface: usize| {
+            let colour = DVec3::from_array([0, 1, 2].map(|channel| ((surface + channel) % 5) as f64 + 1.0));
+            let own = (0..MOST_JOINED as u32).map(|index| Emitter { surface, ..emitter(index, colour) });
+            let (shape, strength, origin) = join(own.collect()).pop().unwrap();
+            let shooter = Some(Shooter { key: surface as u64, shape });
+            LightSource { shooter, strength, origin, is_outside: false }
+        };
+        let fine: Vec<LightSource> = (0..80).map(fine).collect();
+        assert!(pool(&fine).is_none());
+
+        // One is large; the others are of one colour, of two or of many.
+        let colours: [fn(usize) -> DVec3; 3] = [
+            |_| DVec3::new(1.0, 0.5, 0.0),
+            |index| if index % 2 == 0 { DVec3::ONE } else { DVec3::X },
+            |index| DVec3::from_array([0, 1, 2].map(|channel| ((index + channel) % 5) as f64 + 1.0)),
+        ];
+        for (colour, rows) in colours.into_iter().zip([1, 2, 3]) {
+            let mut lamps: Vec<LightSource> = (0..400).map(|index| lamp(index, colour(index))).collect();
+            lamps[7].strength *= 1000.0;
+            let pooled = pool(&lamps).unwrap();
+            let (joint, own): (Vec<_>, Vec<_>) =
+                pooled.iter().partition(|source| source.origin == Origin::Lamps);
+            assert_eq!((joint.len(), own.len()), (rows, 1));
+            assert_eq!(own[0].origin, Origin::Surface(7));
+            let mut keys: Vec<u64> = pooled.iter().map(|one| one.shooter.as_ref().unwrap().key).collect();
+            keys.sort_unstable();
+            keys.dedup();
+            assert_eq!(keys.len(), rows + 1);
+            let wanted = flux(&shining(&lamps));
+            assert!((flux(&shining(&pooled)) - wanted).abs().max_element() <= 1e-12 * wanted.max_element());
+        }
+    }
+}
