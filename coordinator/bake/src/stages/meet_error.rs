@@ -20,6 +20,10 @@ const FOLLOWED_PART: f64 = 0.3;
 /// Part of the asked error that the rays may take after a new start.
 const RAYS_PART: f64 = 0.3;
 
+/// Noise that is less than this part of the error found hides little of it: what else refinement did not find, as small bright spots,
+/// more rays will not show either.
+const HIDING_PART: f64 = 1.0 / 3.0;
+
 /// What is left to the interpolation is aimed at with this margin.
 const MARGIN: f64 = 0.9;
 
@@ -211,7 +215,8 @@ impl Measured {
         }
         let error = &self.error;
         // No new start has more vertices or gather points. Less noise shows whether more are needed.
-        let noise_hides = self.obstacle == Some(Obstacle::Noise);
+        let noise_hides =
+            self.obstacle == Some(Obstacle::Noise) && error.visibility > HIDING_PART * error.receivers;
         let has_room = room(&self.solved.mesh.mesh, cx.settings.most_vertices(cx.scene)) > 0;
         if !has_room && !noise_hides && error.receivers > asked {
             return None;

@@ -157,8 +157,8 @@ impl<'a> ManyPolygons<'a> {
                     if view.factors == [0.0; LANES] {
                         continue;
                     }
-                    for lane in 0..LANES {
-                        all[lane] += view.factors[lane] * part.weight;
+                    for (lane, all) in all.iter_mut().enumerate() {
+                        *all += view.factors[lane] * part.weight;
                         faced.covered[lane] += view.factors[lane];
                         faced.counts[lane] += u32::from(view.factors[lane] > 0.0);
                         statistics.factor_sum += view.factors[lane];
