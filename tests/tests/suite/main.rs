@@ -7,6 +7,7 @@
 //! | `area_lights` | area lights against formulas, emissive meshes and the path tracer |
 //! | `lights` | spot and directional lights, by the row and in whole bakes, against formulas |
 //! | `made_scenes` | the scenes of `tests::scenes`: files, references |
+//! | `many_lamps` | small lamps that share rows against rows for each |
 //! | `point_lights` | flux of point lights, as rows have it, against solid angles |
 //! | `layout` | crates and modules against the rules of which may use which |
 //! | `layers` | light by groups of its sources, direct and indirect, against the whole |
@@ -60,6 +61,7 @@ mod leaks;
 mod lightmaps;
 mod lights;
 mod made_scenes;
+mod many_lamps;
 mod mesh;
 mod nasty;
 mod occlusion;
