@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use glam::DVec3;
-use kernel::geometry::{ConvexPolygon, area_vector};
+use kernel::geometry::ConvexPolygon;
 use kernel::row::{Shape, Shooter};
 use kernel::visibility::MANY_POLYGONS;
 
@@ -77,7 +77,7 @@ pub fn pool(sources: &[LightSource]) -> Option<Vec<LightSource>> {
     let lamps: Vec<Vec<Emitter>> = sources.iter().map(emitters_of).collect();
     let mut flux: BTreeMap<usize, DVec3> = BTreeMap::new();
     for Emitter { surface, polygon, exitance } in lamps.iter().flatten() {
-        *flux.entry(*surface).or_default() += area_vector(&polygon.corners).length() * *exitance;
+        *flux.entry(*surface).or_default() += polygon.area() * *exitance;
     }
     let large = LARGE_PART * flux.values().sum::<DVec3>();
     let is_small = |own: &Vec<Emitter>| own.first().is_some_and(|one| flux[&one.surface].cmple(large).all());
@@ -99,7 +99,7 @@ pub fn pool(sources: &[LightSource]) -> Option<Vec<LightSource>> {
     Some(others.into_iter().map(|(source, _)| source.clone()).chain(pooled).collect())
 }
 
-/// The emitters that a light source with a row is made of.
+/// The polygons of a light source that has a row, with what they emit.
 fn emitters_of(source: &LightSource) -> Vec<Emitter> {
     let (Origin::Surface(surface), Some(shooter)) = (source.origin, &source.shooter) else {
         return vec![];
@@ -144,7 +144,7 @@ fn parts_of(emitters: &[Emitter]) -> impl Iterator<Item = &[Emitter]> {
 /// Emitters as shapes with weights: one where all have about one colour, else one for each channel.
 fn by_colour(emitters: &[Emitter]) -> Vec<(Shape, DVec3)> {
     let strongest = |emitter: &Emitter| emitter.exitance.max_element();
-    let area = |emitter: &Emitter| area_vector(&emitter.polygon.corners).length();
+    let area = |emitter: &Emitter| emitter.polygon.area();
     let flux: DVec3 = emitters.iter().map(|emitter| area(emitter) * emitter.exitance).sum();
     // In parts of what the strongest channel would give: so that the flux is right in each.
     let colour = flux / emitters.iter().map(|emitter| area(emitter) * strongest(emitter)).sum::<f64>();
@@ -184,16 +184,15 @@ mod tests {
     }
 
     fn flux_of(emitters: &[Emitter]) -> DVec3 {
-        emitters.iter().map(|own| area_vector(&own.polygon.corners).length() * own.exitance).sum()
+        emitters.iter().map(|own| own.polygon.area() * own.exitance).sum()
     }
 
     fn flux(shining: &[Shining]) -> DVec3 {
-        let area = |polygon: &ConvexPolygon| area_vector(&polygon.corners).length();
         let of_shape = |shape: &Shape| -> f64 {
             match shape {
-                Shape::Polygons(polygons) => polygons.iter().map(area).sum(),
+                Shape::Polygons(polygons) => polygons.iter().map(ConvexPolygon::area).sum(),
                 Shape::Weighted(polygons) => {
-                    polygons.iter().map(|(polygon, weight)| area(polygon) * weight).sum()
+                    polygons.iter().map(|(polygon, weight)| polygon.area() * weight).sum()
                 }
                 other => panic!("{other:?} is no surface"),
             }
@@ -235,15 +234,15 @@ mod tests {
         assert!((flux(&joined) - wanted).abs().max_element() <= 1e-12 * wanted.max_element());
     }
 
-    /// A square lamp with a row of its own.
+    /// A lamp with a row of its own.
+    fn source(surface: usize, (shape, strength, origin): Shining) -> LightSource {
+        let shooter = Some(Shooter { key: surface as u64, shape });
+        LightSource { shooter, strength, origin, is_outside: false }
+    }
+
+    /// A square lamp.
     fn lamp(surface: usize, exitance: DVec3) -> LightSource {
-        let (shape, strength, origin) = alone(Emitter { surface, ..emitter(surface as u32, exitance) });
-        LightSource {
-            shooter: Some(Shooter { key: surface as u64, shape }),
-            strength,
-            origin,
-            is_outside: false,
-        }
+        source(surface, alone(Emitter { surface, ..emitter(surface as u32, exitance) }))
     }
 
     fn shining(sources: &[LightSource]) -> Vec<Shining> {
@@ -260,9 +259,7 @@ mod tests {
         let fine = |surface: usize| {
             let colour = DVec3::from_array([0, 1, 2].map(|channel| ((surface + channel) % 5) as f64 + 1.0));
             let own = (0..MOST_JOINED as u32).map(|index| Emitter { surface, ..emitter(index, colour) });
-            let (shape, strength, origin) = join(own.collect()).pop().unwrap();
-            let shooter = Some(Shooter { key: surface as u64, shape });
-            LightSource { shooter, strength, origin, is_outside: false }
+            source(surface, join(own.collect()).pop().unwrap())
         };
         let fine: Vec<LightSource> = (0..80).map(fine).collect();
         assert!(pool(&fine).is_none());

@@ -6,7 +6,7 @@ use kernel::row::Shooter;
 /// A light source. It has a row of its own, or glows.
 #[derive(Clone)]
 pub struct LightSource {
-    /// What its row is made of. None where it glows: its light is then gathered like reflected light.
+    /// The shooter of its row. None where it glows: its light is then gathered like reflected light.
     pub shooter: Option<Shooter>,
     /// What one unit of the row is worth: exitance of a polygon, intensity of a point or spot light per squared frame unit,
     /// irradiance across a directional light. Of what glows, a factor of its exitance.
