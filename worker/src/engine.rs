@@ -135,17 +135,13 @@ pub fn compute_row_until(
     let rounding = Rounding::new(precision.factor_rounding);
     let seed = |index: usize| pair_seed(precision.seed, shooter.key, first_key + index as u64);
     let wanted = || receivers.iter().enumerate().take_while(|_| !stop());
+    let of_many = |statistics: &mut RowStatistics| {
+        let mut many = ManyPolygons::new(&shooter.shape, scene.occluder(), scene.transparent(), precision);
+        many.factors(groups, seed, stop, statistics)
+    };
     let row: Vec<f64> = match &shooter.shape {
-        Shape::Polygons(polygons) if polygons.len() >= MANY_POLYGONS => {
-            let parts = polygons.iter().map(|polygon| (PreparedPolygon::new(polygon), 1.0));
-            let mut many = ManyPolygons::new(parts, scene.occluder(), scene.transparent(), precision);
-            many.factors(groups, seed, stop, &mut statistics)
-        }
-        Shape::Weighted(polygons) => {
-            let parts = polygons.iter().map(|(polygon, weight)| (PreparedPolygon::new(polygon), *weight));
-            let mut many = ManyPolygons::new(parts, scene.occluder(), scene.transparent(), precision);
-            many.factors(groups, seed, stop, &mut statistics)
-        }
+        Shape::Polygons(polygons) if polygons.len() >= MANY_POLYGONS => of_many(&mut statistics),
+        Shape::Weighted(_) => of_many(&mut statistics),
         Shape::Polygons(polygons) => {
             let mut kernel = VisibilityKernel::new(scene.occluder(), precision).until(stop);
             let mut factors = vec![0.0; receivers.len()];

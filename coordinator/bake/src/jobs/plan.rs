@@ -2,7 +2,7 @@
 
 use kernel::replica::Digest;
 use kernel::row::{Shape, Shooter};
-use kernel::visibility::MANY_POLYGONS;
+use kernel::visibility::{MANY_POLYGONS, least_rays};
 
 use super::sizes::RowKind;
 
@@ -22,10 +22,6 @@ const RANGE_OF_MANY: usize = 12 << 10;
 /// Rays, and form factors of polygons, that make a cost of 1.
 const RAYS_PER_COST: usize = 4;
 const POLYGONS_PER_COST: usize = 16;
-
-/// Rays of a receiver to the polygons of a lamp, about, and the most of those to lamps that lie apart.
-const RAYS_TO_LAMP: usize = 64;
-const RAYS_TO_LAMPS: usize = 256;
 
 /// Bounds of the receivers then: a message has all polygons of the shooter.
 const LEAST_RANGE_OF_MANY: usize = 1 << 6;
@@ -71,14 +67,13 @@ impl ReceiverSet {
 
 /// Cost of a receiver where rays go to all of a shooter, its many polygons or a sky.
 fn cost_of_many(shooter: &Shooter) -> Option<usize> {
-    let joint = |polygons: usize, rays: usize| polygons / POLYGONS_PER_COST + rays / RAYS_PER_COST;
+    let joint = |polygons: usize, bodies: usize| {
+        polygons / POLYGONS_PER_COST + least_rays(bodies) as usize / RAYS_PER_COST
+    };
     match &shooter.shape {
-        Shape::Polygons(polygons) if polygons.len() >= MANY_POLYGONS => {
-            Some(joint(polygons.len(), RAYS_TO_LAMP))
-        }
-        Shape::Weighted(polygons) => {
-            Some(joint(polygons.len(), polygons.len().clamp(RAYS_TO_LAMP, RAYS_TO_LAMPS)))
-        }
+        Shape::Polygons(polygons) if polygons.len() >= MANY_POLYGONS => Some(joint(polygons.len(), 1)),
+        // Each may be a lamp by itself.
+        Shape::Weighted(polygons) => Some(joint(polygons.len(), polygons.len())),
         Shape::Sky(rays) => Some((*rays as usize / RAYS_PER_COST).max(1)),
         _ => None,
     }

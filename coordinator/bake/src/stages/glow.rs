@@ -7,8 +7,6 @@
 use std::collections::{BTreeMap, HashSet};
 
 use glam::DVec3;
-use kernel::geometry::area_vector;
-use kernel::row::Shape;
 
 use super::joint::MANY_EMITTERS;
 use super::light_source::{LightSource, Origin};
@@ -53,8 +51,8 @@ impl Emissions {
                 continue;
             };
             let own = surfaces.entry(surface).or_default();
-            let mut add = |corners: &[DVec3], weight: f64| {
-                let (area, exitance) = (area_vector(corners).length(), weight * source.strength);
+            for (polygon, weight) in shooter.shape.weighted_polygons() {
+                let (area, exitance) = (polygon.area(), weight * source.strength);
                 for channel in (0..3).filter(|channel| exitance[*channel] > 0.0) {
                     own.polygons[channel] += 1;
                     own.area[channel] += area;
@@ -62,13 +60,6 @@ impl Emissions {
                 own.flux += area * exitance;
                 own.square += area * exitance * exitance;
                 own.largest = own.largest.max(exitance);
-            };
-            match &shooter.shape {
-                Shape::Polygons(polygons) => polygons.iter().for_each(|polygon| add(&polygon.corners, 1.0)),
-                Shape::Weighted(polygons) => {
-                    polygons.iter().for_each(|(polygon, weight)| add(&polygon.corners, *weight));
-                }
-                _ => {}
             }
         }
         // A surface of many colours has a row, and its polygons, for each channel.
@@ -166,7 +157,7 @@ pub fn add(light: &mut [DVec3], other: &[DVec3]) {
 #[cfg(test)]
 mod tests {
     use kernel::geometry::{ConvexPolygon, PlaneId};
-    use kernel::row::Shooter;
+    use kernel::row::{Shape, Shooter};
 
     use super::*;
 

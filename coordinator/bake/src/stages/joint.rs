@@ -109,14 +109,7 @@ fn emitters_of(source: &LightSource) -> Vec<Emitter> {
         polygon: polygon.clone(),
         exitance: weight * source.strength,
     };
-    match &shooter.shape {
-        Shape::Polygons(polygons) => polygons.iter().map(|polygon| emitter((polygon, 1.0))).collect(),
-        Shape::Weighted(polygons) => {
-            let lit = polygons.iter().filter(|(_, weight)| *weight > 0.0);
-            lit.map(|(polygon, weight)| emitter((polygon, *weight))).collect()
-        }
-        _ => vec![],
-    }
+    shooter.shape.weighted_polygons().filter(|(_, weight)| *weight > 0.0).map(emitter).collect()
 }
 
 /// Emitters by colour; all together where rows for each channel are fewer.
@@ -189,13 +182,7 @@ mod tests {
 
     fn flux(shining: &[Shining]) -> DVec3 {
         let of_shape = |shape: &Shape| -> f64 {
-            match shape {
-                Shape::Polygons(polygons) => polygons.iter().map(ConvexPolygon::area).sum(),
-                Shape::Weighted(polygons) => {
-                    polygons.iter().map(|(polygon, weight)| polygon.area() * weight).sum()
-                }
-                other => panic!("{other:?} is no surface"),
-            }
+            shape.weighted_polygons().map(|(polygon, weight)| polygon.area() * weight).sum()
         };
         shining.iter().map(|(shape, strength, _)| *strength * of_shape(shape)).sum::<DVec3>()
     }

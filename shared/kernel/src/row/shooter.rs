@@ -69,6 +69,17 @@ impl Shape {
             | Self::Hemisphere(_) => 1,
         }
     }
+
+    /// Its polygons, each with its weight; none unless it has some.
+    pub fn weighted_polygons(&self) -> impl Iterator<Item = (&ConvexPolygon, f64)> {
+        let (even, weighted): (&[_], &[_]) = match self {
+            Self::Polygons(polygons) => (polygons, &[]),
+            Self::Weighted(polygons) => (&[], polygons),
+            _ => (&[], &[]),
+        };
+        let weighted = weighted.iter().map(|(polygon, weight)| (polygon, *weight));
+        even.iter().map(|polygon| (polygon, 1.0)).chain(weighted)
+    }
 }
 
 /// A point light that shines into a cone.

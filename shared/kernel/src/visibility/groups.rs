@@ -1,8 +1,10 @@
 //! Receivers in groups of neighbours, and groups of groups: what is decided for a group need not be asked of its receivers.
 
+use std::slice;
+
 use glam::DVec3;
 
-use crate::form_factor;
+use crate::form_factor::{self, PreparedPolygon, ViewLanes};
 use crate::geometry::lanes::{LANES, Vectors};
 use crate::geometry::{Bounds, PlaneId};
 use crate::replica::Receiver;
@@ -99,6 +101,23 @@ impl ReceiverLanes {
             lanes.planes[i] = receiver.plane;
         }
         lanes
+    }
+
+    /// What they see of a polygon, within this relative error; nothing of one in their own plane.
+    #[inline(always)]
+    pub(super) fn view(&self, polygon: &PreparedPolygon, tolerance: f64) -> ViewLanes {
+        let mut view = ViewLanes::default();
+        polygon.view_row(slice::from_ref(&self.seeing), tolerance, slice::from_mut(&mut view));
+        for lane in 0..LANES {
+            if self.planes[lane] == polygon.plane() {
+                (view.factors[lane], view.errors[lane]) = (0.0, 0.0);
+            } else if view.unanswered >> lane & 1 == 1 {
+                let alone = polygon.view(self.positions.get(lane), self.seeing.normal(lane), tolerance);
+                (view.factors[lane], view.errors[lane]) =
+                    alone.map_or((0.0, 0.0), |view| (view.factor, view.error));
+            }
+        }
+        view
     }
 }
 

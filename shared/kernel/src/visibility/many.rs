@@ -4,21 +4,19 @@
 //! sampled for the shooter as a whole: rays choose among its polygons in proportion to their part of that sum. Where polygons lie
 //! apart, as those of many lamps do, most may be hidden from a receiver: what arrives is then told for each of these bodies.
 
-use std::collections::HashMap;
-use std::slice;
-
+use foldhash::{HashMap, HashMapExt};
 use sobol_burley::sample_4d;
 
 use super::ratio::RayRatio;
-use super::{ReceiverGroups, ReceiverLanes, Stop, TransparentOccluders, faces_away};
+use super::{ReceiverGroups, Stop, TransparentOccluders, faces_away};
 use crate::disjoint_sets::DisjointSets;
-use crate::form_factor::{PreparedPolygon, ViewLanes, kernel};
+use crate::form_factor::{PreparedPolygon, kernel};
 use crate::geometry::lanes::LANES;
-use crate::geometry::{area_vector, position_bits, uniform_point};
+use crate::geometry::{ConvexPolygon, position_bits, uniform_point};
 use crate::messages::RowStatistics;
 use crate::occluder::Occluder;
 use crate::replica::Receiver;
-use crate::row::Precision;
+use crate::row::{Precision, Shape};
 use crate::simd::widest;
 
 /// A shooter of this many polygons or more is treated as a whole.
@@ -32,19 +30,18 @@ const PART: f64 = 0.5;
 const LEAST_RAYS: u32 = 64;
 const MOST_RAYS: u32 = 4096;
 
-/// Most rays that a shooter gets for the number of its bodies: one for each, else.
+/// Most rays that a receiver sends for the number of bodies: one to each, else.
 const MOST_FOR_BODIES: u32 = 256;
 
 /// Rays that are enough to tell of a body by itself, in the mean.
 const ENOUGH_RAYS: f64 = 2.0;
 
-/// A single body that covers so little that this many rays would be its part gets no more than a quarter of the least number if all
-/// of these arrive, or their part of them as of [`NO_PROBE`] for a hemisphere, if that is more. A lamp a seventeenth of which is
-/// hidden may then seem 2 % too bright: less than noise where few rays are asked for. Where none arrives they go on: the little light
-/// that comes through a grille may be all that there is.
-const PROBE_DIVISOR: u32 = 4;
+/// A single body that covers so little that no more rays than this would be its part gets no more if all of these arrive. A lamp a
+/// seventeenth of which is hidden may then seem 2 % too bright: less than noise where few rays are asked for. Where none arrives they
+/// go on: the little light that comes through a grille may be all that there is.
+const PROBE: u32 = 16;
 
-/// Rays of a hemisphere from which on none end early.
+/// Rays of a hemisphere from which on none end early. With fewer, their part of [`LEAST_RAYS`] must arrive.
 const NO_PROBE: u32 = 1024;
 
 /// Relative error that the form factor of one polygon may have: less than what rays leave of the sum.
@@ -65,6 +62,8 @@ pub struct ManyPolygons<'a> {
     transparent: Option<&'a TransparentOccluders>,
     precision: &'a Precision,
     least_rays: u32,
+    /// Rays that are enough where all of them arrive.
+    probe: Option<u32>,
     faced: Faced,
     bodies: Vec<Body>,
 }
@@ -92,24 +91,34 @@ struct Faced {
 }
 
 impl<'a> ManyPolygons<'a> {
-    /// Prepares a shooter, polygons with weights, among these occluders.
+    /// Prepares a shooter, a shape of polygons, among these occluders.
     #[must_use]
     pub fn new(
-        polygons: impl IntoIterator<Item = (PreparedPolygon, f64)>,
+        shape: &Shape,
         occluder: &'a Occluder,
         transparent: Option<&'a TransparentOccluders>,
         precision: &'a Precision,
     ) -> Self {
-        let part = |(polygon, weight): (PreparedPolygon, f64)| {
-            let area = area_vector(polygon.corners()).length();
-            Part { polygon, area, weight, body: 0 }
+        let part = |(polygon, weight): (&ConvexPolygon, f64)| Part {
+            polygon: PreparedPolygon::new(polygon),
+            area: polygon.area(),
+            weight,
+            body: 0,
         };
-        let seen = |part: &Part| part.weight > 0.0;
-        let mut polygons: Vec<Part> = polygons.into_iter().map(part).filter(seen).collect();
-        let count = find_bodies(&mut polygons);
-        let least_rays = (count as u32).next_power_of_two().clamp(LEAST_RAYS, MOST_FOR_BODIES);
-        let bodies = vec![Body::default(); count];
-        Self { polygons, occluder, transparent, precision, least_rays, faced: Faced::default(), bodies }
+        let seen = shape.weighted_polygons().filter(|(_, weight)| *weight > 0.0);
+        let mut polygons: Vec<Part> = seen.map(part).collect();
+        let bodies = vec![Body::default(); find_bodies(&mut polygons)];
+        let probe = PROBE.max(precision.rays_per_hemisphere / (NO_PROBE / LEAST_RAYS));
+        Self {
+            polygons,
+            occluder,
+            transparent,
+            precision,
+            least_rays: least_rays(bodies.len()),
+            probe: (bodies.len() == 1 && probe < LEAST_RAYS).then_some(probe),
+            faced: Faced::default(),
+            bodies,
+        }
     }
 
     /// The visible form factors from receivers to all of them, by weight. `seed` gives the seed of each receiver's rays; `stop` is
@@ -153,7 +162,7 @@ impl<'a> ManyPolygons<'a> {
                     if groups.node(0, group).is_some_and(|node| faces_away(node, &part.polygon)) {
                         continue;
                     }
-                    let view = view(&part.polygon, lanes, tolerance);
+                    let view = lanes.view(&part.polygon, tolerance);
                     if view.factors == [0.0; LANES] {
                         continue;
                     }
@@ -180,7 +189,7 @@ impl<'a> ManyPolygons<'a> {
         seed: u32,
         statistics: &mut RowStatistics,
     ) -> f64 {
-        let Self { polygons, occluder, transparent, precision, least_rays, faced, bodies } = self;
+        let Self { polygons, occluder, transparent, precision, least_rays, probe, faced, bodies } = self;
         let ends = &faced.ends;
         let all = ends.last().map_or(0.0, |ends| ends[lane]);
         if all == 0.0 || (occluder.is_empty() && transparent.is_none()) {
@@ -193,9 +202,7 @@ impl<'a> ManyPolygons<'a> {
         }
         let wanted = PART * faced.covered[lane] * f64::from(precision.rays_per_hemisphere);
         let rays = (wanted as u32).next_power_of_two().clamp(*least_rays, MOST_RAYS);
-        let part = f64::from(precision.rays_per_hemisphere) / f64::from(NO_PROBE);
-        let probe = ((part * f64::from(rays)) as u32).max(rays / PROBE_DIVISOR);
-        let ends_early = bodies.len() == 1 && wanted <= f64::from(LEAST_RAYS / PROBE_DIVISOR);
+        let probe = probe.filter(|_| wanted <= f64::from(PROBE));
         let mut cast = 0;
         for ray in 0..rays {
             let [choice, x, y, _] = sample_4d(ray, 0, seed).map(f64::from);
@@ -215,7 +222,7 @@ impl<'a> ManyPolygons<'a> {
                 };
                 bodies[*body].ratio.add(ray >= rays / 2, weight, part);
             }
-            if cast == probe && ends_early {
+            if Some(cast) == probe {
                 let (arrived, sent) = bodies[0].ratio.sums();
                 if arrived == sent && sent > 0.0 {
                     break;
@@ -229,6 +236,12 @@ impl<'a> ManyPolygons<'a> {
         statistics.sampling_variance += difference * difference / 4.0;
         visible
     }
+}
+
+/// Rays that a receiver sends to a shooter of this many bodies, at least.
+#[must_use]
+pub fn least_rays(bodies: usize) -> u32 {
+    (bodies.min(MOST_FOR_BODIES as usize) as u32).next_power_of_two().max(LEAST_RAYS)
 }
 
 /// The part of all bodies that arrives: rays tell of those that get enough of them one by one, and of all others together. And the difference
@@ -268,23 +281,6 @@ impl Body {
         self.all += all;
         self.ratio += ratio;
     }
-}
-
-/// The view of a polygon by the receivers of a group.
-#[inline(always)]
-fn view(polygon: &PreparedPolygon, lanes: &ReceiverLanes, tolerance: f64) -> ViewLanes {
-    let mut view = ViewLanes::default();
-    polygon.view_row(slice::from_ref(&lanes.seeing), tolerance, slice::from_mut(&mut view));
-    for lane in 0..LANES {
-        if lanes.planes[lane] == polygon.plane() {
-            (view.factors[lane], view.errors[lane]) = (0.0, 0.0);
-        } else if view.unanswered >> lane & 1 == 1 {
-            let alone = polygon.view(lanes.positions.get(lane), lanes.seeing.normal(lane), tolerance);
-            (view.factors[lane], view.errors[lane]) =
-                alone.map_or((0.0, 0.0), |view| (view.factor, view.error));
-        }
-    }
-    view
 }
 
 /// Numbers the bodies of polygons, which share corners, and counts them.

@@ -17,7 +17,7 @@ mod sky;
 mod tests;
 mod transparent;
 
-use crate::form_factor::{PreparedPolygon, ViewLanes};
+use crate::form_factor::PreparedPolygon;
 use crate::geometry::Bounds;
 use crate::geometry::lanes::{LANES, Mask, Vectors};
 use crate::messages::RowStatistics;
@@ -27,7 +27,7 @@ use crate::simd::widest;
 
 pub use cut::{Cone, Cones, Pieces, cut};
 pub use groups::{Node, ReceiverGroups, ReceiverLanes};
-pub use many::{MANY_POLYGONS, ManyPolygons};
+pub use many::{MANY_POLYGONS, ManyPolygons, least_rays};
 use partial::PartialView;
 pub use sample::pair_seed;
 pub use sky::sky_factor;
@@ -177,22 +177,12 @@ impl<'a> VisibilityKernel<'a> {
         statistics: &mut RowStatistics,
     ) {
         let tolerance = self.precision.form_factor_error;
-        let mut view = [ViewLanes::default()];
-        widest(
+        let view = widest(
             #[inline(always)]
-            || polygon.view_row(std::slice::from_ref(&lanes.seeing), tolerance, &mut view),
+            || lanes.view(polygon, tolerance),
         );
-        let [mut view] = view;
         let mut open: Mask = 0;
         for lane in 0..factors.len() {
-            if lanes.planes[lane] == polygon.plane() {
-                continue;
-            }
-            if view.unanswered >> lane & 1 == 1 {
-                let alone = polygon.view(lanes.positions.get(lane), lanes.seeing.normal(lane), tolerance);
-                (view.factors[lane], view.errors[lane]) =
-                    alone.map_or((0.0, 0.0), |view| (view.factor, view.error));
-            }
             if view.factors[lane] > 0.0 {
                 open |= 1 << lane;
                 statistics.factors += 1;

@@ -7,6 +7,7 @@ use super::*;
 use crate::geometry::{ConvexPolygon, PlaneId};
 use crate::occluder::convex_bodies;
 use crate::replica::Receiver;
+use crate::row::Shape;
 
 const PRECISION: Precision = Precision {
     rays_per_hemisphere: 4096,
@@ -261,8 +262,8 @@ fn as_one_with_rays(
 ) -> (Vec<f64>, u64) {
     let occluder = Occluder::new(occluders);
     let precision = Precision { rays_per_hemisphere, ..Precision::DEFAULT };
-    let prepared = polygons.iter().map(|polygon| (PreparedPolygon::new(polygon), 1.0));
-    let mut many = ManyPolygons::new(prepared, &occluder, None, &precision);
+    let shape = Shape::Polygons(polygons.to_vec());
+    let mut many = ManyPolygons::new(&shape, &occluder, None, &precision);
     let groups = ReceiverGroups::new(receivers.to_vec());
     let mut statistics = RowStatistics::default();
     (many.factors(&groups, seeds, &|| false, &mut statistics), statistics.rays)
