@@ -198,13 +198,15 @@ fn pieces_of(
     {
         return pieces;
     }
-    let mut pieces = vec![];
+    // Most facets stay whole.
+    let mut pieces = Vec::with_capacity(facets.len());
     for (index, facet) in facets {
         let (cuts, own) = if lines.len() > most_cuts {
-            let on_border = lines.iter().filter(|line| is_on_border(facet, line)).copied().collect();
+            let on_border: Vec<Contact> =
+                lines.iter().filter(|line| is_on_border(facet, line)).copied().collect();
             (&[][..], on_border)
         } else {
-            (lines, SmallVec::from_slice(lines))
+            (lines, lines.to_vec())
         };
         for piece in cut_along(facet.corners.clone(), facet.normal, cuts) {
             cut_long(piece, facet.normal, lengths, &mut |corners| {

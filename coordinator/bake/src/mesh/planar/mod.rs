@@ -36,7 +36,7 @@ pub struct Piece {
     /// Counter-clockwise.
     pub corners: Vec<Corner>,
     /// Lines that some of its edges lie on.
-    pub lines: SmallVec<[Contact; 2]>,
+    pub lines: Vec<Contact>,
 }
 
 /// Coordinates in a plane.
@@ -87,7 +87,7 @@ pub fn pieces(facets: &[(u32, &Facet)], lines: &[Contact], finest: f64) -> Optio
             .unwrap_or_else(|| axes.raised(point));
         Corner { position, normal: normal_at(facet, position) }
     };
-    let on_lines = |corners: &[Corner]| -> SmallVec<[Contact; 2]> {
+    let on_lines = |corners: &[Corner]| -> Vec<Contact> {
         let next = corners.iter().cycle().skip(1);
         let middles: SmallVec<[DVec3; 4]> =
             corners.iter().zip(next).map(|(a, b)| (a.position + b.position) / 2.0).collect();
@@ -108,7 +108,7 @@ pub fn pieces(facets: &[(u32, &Facet)], lines: &[Contact], finest: f64) -> Optio
                 corner(point, known, facet)
             })
             .collect();
-        let lines = if polygon.is_at_border { on_lines(&corners) } else { SmallVec::new() };
+        let lines = if polygon.is_at_border { on_lines(&corners) } else { vec![] };
         pieces.push(Piece { facet: polygon.facet, corners, lines });
     }
     Some(pieces)
