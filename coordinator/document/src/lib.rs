@@ -49,7 +49,7 @@ pub use error::{ImportError, ImportProblem};
 use parse::Parsed;
 pub use parse::{EXT_LIGHTS_AREA, require_again, warn_ignored_extensions};
 use prepare::{Extensions, Limits};
-pub use warnings::joined as joined_warnings;
+pub use warnings::{first as first_warnings, joined as joined_warnings};
 
 /// Unit of a file's light intensities.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]

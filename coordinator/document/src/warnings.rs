@@ -5,6 +5,9 @@ use std::collections::{HashMap, HashSet};
 /// Places that a warning names.
 const NAMED: usize = 3;
 
+/// Warnings of one sort that are told.
+const FIRST: usize = 8;
+
 /// Joins warnings that say the same of more places than a warning names: `PLACE: TEXT` of each becomes one that names the first.
 /// The others stay as they are, in their order.
 #[must_use]
@@ -30,6 +33,17 @@ pub fn joined(warnings: Vec<String>) -> Vec<String> {
     joined
 }
 
+/// The first of some warnings, and how many `others` there are.
+#[must_use]
+pub fn first(mut warnings: Vec<String>, others: &str) -> Vec<String> {
+    let more = warnings.len().saturating_sub(FIRST);
+    if more > 0 {
+        warnings.truncate(FIRST);
+        warnings.push(format!("{more} more {others}"));
+    }
+    warnings
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -47,5 +61,14 @@ mod tests {
         assert_eq!(joined(many), expected);
         // Even if their names are the same.
         assert_eq!(joined(vec!["a: b".to_owned(); 4]), ["a, a, a and 1 more: b"]);
+    }
+
+    #[test]
+    fn only_the_first_of_one_sort_are_told() {
+        let dropped =
+            |count: usize| (0..count).map(|node| format!("node {node}: dropped")).collect::<Vec<_>>();
+        assert_eq!(first(dropped(8), "nodes"), dropped(8));
+        let told = first(dropped(11), "nodes");
+        assert_eq!((&told[..8], &told[8..]), (&dropped(8)[..], &["3 more nodes".to_owned()][..]));
     }
 }

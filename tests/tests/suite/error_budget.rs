@@ -148,6 +148,20 @@ fn an_error_out_of_reach_is_said() {
     assert!(said.contains("2.00 % was asked for") && said.contains("--max-vertices"), "{said}");
 }
 
+/// Where nothing reflects, there is no light to measure.
+#[test]
+fn an_error_that_is_not_measured_is_said_with_the_reason() {
+    let said = |reflectance: f64, validation_samples: usize| {
+        let settings = BakeSettings { validation_samples, ..BakeSettings::for_error(0.05) };
+        let scene = imported(&room(Material::grey(reflectance).emitting(1.0)).glb());
+        baked(&scene, &settings).report.warnings.join("; ")
+    };
+    assert_eq!(said(0.5, 256), "");
+    let not_measured = "the error asked for was predicted, not measured";
+    assert_eq!(said(0.5, 0), format!("{not_measured}: give --validation-samples"));
+    assert_eq!(said(0.0, 256), format!("{not_measured}: no surface reflects diffuse light"));
+}
+
 fn room(material: Material) -> SceneBuilder {
     SceneBuilder::new().part("room", &shapes::unit_room(), material)
 }

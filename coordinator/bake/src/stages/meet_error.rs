@@ -251,9 +251,12 @@ impl Measured {
     pub fn describe_obstacle(&self, cx: &Context) -> Option<String> {
         let settings = cx.settings;
         if settings.error.is_some() && self.is_predicted() {
-            return Some(
-                "the error asked for was predicted, not measured: give --validation-samples".to_owned(),
-            );
+            let why = if settings.validation_samples > 0 {
+                "no surface reflects diffuse light"
+            } else {
+                "give --validation-samples"
+            };
+            return Some(format!("the error asked for was predicted, not measured: {why}"));
         }
         let asked = settings.asked_error();
         let estimate = if settings.error.is_some() { self.error.total } else { self.error.receivers };

@@ -22,9 +22,6 @@ const MOST_PIECES: usize = 256;
 /// Opacity above which a facet counts as opaque: means of textures are rounded.
 const OPAQUE: f64 = 1.0 - 1e-6;
 
-/// Most primitives that warnings name.
-const MOST_NAMED: usize = 8;
-
 /// Corners in the coordinates of a plane.
 type Outline = SmallVec<[DVec2; 6]>;
 
@@ -313,19 +310,14 @@ fn describe(surfaces: &[Surface], cuts: &[Cut], square_unit: f64) -> Vec<String>
             }),
         }
     }
-    let mut warnings: Vec<String> = named
+    let warnings = named
         .iter()
-        .take(MOST_NAMED)
         .map(|Named { name, by, facets, area }| {
             let facets = if *facets == 1 { "1 facet".to_owned() } else { format!("{facets} facets") };
             format!("{name}: {area:.3e} square units in {facets} cut away: another facet covers them in the same plane, first {by}")
         })
         .collect();
-    if named.len() > MOST_NAMED {
-        let more = named.len() - MOST_NAMED;
-        warnings.push(format!("{more} more primitives with parts cut away under coplanar facets"));
-    }
-    warnings
+    document::first_warnings(warnings, "primitives with parts cut away under coplanar facets")
 }
 
 /// Coordinates of a plane.

@@ -248,12 +248,13 @@ impl Content {
             .into_par_iter()
             .map(|placed| FlatPrimitive::new(placed, &frame, options.weld))
             .collect();
+        let mut duplicates = vec![];
         for flat in flat {
             degenerate_triangles += flat.degenerate;
             rounding = rounding.max(flat.rounding);
             if flat.duplicates > 0 {
-                let place = &flat.name;
-                warnings.push(format!("{place}: {} duplicate triangles dropped", flat.duplicates));
+                let triangles = if flat.duplicates == 1 { "triangle" } else { "triangles" };
+                duplicates.push(format!("{}: {} duplicate {triangles} dropped", flat.name, flat.duplicates));
             }
             if !flat.surfaces.is_empty() && flat.is_squeezed {
                 return Err(ImportProblem::FlatNode { primitive: flat.name });
@@ -263,6 +264,7 @@ impl Content {
         if surfaces.is_empty() {
             return Err(ImportProblem::NoTriangles);
         }
+        warnings.extend(document::first_warnings(duplicates, "primitives with duplicate triangles"));
         let shines = |surface: &Surface| surface.exitance != DVec3::ZERO;
         let mut lights: Vec<Light> =
             lights.into_iter().filter_map(|light| light.place(&frame, &mut warnings)).collect();

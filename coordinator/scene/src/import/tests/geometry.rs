@@ -223,7 +223,7 @@ fn duplicate_triangles_are_dropped_and_counted() {
     // The first again, rotated and through other vertices; then its back, which is no duplicate.
     let indices = [&SQUARE_INDICES[..], &[5, 6, 4, 2, 1, 0]].concat();
     let scene = TestDocument::with_triangles(&positions, &indices).scene();
-    assert_eq!(scene.warnings, ["node \"thing\", primitive 0: 1 duplicate triangles dropped"]);
+    assert_eq!(scene.warnings, ["node \"thing\", primitive 0: 1 duplicate triangle dropped"]);
     assert_eq!(source_triangles(&scene), [[0, 1, 2], [0, 2, 1], [0, 2, 3]]);
 }
 
