@@ -14,6 +14,7 @@
 //! | [`placement`], [`nodes`] | world transforms of its nodes |
 //! | [`accessors`] | vertex data checked before it is read |
 //! | [`images`], [`texture`] | its images decoded and sampled |
+//! | `lightmap` | the lightmaps of its materials |
 //! | [`sky`] | skies as images, of their own files or within it |
 //! | [`labels`] | names of its parts in messages |
 //! | `warnings` | what the user should know, each once |
@@ -28,6 +29,7 @@ mod error;
 mod faults;
 pub mod images;
 pub mod labels;
+mod lightmap;
 mod nesting;
 pub mod nodes;
 mod parse;
@@ -46,6 +48,7 @@ use serde::Serialize;
 pub use beside::{Folder, files_beside, files_beside_file};
 pub use buffers::read_uri;
 pub use error::{ImportError, ImportProblem};
+pub use lightmap::{LightmapLink, MOZ_LIGHTMAP};
 use parse::Parsed;
 pub use parse::{EXT_LIGHTS_AREA, require_again, warn_ignored_extensions};
 use prepare::{Extensions, Limits};

@@ -14,9 +14,12 @@ use output::render::{
     LightOfFile, LitFile, LookAt, Picture, TileSettings, choose_view, read_lit, render_tiles,
 };
 use scene::ReadOptions;
+use serde_json::json;
 use tempfile::TempDir;
 use tests::baking::{baked, imported};
+use tests::builder::{Material, SceneBuilder, pack};
 use tests::programs::{WorkerProcess, binary};
+use tests::shapes;
 
 /// Bakes a scene of the repository, coarsely.
 fn lit(name: &str) -> (TempDir, PathBuf) {
@@ -167,6 +170,54 @@ fn no_picture_of_a_scene_of_the_repository_is_black() {
         let picture = take(&file, choose_view(&file.scene, 1.5), [96, 64], 1);
         assert!(lit_part(&picture) > 0.3, "{name}: {}", lit_part(&picture));
         assert!(file.warnings.is_empty(), "{name}: {:?}", file.warnings);
+    }
+}
+
+/// A box that shines from above in one corner of a room, and three copies of one whose sides are both lit.
+fn room_with_copies() -> Vec<u8> {
+    let [low, high] = [DVec3::new(0.1, 0.0, 0.1), DVec3::new(0.25, 0.2, 0.25)];
+    let lamp = shapes::box_facing_out(DVec3::new(0.1, 0.7, 0.1), DVec3::new(0.3, 0.8, 0.3));
+    let (mut document, binary) = SceneBuilder::new()
+        .part("walls", &shapes::unit_room(), Material::grey(0.6))
+        .part("box", &shapes::box_facing_out(low, high), Material::grey(0.5).double_sided())
+        .part("lamp", &lamp, Material::grey(0.2).emitting(10.0))
+        .document();
+    for (copy, place) in [[0.3, 0.0, 0.2], [0.5, 0.0, 0.6]].into_iter().enumerate() {
+        document["nodes"].as_array_mut().unwrap().push(json!({ "mesh": 1, "translation": place }));
+        document["scenes"][0]["nodes"].as_array_mut().unwrap().push(json!(copy + 3));
+    }
+    pack(&document, &binary)
+}
+
+/// From lightmaps of both encodings, and from vertices.
+#[test]
+fn lightmaps_are_shown_as_the_light_of_vertices_is() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("scene.glb"), room_with_copies()).unwrap();
+    let picture = |arguments: &[&str]| {
+        let mut command = Command::new(binary("coordinator"));
+        command.current_dir(&folder).args(["solve", "scene.glb", "-o", "lit.glb", "--error", "0.03"]);
+        assert!(command.args(arguments).output().unwrap().status.success(), "{arguments:?}");
+        let file = read_lit(&folder.path().join("lit.glb"), &ReadOptions::default()).unwrap();
+        assert!(file.warnings.is_empty(), "{:?}", file.warnings);
+        let [eye, target] = [DVec3::new(0.95, 0.6, 0.95), DVec3::new(0.2, 0.3, 0.3)];
+        let look_at = LookAt { eye, target, up: DVec3::Y, height_angle: 1.4 };
+        (file.light, take(&file, look_at.camera(&file.frame, 1.5).unwrap(), [96, 64], 4))
+    };
+    let (light, expected) = picture(&[]);
+    assert_eq!(light, LightOfFile::Irradiance);
+    let length = |values: &[DVec3]| values.iter().map(|value| value.length_squared()).sum::<f64>().sqrt();
+    let radiance = |picture: &Picture| -> Vec<DVec3> {
+        let clipped = |value: f32| f64::from(value.min(1.0));
+        picture.pixels.iter().map(|pixel| DVec3::from_array(pixel.map(clipped))).collect()
+    };
+    for format in ["png", "rgbm"] {
+        let (light, found) = picture(&["--lightmap", "--texel-size", "0.02", "--lightmap-format", format]);
+        assert_eq!(light, LightOfFile::Lightmaps);
+        let [found, expected] = [&found, &expected].map(radiance);
+        let off: Vec<DVec3> = found.iter().zip(&expected).map(|(a, b)| *a - *b).collect();
+        let off = length(&off) / length(&expected);
+        assert!(off < 0.04, "{format}: {off}");
     }
 }
 

@@ -16,11 +16,9 @@ use super::attributes::components;
 use super::draft::{Assembled, Draft, posed, source_primitive};
 use super::ktx2::ktx2;
 use super::pages::{PageFormat, exr, largest, png};
+use document::MOZ_LIGHTMAP;
 use lightmap::{Lightmap, SharedLayout, SideLayout};
 use scene::{Scene, Side};
-
-/// The extension by which a material names its lightmap.
-const MOZ_LIGHTMAP: &str = "MOZ_lightmap";
 
 /// The extension by which an instance has its part of a page.
 const TEXTURE_TRANSFORM: &str = "KHR_texture_transform";

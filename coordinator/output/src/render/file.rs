@@ -1,7 +1,7 @@
 use std::path::Path;
 
 use glam::{DVec2, DVec3};
-use kernel::picture::{Part, PictureScene};
+use kernel::picture::{Encoding, Part, PictureScene};
 use serde_json::Value;
 
 use super::cameras::{FileCamera, read_cameras};
@@ -27,17 +27,19 @@ pub struct LitFile {
     pub exposure: Option<f64>,
     /// Radiance of the sky of its bake, if the file states it.
     pub sky: Option<DVec3>,
-    /// The attribute that holds its light.
+    /// What holds its light.
     pub light: LightOfFile,
     /// Warnings for the user.
     pub warnings: Vec<String>,
 }
 
-/// The attribute that holds the light of a file.
+/// What holds the light of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LightOfFile {
     /// `_IRRADIANCE`.
     Irradiance,
+    /// Lightmaps of its materials.
+    Lightmaps,
     /// `COLOR_0`, clamped, with the exposure that the file states.
     ExposedColours,
     /// None: its colours are shown as they are.
@@ -52,9 +54,18 @@ pub fn read_lit(path: &Path, options: &ReadOptions) -> Result<LitFile, ImportErr
     let document = import_lit(path, options)?;
     let extras = halflight_extras(&document);
     let exposure = extras["exposure"].as_f64().filter(|exposure| exposure.is_finite() && *exposure > 0.0);
+    let of_lightmaps = match extras["lightmap"]["encoding"].as_str() {
+        Some("rgbm") => Encoding::Rgbm,
+        _ => Encoding::Srgb,
+    };
+    let mut images = Images::new(&document, of_lightmaps);
+    let materials: Vec<Appearance> =
+        document.document.materials().map(|material| Appearance::new(&material, &mut images)).collect();
     let has = |what: fn(&LitPrimitive) -> bool| document.primitives.iter().any(what);
     let light = if has(|primitive| primitive.irradiance.is_some()) {
         LightOfFile::Irradiance
+    } else if materials.iter().any(|material| material.lightmap.is_some()) {
+        LightOfFile::Lightmaps
     } else if exposure.is_some() && has(|primitive| primitive.colours.is_some()) {
         LightOfFile::ExposedColours
     } else {
@@ -62,7 +73,7 @@ pub fn read_lit(path: &Path, options: &ReadOptions) -> Result<LitFile, ImportErr
     };
     let mut warnings = document.warnings.clone();
     match light {
-        LightOfFile::Irradiance => {}
+        LightOfFile::Irradiance | LightOfFile::Lightmaps => {}
         LightOfFile::ExposedColours => warnings.push(
             "the file has no _IRRADIANCE: its light is taken from COLOR_0, where it is clamped".to_owned(),
         ),
@@ -71,9 +82,6 @@ pub fn read_lit(path: &Path, options: &ReadOptions) -> Result<LitFile, ImportErr
                 .to_owned(),
         ),
     }
-    let mut images = Images::new(&document);
-    let materials: Vec<Appearance> =
-        document.document.materials().map(|material| Appearance::new(&material, &mut images)).collect();
     let fallback = Appearance::default_material();
     let scale = exposure.filter(|_| light == LightOfFile::ExposedColours).map_or(1.0, f64::recip);
     let part = |primitive: &LitPrimitive| {
@@ -130,25 +138,32 @@ fn part(primitive: &LitPrimitive, appearance: &Appearance, light: LightOfFile, s
             }
         },
     };
+    let has_its_own = matches!(light, LightOfFile::Irradiance | LightOfFile::Lightmaps);
     let light_of = |colour: &[f32; 4]| {
         let [red, green, blue, _] = *colour;
         positive([red, green, blue].map(|value| (f64::from(value) * scale) as f32))
     };
+    let lightmap = appearance.lightmap.filter(|_| light == LightOfFile::Lightmaps);
     let irradiance = match (&primitive.irradiance, &primitive.colours) {
         (Some(irradiance), _) => irradiance.iter().copied().map(positive).collect(),
+        (None, _) if let Some((_, intensity)) = lightmap => vec![[intensity; 3]; count],
         // A file that is lit elsewhere has no light here, unless the colours are meant to be shown.
-        (None, _) if light == LightOfFile::Irradiance && !appearance.unlit => vec![],
+        (None, _) if has_its_own && !appearance.unlit => vec![],
         (None, Some(colours)) => colours.iter().map(light_of).collect(),
         (None, None) => vec![[scale as f32; 3]; count],
     };
     // COLOR_0 has this factor in it already.
-    let diffuse = if primitive.irradiance.is_some() { appearance.diffuse } else { 1.0 };
+    let is_lit = primitive.irradiance.is_some() || lightmap.is_some();
+    let diffuse = if is_lit { appearance.diffuse } else { 1.0 };
+    let lightmap = lightmap.map(|(mapped, _)| mapped);
     let [red, green, blue, alpha] = appearance.base;
     Part {
         positions: primitive.positions.iter().map(|position| position.to_array()).collect(),
         triangles: primitive.triangles.clone(),
         irradiance,
-        colours: tint(primitive),
+        irradiance_coordinates: coordinates(&lightmap),
+        irradiance_texture: lightmap.map(|mapped| mapped.texture),
+        colours: if light == LightOfFile::Lightmaps { own_colours(primitive) } else { tint(primitive) },
         base_coordinates: coordinates(&appearance.base_texture),
         emission_coordinates: coordinates(&appearance.emission_texture),
         base: [red * diffuse, green * diffuse, blue * diffuse, alpha],
@@ -160,9 +175,13 @@ fn part(primitive: &LitPrimitive, appearance: &Appearance, light: LightOfFile, s
     }
 }
 
+/// The factor of base colour per vertex where light is in lightmaps: COLOR_0, as it was.
+fn own_colours(primitive: &LitPrimitive) -> Vec<[f32; 4]> {
+    primitive.colours.iter().flatten().map(|colour| colour.map(can_be)).collect()
+}
+
 /// The factor of base colour per vertex: the file's colours before it was lit, or only their alpha if these are lost.
 fn tint(primitive: &LitPrimitive) -> Vec<[f32; 4]> {
-    let can_be = |value: f32| if value.is_finite() { value.max(0.0) } else { 1.0 };
     match (&primitive.tint, &primitive.colours) {
         (Some(tint), colours) if primitive.irradiance.is_some() => {
             // The alpha is that of COLOR_0, which has it from the same colours.
@@ -180,6 +199,11 @@ fn tint(primitive: &LitPrimitive) -> Vec<[f32; 4]> {
         }
         _ => vec![],
     }
+}
+
+/// A factor that can be: 1 in place of what is no number.
+fn can_be(value: f32) -> f32 {
+    if value.is_finite() { value.max(0.0) } else { 1.0 }
 }
 
 fn finite(values: [f32; 2]) -> [f32; 2] {

@@ -25,6 +25,8 @@ pub(super) struct Appearance {
     pub(super) emission_texture: Option<Mapped>,
     pub(super) alpha: Alpha,
     pub(super) double_sided: bool,
+    /// Its lightmap, and the irradiance that 1 stands for there.
+    pub(super) lightmap: Option<(Mapped, f32)>,
     /// Viewers show its colours as they are.
     pub(super) unlit: bool,
 }
@@ -47,6 +49,7 @@ impl Appearance {
             emission_texture: None,
             alpha: Alpha::Opaque,
             double_sided: false,
+            lightmap: None,
             unlit: false,
         }
     }
@@ -64,9 +67,9 @@ impl Appearance {
         let diffuse = if is_default || is_textured { 1.0 } else { 1.0 - part(surface.metallic_factor()) };
         let strength = positive(material.emissive_strength().unwrap_or(1.0));
         let emission = material.emissive_factor().map(|value| positive(positive(value) * strength));
-        let mut mapped = |info: Info| {
-            let mapping = Mapping::new(&info);
-            let image = images.index(&info.texture())?;
+        let lightmap = images.lightmap(material);
+        let mut mapped = |texture: &gltf::Texture, mapping: Mapping, is_lightmap: bool| {
+            let image = images.index(texture, is_lightmap)?;
             let wrap = |wrap| match wrap {
                 texture::Wrap::Repeat => Wrap::Repeat,
                 texture::Wrap::Mirror => Wrap::Mirror,
@@ -77,10 +80,13 @@ impl Appearance {
             let texture = Texture { image, wrap: [wrap(sampler.wrap_u), wrap(sampler.wrap_v)], nearest };
             Some(Mapped { texture, mapping })
         };
-        let base_texture = surface.base_color_texture().and_then(&mut mapped);
+        let lightmap =
+            lightmap.and_then(|link| Some((mapped(&link.texture, link.mapping, true)?, link.intensity)));
+        let mut of_material = |info: Info| mapped(&info.texture(), Mapping::new(&info), false);
+        let base_texture = surface.base_color_texture().and_then(&mut of_material);
         // An unlit material shows no emission, and black cannot be textured.
         let shines = !unlit && emission != [0.0; 3];
-        let emission_texture = material.emissive_texture().filter(|_| shines).and_then(mapped);
+        let emission_texture = material.emissive_texture().filter(|_| shines).and_then(of_material);
         Self {
             base,
             base_texture,
@@ -93,6 +99,7 @@ impl Appearance {
                 AlphaMode::Blend => Alpha::Blend,
             },
             double_sided: material.double_sided(),
+            lightmap,
             unlit,
         }
     }

@@ -12,6 +12,7 @@ use rayon::prelude::*;
 use super::primitives::check_count;
 use super::{frame, primitives, triangles};
 use crate::frame::Frame;
+use document::LightmapLink;
 use document::accessors::{COLOUR, Context, TEXTURE_COORDINATES, TINT, VECTOR, check};
 use document::images::{self, Images};
 use document::labels::node_label;
@@ -164,12 +165,13 @@ fn read_primitive(
     })
 }
 
-/// The images that pictures show: of base colours and emissions.
+/// The images that pictures show: of base colours, emissions and lightmaps.
 fn shown_images(document: &Document) -> BTreeSet<usize> {
     let of = |material: gltf::Material| {
         let base = material.pbr_metallic_roughness().base_color_texture();
-        let textures = [base, material.emissive_texture()].into_iter().flatten();
-        textures.filter_map(|info| images::image_of(&info.texture())).collect::<Vec<_>>()
+        let textures = [base, material.emissive_texture()].into_iter().flatten().map(|info| info.texture());
+        let lightmap = LightmapLink::of(document, &material).map(|lightmap| lightmap.texture);
+        textures.chain(lightmap).filter_map(|texture| images::image_of(&texture)).collect::<Vec<_>>()
     };
     document.materials().flat_map(of).collect()
 }

@@ -16,7 +16,7 @@ pub mod tracer;
 
 pub use camera::{Camera, Projection, Ray};
 pub use replica::{decode_picture, encode_picture};
-pub use scene::{Alpha, Image, Part, PictureScene, Texture, Wrap};
+pub use scene::{Alpha, Encoding, Image, Part, PictureScene, Texture, Wrap};
 pub use tile::{
     FinishedTile, MOST_SAMPLES, MOST_SIDE, MOST_TILE_RAYS, Pixels, TileError, TileRequest, TileService,
     decode_pixels, encode_pixels,

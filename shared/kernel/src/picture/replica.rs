@@ -2,9 +2,10 @@
 
 use prost::Message;
 
-use super::scene::{Alpha, Image, Part, PictureScene, Texture, Wrap};
+use super::scene::{Alpha, Encoding, Image, Part, PictureScene, Texture, Wrap};
 use crate::messages::{
-    PictureAlpha, PictureImage, PicturePart, PictureReplica, PictureTexture, PictureWrap, ReplicaKind,
+    PictureAlpha, PictureEncoding, PictureImage, PicturePart, PictureReplica, PictureTexture, PictureWrap,
+    ReplicaKind,
 };
 use crate::replica::{EncodedReplica, ReplicaError, points_inside};
 
@@ -15,6 +16,10 @@ pub fn encode_picture(scene: &PictureScene) -> EncodedReplica {
         width: image.width,
         height: image.height,
         pixels: image.pixels.clone(),
+        encoding: match image.encoding {
+            Encoding::Srgb => PictureEncoding::Srgb.into(),
+            Encoding::Rgbm => PictureEncoding::Rgbm.into(),
+        },
     };
     let message = PictureReplica {
         parts: scene.parts.iter().map(encode_part).collect(),
@@ -34,6 +39,8 @@ fn encode_part(part: &Part) -> PicturePart {
         positions: part.positions.as_flattened().to_vec(),
         triangles: part.triangles.as_flattened().to_vec(),
         irradiance: part.irradiance.as_flattened().to_vec(),
+        irradiance_coordinates: part.irradiance_coordinates.as_flattened().to_vec(),
+        irradiance_texture: part.irradiance_texture.map(encode_texture),
         colours: part.colours.as_flattened().to_vec(),
         base_coordinates: part.base_coordinates.as_flattened().to_vec(),
         emission_coordinates: part.emission_coordinates.as_flattened().to_vec(),
@@ -81,14 +88,18 @@ pub fn decode_picture(bytes: &[u8]) -> Result<PictureScene, ReplicaError> {
 }
 
 fn decode_image(image: PictureImage) -> Result<Image, ReplicaError> {
-    let PictureImage { width, height, pixels } = image;
+    let encoding = match image.encoding() {
+        PictureEncoding::Srgb => Encoding::Srgb,
+        PictureEncoding::Rgbm => Encoding::Rgbm,
+    };
+    let PictureImage { width, height, pixels, .. } = image;
     let bytes = u64::from(width).checked_mul(u64::from(height)).and_then(|count| count.checked_mul(4));
     if width == 0 || height == 0 || bytes != Some(pixels.len() as u64) {
         return Err(ReplicaError::Inconsistent(
             "an image has four bytes for each pixel, and a pixel or more",
         ));
     }
-    Ok(Image { width, height, pixels })
+    Ok(Image { width, height, encoding, pixels })
 }
 
 fn decode_part(part: PicturePart, images: usize) -> Result<Part, ReplicaError> {
@@ -107,6 +118,11 @@ fn decode_part(part: PicturePart, images: usize) -> Result<Part, ReplicaError> {
     let decoded = Part {
         triangles,
         irradiance: per_vertex(colour(&part.irradiance)?, vertices)?,
+        irradiance_coordinates: per_vertex(finite(&part.irradiance_coordinates)?, vertices)?,
+        irradiance_texture: part
+            .irradiance_texture
+            .map(|texture| decode_texture(texture, images))
+            .transpose()?,
         colours: per_vertex(colour(&part.colours)?, vertices)?,
         base_coordinates: per_vertex(finite(&part.base_coordinates)?, vertices)?,
         emission_coordinates: per_vertex(finite(&part.emission_coordinates)?, vertices)?,
@@ -121,7 +137,8 @@ fn decode_part(part: PicturePart, images: usize) -> Result<Part, ReplicaError> {
     let is_placed = |texture: &Option<Texture>, coordinates: &Vec<[f32; 2]>| {
         texture.is_none() || coordinates.len() == vertices
     };
-    if !is_placed(&decoded.base_texture, &decoded.base_coordinates)
+    if !is_placed(&decoded.irradiance_texture, &decoded.irradiance_coordinates)
+        || !is_placed(&decoded.base_texture, &decoded.base_coordinates)
         || !is_placed(&decoded.emission_texture, &decoded.emission_coordinates)
     {
         return Err(ReplicaError::Inconsistent("a texture needs coordinates at every vertex"));
@@ -187,6 +204,8 @@ mod tests {
             positions: vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
             triangles: vec![[0, 1, 2]],
             irradiance: vec![[1.0, 2.0, 3.0]; 3],
+            irradiance_coordinates: vec![[0.5, 0.125]; 3],
+            irradiance_texture: Some(Texture { image: 1, ..texture }),
             colours: vec![[0.5; 4]; 3],
             base_coordinates: vec![[0.25, 0.75]; 3],
             emission_coordinates: vec![[-1.0, 2.0]; 3],
@@ -197,8 +216,9 @@ mod tests {
             alpha: Alpha::Mask(0.5),
             double_sided: true,
         };
-        let image = Image { width: 2, height: 1, pixels: vec![7; 8].into() };
-        PictureScene { parts: vec![part], images: vec![image], rounding: 1e-3 }
+        let image = Image { width: 2, height: 1, encoding: Encoding::Srgb, pixels: vec![7; 8].into() };
+        let light = Image { encoding: Encoding::Rgbm, ..image.clone() };
+        PictureScene { parts: vec![part], images: vec![image, light], rounding: 1e-3 }
     }
 
     fn refused(change: impl Fn(&mut PictureScene)) -> bool {
@@ -224,6 +244,8 @@ mod tests {
         assert!(refused(|scene| scene.parts[0].irradiance[0][0] = -1.0));
         assert!(refused(|scene| scene.parts[0].colours[0][0] = f32::INFINITY));
         assert!(refused(|scene| scene.parts[0].base_coordinates.clear()));
+        assert!(refused(|scene| scene.parts[0].irradiance_coordinates.clear()));
+        assert!(refused(|scene| scene.images.truncate(1)));
         assert!(refused(|scene| scene.parts[0].emission_coordinates[1][0] = f32::NAN));
         assert!(refused(|scene| scene.images.clear()));
         assert!(refused(|scene| scene.images[0].height = 2));

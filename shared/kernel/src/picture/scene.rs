@@ -18,6 +18,10 @@ pub struct Part {
     pub triangles: Vec<[u32; 3]>,
     /// Irradiance of each vertex; empty for zero.
     pub irradiance: Vec<[f32; 3]>,
+    /// Place of each vertex in the image of the irradiance; empty where there is none.
+    pub irradiance_coordinates: Vec<[f32; 2]>,
+    /// Image that the irradiance is multiplied with: a lightmap.
+    pub irradiance_texture: Option<Texture>,
     /// What each vertex multiplies the base colour with: red, green, blue, alpha; empty for one.
     pub colours: Vec<[f32; 4]>,
     /// Place of each vertex in the image of the base colour; empty where there is none.
@@ -80,6 +84,18 @@ pub struct Image {
     pub width: u32,
     /// Number of lines.
     pub height: u32,
-    /// Red, green, blue as sRGB encodes them, and alpha as it is, line by line from the top.
+    /// What the pixels mean.
+    pub encoding: Encoding,
+    /// Red, green, blue and alpha, line by line from the top.
     pub pixels: bytes::Bytes,
+}
+
+/// What the pixels of an image mean.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Encoding {
+    /// Colours as sRGB encodes them, and alpha as it is.
+    #[default]
+    Srgb,
+    /// Linear: red, green and blue times alpha, and opaque. For light, whose bright and dark parts lie far apart.
+    Rgbm,
 }

@@ -31,13 +31,16 @@ impl Picture {
     pub(super) fn surface(&self, hit: &Hit) -> Seen {
         let part = &self.parts[hit.part as usize];
         let base = self.base(part, hit);
-        let irradiance = self.interpolated(part, hit, &part.irradiance, 0.0);
+        let mut irradiance = DVec3::from_array(self.interpolated(part, hit, &part.irradiance, 0.0));
+        if let Some(texture) = &part.irradiance_texture {
+            irradiance *= self.texel(part, hit, texture, &part.irradiance_coordinates).truncate();
+        }
         let mut emission = DVec3::from_array(part.emission.map(f64::from));
         if let Some(texture) = &part.emission_texture {
             emission *= self.texel(part, hit, texture, &part.emission_coordinates).truncate();
         }
         let opacity = if part.alpha == Alpha::Blend { base.w.min(1.0) } else { 1.0 };
-        Seen { radiance: base.truncate() * DVec3::from_array(irradiance) * FRAC_1_PI + emission, opacity }
+        Seen { radiance: base.truncate() * irradiance * FRAC_1_PI + emission, opacity }
     }
 
     /// Reflectance and alpha: factor x vertex colour x texture.

@@ -1,6 +1,6 @@
 use std::f64::consts::PI;
 
-use crate::picture::{Alpha, Camera, Projection, Texture, Wrap, decode_picture, encode_picture};
+use crate::picture::{Alpha, Camera, Encoding, Projection, Texture, Wrap, decode_picture, encode_picture};
 
 use super::*;
 
@@ -58,6 +58,19 @@ fn light_is_interpolated_between_the_vertices() {
 }
 
 #[test]
+fn a_lightmap_multiplies_the_irradiance_of_the_vertices() {
+    let pixels = vec![255, 255, 255, 255, 255, 0, 51, 51].into();
+    let image = Image { width: 2, height: 1, encoding: Encoding::Rgbm, pixels };
+    let mut part = square(0.0, [0.5, 0.25, 1.0, 1.0]);
+    part.irradiance = vec![[2.0 * std::f32::consts::PI; 3]; 4];
+    part.irradiance_texture = Some(Texture { image: 0, wrap: [Wrap::Clamp; 2], nearest: false });
+    part.irradiance_coordinates = vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+    let picture = Picture::new(PictureScene { parts: vec![part], images: vec![image], rounding: 0.0 });
+    assert_near(picture.radiance(&down(-90.0, 5.0), NO_LIGHT).0, [1.0, 0.5, 2.0]);
+    assert_near(picture.radiance(&down(90.0, 5.0), NO_LIGHT).0, [0.2, 0.0, 0.08]);
+}
+
+#[test]
 fn backs_are_not_seen_unless_both_sides_are() {
     let mut part = square(0.0, [1.0; 4]);
     part.triangles.iter_mut().for_each(|triangle| triangle.reverse());
@@ -89,7 +102,12 @@ fn blended_surfaces_are_laid_over_each_other_nearest_first() {
 
 #[test]
 fn a_mask_cuts_holes_where_its_texture_says() {
-    let image = Image { width: 2, height: 1, pixels: vec![255, 255, 255, 255, 255, 255, 255, 0].into() };
+    let image = Image {
+        width: 2,
+        height: 1,
+        pixels: vec![255, 255, 255, 255, 255, 255, 255, 0].into(),
+        encoding: Encoding::Srgb,
+    };
     let texture = Texture { image: 0, wrap: [Wrap::Clamp; 2], nearest: false };
     let part = Part {
         alpha: Alpha::Mask(0.5),
@@ -111,7 +129,8 @@ fn a_mask_cuts_holes_where_its_texture_says() {
 
 #[test]
 fn vertex_colours_and_textures_multiply() {
-    let image = Image { width: 1, height: 1, pixels: vec![255, 0, 255, 255].into() };
+    let image =
+        Image { width: 1, height: 1, pixels: vec![255, 0, 255, 255].into(), encoding: Encoding::Srgb };
     let texture = Texture { image: 0, wrap: [Wrap::Repeat; 2], nearest: false };
     let part = Part {
         colours: vec![[0.5, 0.5, 0.25, 1.0]; 4],
@@ -251,7 +270,8 @@ fn a_scene_of_nothing_is_background() {
 
 #[test]
 fn whatever_the_bytes_of_a_replica_it_is_refused_or_can_be_seen() {
-    let image = Image { width: 2, height: 1, pixels: vec![9, 200, 30, 255, 1, 2, 3, 90].into() };
+    let pixels = vec![9, 200, 30, 255, 1, 2, 3, 90].into();
+    let image = Image { width: 2, height: 1, encoding: Encoding::Srgb, pixels };
     let texture = Texture { image: 0, wrap: [Wrap::Mirror, Wrap::Clamp], nearest: false };
     let part = Part {
         alpha: Alpha::Blend,

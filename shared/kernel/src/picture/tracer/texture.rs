@@ -2,8 +2,8 @@
 
 use std::sync::LazyLock;
 
-use crate::picture::{Image, Texture, Wrap};
-use glam::{DVec2, DVec4};
+use crate::picture::{Encoding, Image, Texture, Wrap};
+use glam::{DVec2, DVec3, DVec4};
 
 /// Linear values of the bytes of sRGB (IEC 61966-2-1). By libm, so that they are the same on every machine.
 static LINEAR: LazyLock<[f64; 256]> = LazyLock::new(|| {
@@ -58,8 +58,14 @@ fn wrap(index: i64, size: u32, wrap: Wrap) -> u32 {
 fn pixel(image: &Image, x: u32, y: u32) -> DVec4 {
     let first = (y as usize * image.width as usize + x as usize) * 4;
     let byte = |channel: usize| image.pixels[first + channel];
-    let linear = |channel| LINEAR[usize::from(byte(channel))];
-    DVec4::new(linear(0), linear(1), linear(2), f64::from(byte(3)) / 255.0)
+    let part = |channel| f64::from(byte(channel)) / 255.0;
+    match image.encoding {
+        Encoding::Srgb => {
+            let linear = |channel| LINEAR[usize::from(byte(channel))];
+            DVec4::new(linear(0), linear(1), linear(2), part(3))
+        }
+        Encoding::Rgbm => (DVec3::new(part(0), part(1), part(2)) * part(3)).extend(1.0),
+    }
 }
 
 #[cfg(test)]
@@ -69,7 +75,7 @@ mod tests {
     /// Black, white; white, black: alpha counts the pixels.
     fn image() -> Image {
         let pixels = vec![0, 0, 0, 0, 255, 255, 255, 85, 255, 255, 255, 170, 0, 0, 0, 255];
-        Image { width: 2, height: 2, pixels: pixels.into() }
+        Image { width: 2, height: 2, encoding: Encoding::Srgb, pixels: pixels.into() }
     }
 
     fn at(wrap: Wrap, nearest: bool, u: f64, v: f64) -> DVec4 {
@@ -104,10 +110,23 @@ mod tests {
 
     #[test]
     fn bytes_are_srgb() {
-        let image = Image { width: 1, height: 1, pixels: vec![188, 10, 255, 128].into() };
+        let pixels = vec![188, 10, 255, 128].into();
+        let image = Image { width: 1, height: 1, encoding: Encoding::Srgb, pixels };
         let texture = Texture { image: 0, wrap: [Wrap::Repeat; 2], nearest: false };
         let texel = look_up(&image, &texture, DVec2::splat(0.3));
         let expected = DVec4::new(0.5028864580325687, 10.0 / 255.0 / 12.92, 1.0, 128.0 / 255.0);
         assert!((texel - expected).abs().max_element() < 1e-12, "{texel}");
+    }
+
+    #[test]
+    fn multiplied_pixels_are_mixed_as_what_they_stand_for() {
+        let pixels = vec![255, 51, 0, 255, 255, 255, 255, 51].into();
+        let image = Image { width: 2, height: 1, encoding: Encoding::Rgbm, pixels };
+        let texture = Texture { image: 0, wrap: [Wrap::Clamp; 2], nearest: false };
+        for (place, expected) in [(0.25, [1.0, 0.2, 0.0]), (0.75, [0.2; 3]), (0.5, [0.6, 0.2, 0.1])] {
+            let texel = look_up(&image, &texture, DVec2::new(place, 0.5));
+            let expected = DVec3::from_array(expected).extend(1.0);
+            assert!((texel - expected).abs().max_element() < 1e-12, "{place}: {texel}");
+        }
     }
 }
