@@ -33,14 +33,15 @@ pub struct Named {
     error: Option<f64>,
 }
 
-/// A room, four of them, and eight, with exact rows; eight and sixteen with the error measured; eight until an error is met, and a
+/// A room, four of them, and eight, with exact rows; eight, sixteen and 44 with the error measured; eight until an error is met, and a
 /// smaller one; a house under sun and sky.
-pub const SCENES: [Named; 8] = [
+pub const SCENES: [Named; 9] = [
     Named { name: "small", ..ROOM },
     Named { name: "medium", rooms: 4, mesh_error: 0.2, ..ROOM },
     Named { name: "large", rooms: 8, ..ROOM },
     Named { name: "checked", rooms: 8, validation_samples: 256, ..ROOM },
     Named { name: "long", rooms: 16, validation_samples: 256, ..ROOM },
+    Named { name: "huge", rooms: 44, validation_samples: 256, ..ROOM },
     Named { name: "error", rooms: 8, error: Some(0.03), ..ROOM },
     Named { name: "fine", rooms: 8, error: Some(0.01), ..ROOM },
     Named { name: "house", rooms: 0, error: Some(0.02), ..ROOM },
