@@ -33,11 +33,11 @@ pub fn joined(warnings: Vec<String>) -> Vec<String> {
     joined
 }
 
-/// The first of some warnings, and how many `others` there are.
+/// The first of some warnings, and how many `others` there are where these are several.
 #[must_use]
 pub fn first(mut warnings: Vec<String>, others: &str) -> Vec<String> {
     let more = warnings.len().saturating_sub(FIRST);
-    if more > 0 {
+    if more > 1 {
         warnings.truncate(FIRST);
         warnings.push(format!("{more} more {others}"));
     }
@@ -67,7 +67,7 @@ mod tests {
     fn only_the_first_of_one_sort_are_told() {
         let dropped =
             |count: usize| (0..count).map(|node| format!("node {node}: dropped")).collect::<Vec<_>>();
-        assert_eq!(first(dropped(8), "nodes"), dropped(8));
+        assert_eq!(first(dropped(9), "nodes"), dropped(9));
         let told = first(dropped(11), "nodes");
         assert_eq!((&told[..8], &told[8..]), (&dropped(8)[..], &["3 more nodes".to_owned()][..]));
     }

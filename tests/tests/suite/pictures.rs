@@ -173,18 +173,21 @@ fn no_picture_of_a_scene_of_the_repository_is_black() {
     }
 }
 
-/// A box that shines from above in one corner of a room, and three copies of one whose sides are both lit.
+/// A lamp in the corner of a room, three copies of a box, and an upright sheet of which both sides are lit.
 fn room_with_copies() -> Vec<u8> {
     let [low, high] = [DVec3::new(0.1, 0.0, 0.1), DVec3::new(0.25, 0.2, 0.25)];
     let lamp = shapes::box_facing_out(DVec3::new(0.1, 0.7, 0.1), DVec3::new(0.3, 0.8, 0.3));
+    let sheet = [[0.6, 0.0], [0.8, 0.0], [0.8, 0.4], [0.6, 0.4]].map(|[x, y]| DVec3::new(x, y, 0.3));
+    let sheet = sheet.to_vec();
     let (mut document, binary) = SceneBuilder::new()
         .part("walls", &shapes::unit_room(), Material::grey(0.6))
         .part("box", &shapes::box_facing_out(low, high), Material::grey(0.5).double_sided())
+        .part("sheet", &[sheet], Material::grey(0.5).double_sided())
         .part("lamp", &lamp, Material::grey(0.2).emitting(10.0))
         .document();
     for (copy, place) in [[0.3, 0.0, 0.2], [0.5, 0.0, 0.6]].into_iter().enumerate() {
         document["nodes"].as_array_mut().unwrap().push(json!({ "mesh": 1, "translation": place }));
-        document["scenes"][0]["nodes"].as_array_mut().unwrap().push(json!(copy + 3));
+        document["scenes"][0]["nodes"].as_array_mut().unwrap().push(json!(copy + 4));
     }
     pack(&document, &binary)
 }

@@ -26,18 +26,15 @@ impl Mapping {
         Self::of(&info.texture(), info.tex_coord(), info.texture_transform())
     }
 
-    /// The same of a texture that an extension names in the way of materials.
+    /// The mapping of a texture that an extension names, as materials name theirs.
     #[must_use]
     pub fn of_info(texture: &gltf::Texture, info: &gltf::json::texture::Info) -> Self {
-        let sampler = Sampler::new(&texture.sampler());
+        let plain = Self::of(texture, info.tex_coord, None);
         let transform = info.extensions.as_ref().and_then(|extensions| extensions.texture_transform.as_ref());
-        Self {
-            set: transform.and_then(|transform| transform.tex_coord).unwrap_or(info.tex_coord),
-            transform: transform.map_or(DAffine2::IDENTITY, |transform| {
-                affine(transform.offset.0, transform.rotation.0, transform.scale.0)
-            }),
-            sampler,
-        }
+        let Some(transform) = transform else { return plain };
+        let set = transform.tex_coord.unwrap_or(plain.set);
+        let transform = affine(transform.offset.0, transform.rotation.0, transform.scale.0);
+        Self { set, transform, ..plain }
     }
 
     /// The mapping of a texture with this set, unless the transform names another.

@@ -65,7 +65,10 @@ fn make_unlit(material: &mut Material) -> Result<(), ExportError> {
         Value::Object(extensions) => extensions,
         _ => Map::new(),
     };
-    others.remove("KHR_materials_unlit");
+    if others.remove("KHR_materials_unlit").is_some() {
+        // Its own factor means nothing.
+        material.pbr_metallic_roughness.metallic_factor = StrengthFactor(0.0);
+    }
     let glossy = material.extensions.take().and_then(|extensions| extensions.pbr_specular_glossiness);
     if let Some(glossy) = glossy {
         let pbr = &mut material.pbr_metallic_roughness;
@@ -133,12 +136,13 @@ pub(super) fn glows(
     Ok(!dominated)
 }
 
-/// The part of a base colour that reflects diffusely, where one number says it: an unlit material shows all of it.
+/// The part of a base colour that reflects diffusely, where one number says it; all of it where the input is unlit.
 pub(super) fn diffuse_part(material: Option<&Material>, glows: bool) -> f64 {
     let Some(material) = material.filter(|_| !glows) else { return 1.0 };
     let pbr = &material.pbr_metallic_roughness;
     let extensions = material.extensions.as_ref();
-    let has_no_metal = extensions.is_some_and(|extensions| extensions.pbr_specular_glossiness.is_some());
+    let has_no_metal = extensions
+        .is_some_and(|extensions| extensions.pbr_specular_glossiness.is_some() || extensions.unlit.is_some());
     if has_no_metal || pbr.metallic_roughness_texture.is_some() {
         return 1.0;
     }

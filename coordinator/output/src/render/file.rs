@@ -58,13 +58,17 @@ pub fn read_lit(path: &Path, options: &ReadOptions) -> Result<LitFile, ImportErr
         Some("rgbm") => Encoding::Rgbm,
         _ => Encoding::Srgb,
     };
-    let mut images = Images::new(&document, of_lightmaps);
-    let materials: Vec<Appearance> =
-        document.document.materials().map(|material| Appearance::new(&material, &mut images)).collect();
+    let mut images = Images::new(&document);
+    let appearance = |material| Appearance::new(&document.document, &material, &mut images, of_lightmaps);
+    let materials: Vec<Appearance> = document.document.materials().map(appearance).collect();
+    let fallback = Appearance::default_material();
+    let appearance_of = |primitive: &LitPrimitive| {
+        primitive.material.and_then(|index| materials.get(index)).unwrap_or(&fallback)
+    };
     let has = |what: fn(&LitPrimitive) -> bool| document.primitives.iter().any(what);
     let light = if has(|primitive| primitive.irradiance.is_some()) {
         LightOfFile::Irradiance
-    } else if materials.iter().any(|material| material.lightmap.is_some()) {
+    } else if document.primitives.iter().any(|primitive| appearance_of(primitive).names_lightmap) {
         LightOfFile::Lightmaps
     } else if exposure.is_some() && has(|primitive| primitive.colours.is_some()) {
         LightOfFile::ExposedColours
@@ -82,12 +86,21 @@ pub fn read_lit(path: &Path, options: &ReadOptions) -> Result<LitFile, ImportErr
                 .to_owned(),
         ),
     }
-    let fallback = Appearance::default_material();
-    let scale = exposure.filter(|_| light == LightOfFile::ExposedColours).map_or(1.0, f64::recip);
-    let part = |primitive: &LitPrimitive| {
-        let appearance = primitive.material.and_then(|index| materials.get(index)).unwrap_or(&fallback);
-        part(primitive, appearance, light, scale)
+    let is_dark = |primitive: &&LitPrimitive| {
+        let appearance = appearance_of(primitive);
+        primitive.irradiance.is_none()
+            && appearance.names_lightmap
+            && lightmap_of(primitive, appearance).is_none()
     };
+    let dark = document.primitives.iter().filter(is_dark).count();
+    if dark > 0 {
+        let primitives = if dark == 1 { "primitive is" } else { "primitives are" };
+        warnings.push(format!(
+            "{dark} {primitives} without light: the lightmap, or the place on it, cannot be read"
+        ));
+    }
+    let scale = exposure.filter(|_| light == LightOfFile::ExposedColours).map_or(1.0, f64::recip);
+    let part = |primitive: &LitPrimitive| part(primitive, appearance_of(primitive), light, scale);
     let parts = document.primitives.iter().map(part).collect();
     let rounding = document.primitives.iter().map(|primitive| primitive.rounding).fold(0.0, f64::max);
     Ok(LitFile {
@@ -143,18 +156,19 @@ fn part(primitive: &LitPrimitive, appearance: &Appearance, light: LightOfFile, s
         let [red, green, blue, _] = *colour;
         positive([red, green, blue].map(|value| (f64::from(value) * scale) as f32))
     };
-    let lightmap = appearance.lightmap.filter(|_| light == LightOfFile::Lightmaps);
+    let lightmap = lightmap_of(primitive, appearance);
+    let shows_colours = appearance.unlit && !appearance.names_lightmap;
     let irradiance = match (&primitive.irradiance, &primitive.colours) {
         (Some(irradiance), _) => irradiance.iter().copied().map(positive).collect(),
         (None, _) if let Some((_, intensity)) = lightmap => vec![[intensity; 3]; count],
         // A file that is lit elsewhere has no light here, unless the colours are meant to be shown.
-        (None, _) if has_its_own && !appearance.unlit => vec![],
+        (None, _) if has_its_own && !shows_colours => vec![],
         (None, Some(colours)) => colours.iter().map(light_of).collect(),
         (None, None) => vec![[scale as f32; 3]; count],
     };
     // COLOR_0 has this factor in it already.
-    let is_lit = primitive.irradiance.is_some() || lightmap.is_some();
-    let diffuse = if is_lit { appearance.diffuse } else { 1.0 };
+    let shows_diffuse = primitive.irradiance.is_some() || lightmap.is_some() && !appearance.unlit;
+    let diffuse = if shows_diffuse { appearance.diffuse } else { 1.0 };
     let lightmap = lightmap.map(|(mapped, _)| mapped);
     let [red, green, blue, alpha] = appearance.base;
     Part {
@@ -163,7 +177,7 @@ fn part(primitive: &LitPrimitive, appearance: &Appearance, light: LightOfFile, s
         irradiance,
         irradiance_coordinates: coordinates(&lightmap),
         irradiance_texture: lightmap.map(|mapped| mapped.texture),
-        colours: if light == LightOfFile::Lightmaps { own_colours(primitive) } else { tint(primitive) },
+        colours: if lightmap.is_some() { own_colours(primitive) } else { tint(primitive) },
         base_coordinates: coordinates(&appearance.base_texture),
         emission_coordinates: coordinates(&appearance.emission_texture),
         base: [red * diffuse, green * diffuse, blue * diffuse, alpha],
@@ -173,6 +187,12 @@ fn part(primitive: &LitPrimitive, appearance: &Appearance, light: LightOfFile, s
         alpha: appearance.alpha,
         double_sided: appearance.double_sided,
     }
+}
+
+/// The lightmap of a primitive that has no other light, and the irradiance that 1 stands for there.
+fn lightmap_of(primitive: &LitPrimitive, appearance: &Appearance) -> Option<(Mapped, f32)> {
+    let is_placed = |(mapped, _): &(Mapped, f32)| primitive.coordinates.contains_key(&mapped.mapping.set);
+    appearance.lightmap.filter(|_| primitive.irradiance.is_none()).filter(is_placed)
 }
 
 /// The factor of base colour per vertex where light is in lightmaps: COLOR_0, as it was.

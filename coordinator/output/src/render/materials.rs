@@ -1,12 +1,13 @@
 //! Materials of pictures.
 
-use gltf::Material;
 use gltf::material::AlphaMode;
 use gltf::texture::Info;
-use kernel::picture::{Alpha, Texture, Wrap};
+use gltf::{Document, Material};
+use kernel::picture::{Alpha, Encoding, Texture, Wrap};
 
 use super::images::Images;
 use document::texture::{self, Filter, Mapping};
+use document::{LightmapLink, MOZ_LIGHTMAP};
 
 /// glTF's cutoff where a file states none.
 const DEFAULT_CUTOFF: f32 = 0.5;
@@ -17,7 +18,7 @@ pub(super) struct Appearance {
     /// Base colour and opacity.
     pub(super) base: [f32; 4],
     pub(super) base_texture: Option<Mapped>,
-    /// The part of base colour that reflects diffusely: 1 - metallic factor. Where a texture says what is metal, or nothing says
+    /// The part of base colour that reflects diffusely: 1 - metallic factor, or the largest specular one. Where a texture says what is metal, or nothing says
     /// what the material is, it is 1, as the exporter has it.
     pub(super) diffuse: f32,
     /// Emitted radiance.
@@ -25,7 +26,9 @@ pub(super) struct Appearance {
     pub(super) emission_texture: Option<Mapped>,
     pub(super) alpha: Alpha,
     pub(super) double_sided: bool,
-    /// Its lightmap, and the irradiance that 1 stands for there.
+    /// Whether its light is in a lightmap,
+    pub(super) names_lightmap: bool,
+    /// which is this, where it can be had, with the irradiance that 1 stands for.
     pub(super) lightmap: Option<(Mapped, f32)>,
     /// Viewers show its colours as they are.
     pub(super) unlit: bool,
@@ -49,27 +52,44 @@ impl Appearance {
             emission_texture: None,
             alpha: Alpha::Opaque,
             double_sided: false,
+            names_lightmap: false,
             lightmap: None,
             unlit: false,
         }
     }
 
-    pub(super) fn new(material: &Material, images: &mut Images) -> Self {
+    /// What a material of a document looks like. Pages of lightmaps have this encoding.
+    pub(super) fn new(
+        document: &Document,
+        material: &Material,
+        images: &mut Images,
+        of_lightmaps: Encoding,
+    ) -> Self {
         let unlit = material.unlit();
         let surface = material.pbr_metallic_roughness();
-        let base = surface.base_color_factor().map(positive);
+        let glossy = material.pbr_specular_glossiness().filter(|_| !unlit);
+        let (base, base_texture) = match &glossy {
+            Some(glossy) => (glossy.diffuse_factor(), glossy.diffuse_texture()),
+            None => (surface.base_color_factor(), surface.base_color_texture()),
+        };
+        let base = base.map(positive);
         // The exporter gives those without a material a default one.
         let is_default = material.name().is_none()
             && base == [1.0; 4]
             && (surface.metallic_factor(), surface.roughness_factor()) == (1.0, 1.0)
-            && surface.base_color_texture().is_none();
-        let is_textured = surface.metallic_roughness_texture().is_some();
-        let diffuse = if is_default || is_textured { 1.0 } else { 1.0 - part(surface.metallic_factor()) };
+            && base_texture.is_none();
+        let (specular, is_textured) = match &glossy {
+            Some(glossy) => {
+                let largest = glossy.specular_factor().into_iter().fold(0.0, f32::max);
+                (largest, glossy.specular_glossiness_texture().is_some())
+            }
+            None => (surface.metallic_factor(), surface.metallic_roughness_texture().is_some()),
+        };
+        let diffuse = if is_default || is_textured { 1.0 } else { 1.0 - part(specular) };
         let strength = positive(material.emissive_strength().unwrap_or(1.0));
         let emission = material.emissive_factor().map(|value| positive(positive(value) * strength));
-        let lightmap = images.lightmap(material);
-        let mut mapped = |texture: &gltf::Texture, mapping: Mapping, is_lightmap: bool| {
-            let image = images.index(texture, is_lightmap)?;
+        let mut mapped = |texture: &gltf::Texture, mapping: Mapping, encoding: Encoding| {
+            let image = images.index(texture, encoding)?;
             let wrap = |wrap| match wrap {
                 texture::Wrap::Repeat => Wrap::Repeat,
                 texture::Wrap::Mirror => Wrap::Mirror,
@@ -80,10 +100,10 @@ impl Appearance {
             let texture = Texture { image, wrap: [wrap(sampler.wrap_u), wrap(sampler.wrap_v)], nearest };
             Some(Mapped { texture, mapping })
         };
-        let lightmap =
-            lightmap.and_then(|link| Some((mapped(&link.texture, link.mapping, true)?, link.intensity)));
-        let mut of_material = |info: Info| mapped(&info.texture(), Mapping::new(&info), false);
-        let base_texture = surface.base_color_texture().and_then(&mut of_material);
+        let lightmap = LightmapLink::of(document, material)
+            .and_then(|link| Some((mapped(&link.texture, link.mapping, of_lightmaps)?, link.intensity)));
+        let mut of_material = |info: Info| mapped(&info.texture(), Mapping::new(&info), Encoding::Srgb);
+        let base_texture = base_texture.and_then(&mut of_material);
         // An unlit material shows no emission, and black cannot be textured.
         let shines = !unlit && emission != [0.0; 3];
         let emission_texture = material.emissive_texture().filter(|_| shines).and_then(of_material);
@@ -99,6 +119,7 @@ impl Appearance {
                 AlphaMode::Blend => Alpha::Blend,
             },
             double_sided: material.double_sided(),
+            names_lightmap: material.extension_value(MOZ_LIGHTMAP).is_some(),
             lightmap,
             unlit,
         }

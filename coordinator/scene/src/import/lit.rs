@@ -19,6 +19,9 @@ use document::labels::node_label;
 use document::{ImportError, ImportProblem};
 use document::{PlainDocument, ReadOptions, nodes};
 
+/// The attribute that holds light, without its underscore.
+const IRRADIANCE: &str = "IRRADIANCE";
+
 /// A file with its triangles where they stand.
 pub struct LitDocument {
     /// The document: materials, cameras, textures.
@@ -47,7 +50,7 @@ pub struct LitPrimitive {
     pub triangles: Vec<[u32; 3]>,
     /// `_IRRADIANCE`.
     pub irradiance: Option<Vec<[f32; 3]>>,
-    /// `COLOR_0`, linear: in a lit file light, exposed and clamped.
+    /// `COLOR_0`, linear: in a lit file light, exposed and clamped; with a lightmap what multiplies base colour.
     pub colours: Option<Vec<[f32; 4]>>,
     /// `_COLOR_0`: what was `COLOR_0` before the file was lit, and multiplies base colour.
     pub tint: Option<Vec<[f32; 4]>>,
@@ -125,7 +128,7 @@ fn read_primitive(
             check_count(&name, accessor.count(), count, context)
         };
         match &semantic {
-            Semantic::Extras(extra) if extra == "IRRADIANCE" => {
+            Semantic::Extras(extra) if extra == IRRADIANCE => {
                 checked(&VECTOR)?;
                 irradiance = Iter::new(accessor.clone(), data).map(Iterator::collect);
             }
@@ -165,13 +168,20 @@ fn read_primitive(
     })
 }
 
-/// The images that pictures show: of base colours, emissions and lightmaps.
+/// The images that pictures show: of base colours, emissions, and lightmaps of what has no other light.
 fn shown_images(document: &Document) -> BTreeSet<usize> {
     let of = |material: gltf::Material| {
         let base = material.pbr_metallic_roughness().base_color_texture();
-        let textures = [base, material.emissive_texture()].into_iter().flatten().map(|info| info.texture());
-        let lightmap = LightmapLink::of(document, &material).map(|lightmap| lightmap.texture);
-        textures.chain(lightmap).filter_map(|texture| images::image_of(&texture)).collect::<Vec<_>>()
+        let diffuse = material.pbr_specular_glossiness().and_then(|glossy| glossy.diffuse_texture());
+        let textures = [base, diffuse, material.emissive_texture()].into_iter().flatten();
+        textures.filter_map(|info| images::image_of(&info.texture())).collect::<Vec<_>>()
     };
-    document.materials().flat_map(of).collect()
+    let dark = document
+        .meshes()
+        .flat_map(|mesh| mesh.primitives())
+        .filter(|primitive| primitive.get(&Semantic::Extras(IRRADIANCE.to_owned())).is_none());
+    let pages = dark.filter_map(|primitive| {
+        images::image_of(&LightmapLink::of(document, &primitive.material())?.texture)
+    });
+    document.materials().flat_map(of).chain(pages).collect()
 }

@@ -264,7 +264,8 @@ impl Content {
         if surfaces.is_empty() {
             return Err(ImportProblem::NoTriangles);
         }
-        warnings.extend(document::first_warnings(duplicates, "primitives with duplicate triangles"));
+        let duplicates = document::joined_warnings(duplicates);
+        warnings.extend(document::first_warnings(duplicates, "warnings of duplicate triangles"));
         let shines = |surface: &Surface| surface.exitance != DVec3::ZERO;
         let mut lights: Vec<Light> =
             lights.into_iter().filter_map(|light| light.place(&frame, &mut warnings)).collect();

@@ -88,9 +88,10 @@ pub fn decode_picture(bytes: &[u8]) -> Result<PictureScene, ReplicaError> {
 }
 
 fn decode_image(image: PictureImage) -> Result<Image, ReplicaError> {
-    let encoding = match image.encoding() {
-        PictureEncoding::Srgb => Encoding::Srgb,
-        PictureEncoding::Rgbm => Encoding::Rgbm,
+    let encoding = match PictureEncoding::try_from(image.encoding) {
+        Ok(PictureEncoding::Srgb) => Encoding::Srgb,
+        Ok(PictureEncoding::Rgbm) => Encoding::Rgbm,
+        Err(_) => return Err(ReplicaError::Inconsistent("the pixels of an image have no known meaning")),
     };
     let PictureImage { width, height, pixels, .. } = image;
     let bytes = u64::from(width).checked_mul(u64::from(height)).and_then(|count| count.checked_mul(4));
@@ -245,6 +246,7 @@ mod tests {
         assert!(refused(|scene| scene.parts[0].colours[0][0] = f32::INFINITY));
         assert!(refused(|scene| scene.parts[0].base_coordinates.clear()));
         assert!(refused(|scene| scene.parts[0].irradiance_coordinates.clear()));
+        assert!(refused(|scene| scene.parts[0].irradiance_coordinates[2][1] = f32::NAN));
         assert!(refused(|scene| scene.images.truncate(1)));
         assert!(refused(|scene| scene.parts[0].emission_coordinates[1][0] = f32::NAN));
         assert!(refused(|scene| scene.images.clear()));

@@ -91,10 +91,9 @@ pub struct Image {
 }
 
 /// What the pixels of an image mean.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Encoding {
     /// Colours as sRGB encodes them, and alpha as it is.
-    #[default]
     Srgb,
     /// Linear: red, green and blue times alpha, and opaque. For light, whose bright and dark parts lie far apart.
     Rgbm,

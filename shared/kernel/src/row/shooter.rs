@@ -70,7 +70,7 @@ impl Shape {
         }
     }
 
-    /// Its polygons, each with its weight; none unless it has some.
+    /// Its polygons, each with its weight; none of points, directions and skies.
     pub fn weighted_polygons(&self) -> impl Iterator<Item = (&ConvexPolygon, f64)> {
         let (even, weighted): (&[_], &[_]) = match self {
             Self::Polygons(polygons) => (polygons, &[]),

@@ -62,7 +62,7 @@ pub struct ManyPolygons<'a> {
     transparent: Option<&'a TransparentOccluders>,
     precision: &'a Precision,
     least_rays: u32,
-    /// Rays that are enough where all of them arrive.
+    /// Rays that are enough where all of them arrive; `None` where all are sent.
     probe: Option<u32>,
     faced: Faced,
     bodies: Vec<Body>,

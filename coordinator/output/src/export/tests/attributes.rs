@@ -246,3 +246,25 @@ fn covered_vertices_show_the_light_beside_them() {
     let shown = point(&attribute(&gltf, &primitive, &Semantic::Colors(0))[dark]);
     assert!((shown - DVec3::splat(0.5 * exported.exposure)).length() < 1e-5, "{shown}");
 }
+
+/// Without a metallic factor glTF's is 1: of an unlit material it means nothing.
+#[test]
+fn an_unlit_material_of_the_input_reflects_all_of_its_colour() {
+    let mut builder = Builder::default();
+    let mut square = builder.square();
+    square["material"] = 0.into();
+    let scene = builder.import(json!({
+        "materials": [{"extensions": {"KHR_materials_unlit": {}},
+            "pbrMetallicRoughness": {"baseColorFactor": [0.5, 0.5, 0.5, 1]}}],
+        "meshes": [{"primitives": [square]}],
+        "nodes": [{"mesh": 0}],
+        "scenes": [{"nodes": [0]}],
+    }));
+    let lit = light(&scene, 1, |_| DVec3::ONE);
+    let (_, gltf) = round_trip(&scene, &lit);
+    let primitive = first_primitive(&gltf, 0);
+    for colour in attribute(&gltf, &primitive, &Semantic::Colors(0)) {
+        assert!((colour[0] - 0.5).abs() < 1e-6, "exposure .5: {colour:?}");
+    }
+    assert_eq!(primitive.material().pbr_metallic_roughness().metallic_factor(), 0.0);
+}

@@ -22,7 +22,7 @@ fn a_lit_square_has_reflectance_times_irradiance_over_pi() {
     }
 }
 
-/// A page of two texels, 1 and .5 or what multiplies it, over the left and the right half of a square that shows a part of it.
+/// A page of two texels, 1 and less.
 #[test]
 fn a_lightmap_is_light_in_both_encodings() {
     let png = |colour: png::ColorType, bytes: &[u8]| {
@@ -41,10 +41,10 @@ fn a_lightmap_is_light_in_both_encodings() {
         builder.json["images"] = json!([{ "uri": page }]);
         builder.json["samplers"] = json!([{ "magFilter": 9728, "wrapS": 33071, "wrapT": 33071 }]);
         builder.json["textures"] = json!([{ "source": 0, "sampler": 0 }]);
-        // The transform leaves the middle half of the page.
+        // The transform swaps the halves of the page.
         let places = builder.corners([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]);
         let colours = builder.corners([[0.5, 1.0, 1.0]; 4]);
-        let transform = json!({ "KHR_texture_transform": { "scale": [0.5, 1.0], "offset": [0.25, 0.0] } });
+        let transform = json!({ "KHR_texture_transform": { "scale": [-1.0, 1.0], "offset": [1.0, 0.0] } });
         let link = json!({ "index": 0, "texCoord": 1, "intensity": PI, "extensions": transform });
         let material = json!({
             "pbrMetallicRoughness": { "baseColorFactor": [1.0, 0.5, 0.25, 1.0], "metallicFactor": 0.5 },
@@ -55,10 +55,80 @@ fn a_lightmap_is_light_in_both_encodings() {
         assert_eq!((file.light, file.exposure), (LightOfFile::Lightmaps, Some(0.25)));
         assert!(file.warnings.is_empty(), "{:?}", file.warnings);
         let picture = front(&file, [4, 4], DVec3::ZERO);
-        for (x, light) in [(0, 1.0), (1, 1.0), (2, right), (3, right)] {
+        for (x, light) in [(0, right), (1, right), (2, 1.0), (3, 1.0)] {
             assert_near(at(&picture, x, 2), [0.25, 0.25, 0.125].map(|part| part * light));
         }
     }
+}
+
+/// A square with this material and a lightmap of irradiance pi all over, and one beside it with light at its vertices or none.
+fn with_lightmap(material: Value, page: &str, is_placed: bool, beside: Option<f32>) -> (LitFile, DVec3) {
+    let mut builder = Builder::new();
+    builder.json["asset"]["extras"] = json!({ "halflight": { "exposure": 0.25 } });
+    builder.json["images"] = json!([{ "uri": page }]);
+    builder.json["textures"] = json!([{ "source": 0 }]);
+    let mut material = material;
+    material["extensions"]["MOZ_lightmap"] = json!({ "index": 0, "texCoord": 1, "intensity": PI });
+    let places = builder.corners([[0.0, 0.0]; 4]);
+    let colours = builder.corners([[0.5; 3]; 4]);
+    let set = if is_placed { "TEXCOORD_1" } else { "TEXCOORD_0" };
+    builder.square(json!({}), material, &[(set, places), ("COLOR_0", colours)]);
+    if let Some(light) = beside {
+        let irradiance = builder.corners([[light; 3]; 4]);
+        let away = json!({ "translation": [9, 0, 0] });
+        builder.square(away, unlit([1.0; 4]), &[("_IRRADIANCE", irradiance)]);
+    }
+    let file = builder.read();
+    let seen = at(&front(&file, [2, 2], DVec3::ZERO), 0, 0);
+    (file, seen)
+}
+
+#[test]
+fn a_lightmap_lights_the_diffuse_part_of_any_material() {
+    let plain = |factors: Value| json!({ "pbrMetallicRoughness": factors });
+    let mut unlit = plain(json!({ "baseColorFactor": [0.8, 0.8, 0.8, 1.0] }));
+    unlit["extensions"] = json!({ "KHR_materials_unlit": {} });
+    let glossy = json!({ "diffuseFactor": [0.8, 0.8, 0.8, 1.0], "specularFactor": [0.5, 0.25, 0.0] });
+    let mut glowing = plain(json!({ "metallicFactor": 0.0 }));
+    glowing["emissiveFactor"] = json!([1.0, 1.0, 1.0]);
+    for (name, material, expected) in [
+        ("metal", plain(json!({ "metallicFactor": 0.25 })), 0.375),
+        ("unlit", unlit, 0.4),
+        ("glossy", json!({ "extensions": { "KHR_materials_pbrSpecularGlossiness": glossy } }), 0.2),
+        ("glowing", glowing, 1.5),
+    ] {
+        let (file, seen) = with_lightmap(material, &white_page(), true, None);
+        assert!(file.warnings.is_empty(), "{name}: {:?}", file.warnings);
+        assert_near(seen, [expected; 3]);
+    }
+}
+
+#[test]
+fn without_its_lightmap_a_surface_is_dark_whatever_else_is_lit() {
+    let material = || json!({ "pbrMetallicRoughness": { "metallicFactor": 0.0 } });
+    let white = white_page();
+    for (page, is_placed, beside, expected) in [
+        (white.as_str(), true, Some(1.0), [0.5; 3]),
+        (white.as_str(), false, None, [0.0; 3]),
+        ("no-such-page.png", true, None, [0.0; 3]),
+        ("no-such-page.png", true, Some(1.0), [0.0; 3]),
+    ] {
+        let (file, seen) = with_lightmap(material(), page, is_placed, beside);
+        let light = if beside.is_some() { LightOfFile::Irradiance } else { LightOfFile::Lightmaps };
+        assert_eq!(file.light, light);
+        assert_near(seen, expected);
+        let said = file.warnings.iter().any(|warning| warning.starts_with("1 primitive is without light"));
+        assert_eq!(said, expected == [0.0; 3], "{:?}", file.warnings);
+    }
+}
+
+/// An image of one white pixel.
+fn white_page() -> String {
+    let mut file = vec![];
+    let mut encoder = png::Encoder::new(&mut file, 1, 1);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.write_header().unwrap().write_image_data(&[255; 3]).unwrap();
+    format!("data:image/png;base64,{}", BASE64_STANDARD.encode(&file))
 }
 
 #[test]

@@ -272,17 +272,21 @@ fn a_scene_of_nothing_is_background() {
 fn whatever_the_bytes_of_a_replica_it_is_refused_or_can_be_seen() {
     let pixels = vec![9, 200, 30, 255, 1, 2, 3, 90].into();
     let image = Image { width: 2, height: 1, encoding: Encoding::Srgb, pixels };
+    let light = Image { encoding: Encoding::Rgbm, ..image.clone() };
     let texture = Texture { image: 0, wrap: [Wrap::Mirror, Wrap::Clamp], nearest: false };
+    let coordinates = vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
     let part = Part {
         alpha: Alpha::Blend,
+        irradiance_texture: Some(Texture { image: 1, ..texture }),
+        irradiance_coordinates: coordinates.clone(),
         base_texture: Some(texture),
-        base_coordinates: vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]],
+        base_coordinates: coordinates,
         colours: vec![[0.5; 4]; 4],
         emission: [1.0; 3],
         double_sided: true,
         ..square(0.0, [1.0; 4])
     };
-    let scene = PictureScene { parts: vec![part], images: vec![image], rounding: 1e-3 };
+    let scene = PictureScene { parts: vec![part], images: vec![image, light], rounding: 1e-3 };
     let whole = encode_picture(&scene).bytes.to_vec();
     let random = |index: u32, axis| f64::from(sobol_burley::sample(index, axis, 5));
     let mut seen = 0;
