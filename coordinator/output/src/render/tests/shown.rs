@@ -25,15 +25,8 @@ fn a_lit_square_has_reflectance_times_irradiance_over_pi() {
 /// A page of two texels, 1 and less.
 #[test]
 fn a_lightmap_is_light_in_both_encodings() {
-    let png = |colour: png::ColorType, bytes: &[u8]| {
-        let mut file = vec![];
-        let mut encoder = png::Encoder::new(&mut file, 2, 1);
-        encoder.set_color(colour);
-        encoder.write_header().unwrap().write_image_data(bytes).unwrap();
-        format!("data:image/png;base64,{}", BASE64_STANDARD.encode(&file))
-    };
-    let srgb = png(png::ColorType::Rgb, &[255, 255, 255, 188, 188, 188]);
-    let rgbm = png(png::ColorType::Rgba, &[255, 255, 255, 255, 255, 255, 255, 51]);
+    let srgb = page(png::ColorType::Rgb, 2, &[255, 255, 255, 188, 188, 188]);
+    let rgbm = page(png::ColorType::Rgba, 2, &[255, 255, 255, 255, 255, 255, 255, 51]);
     for (encoding, page, right) in [("srgb", srgb, 0.502_886), ("rgbm", rgbm, 0.2)] {
         let mut builder = Builder::new();
         let lightmap = json!({ "encoding": encoding });
@@ -122,13 +115,18 @@ fn without_its_lightmap_a_surface_is_dark_whatever_else_is_lit() {
     }
 }
 
+/// An image of one line, as a data URI.
+fn page(colour: png::ColorType, width: u32, bytes: &[u8]) -> String {
+    let mut file = vec![];
+    let mut encoder = png::Encoder::new(&mut file, width, 1);
+    encoder.set_color(colour);
+    encoder.write_header().unwrap().write_image_data(bytes).unwrap();
+    format!("data:image/png;base64,{}", BASE64_STANDARD.encode(&file))
+}
+
 /// An image of one white pixel.
 fn white_page() -> String {
-    let mut file = vec![];
-    let mut encoder = png::Encoder::new(&mut file, 1, 1);
-    encoder.set_color(png::ColorType::Rgb);
-    encoder.write_header().unwrap().write_image_data(&[255; 3]).unwrap();
-    format!("data:image/png;base64,{}", BASE64_STANDARD.encode(&file))
+    page(png::ColorType::Rgb, 1, &[255; 3])
 }
 
 #[test]
