@@ -11,7 +11,7 @@
 //!
 //! Scenes are `small`, `medium`, `large`, `checked` (large, with its error measured), `long` and `huge` (the same of sixteen rooms and of
 //! 44), these with exact rows; `error` (eight rooms to an error of 3 %), `fine` (to one of 1 %) and `house` (under sun and sky, to an
-//! error of 2 %). Where none is named, all but `huge`, whose rows take forty minutes. Rows are recorded in `target/scale`: remove it
+//! error of 2 %). Where none is named, all but `huge`: its rows take forty minutes. Rows are recorded in `target/scale`: remove it
 //! after a change of the kernels.
 //!
 //! The coordinator's code is the real one: bake, solver and scheduler. So are the rows and what they take, each measured once. The

@@ -2,7 +2,7 @@
 
 use glam::{DAffine2, DMat2, DVec2};
 use gltf::Document;
-use gltf::texture::{Info, TextureTransform};
+use gltf::texture::Info;
 
 use super::Sampler;
 use crate::error::ImportProblem;
@@ -23,28 +23,23 @@ impl Mapping {
     /// The mapping of a texture of a material.
     #[must_use]
     pub fn new(info: &Info) -> Self {
-        Self::of(&info.texture(), info.tex_coord(), info.texture_transform())
+        let own = info.texture_transform();
+        let transform = own.map(|own| (own.tex_coord(), affine(own.offset(), own.rotation(), own.scale())));
+        Self::of(&info.texture(), info.tex_coord(), transform)
     }
 
     /// The mapping of a texture that an extension names, as materials name theirs.
     #[must_use]
     pub fn of_info(texture: &gltf::Texture, info: &gltf::json::texture::Info) -> Self {
-        let plain = Self::of(texture, info.tex_coord, None);
-        let transform = info.extensions.as_ref().and_then(|extensions| extensions.texture_transform.as_ref());
-        let Some(transform) = transform else { return plain };
-        let set = transform.tex_coord.unwrap_or(plain.set);
-        let transform = affine(transform.offset.0, transform.rotation.0, transform.scale.0);
-        Self { set, transform, ..plain }
+        let own = info.extensions.as_ref().and_then(|extensions| extensions.texture_transform.as_ref());
+        let transform = own.map(|own| (own.tex_coord, affine(own.offset.0, own.rotation.0, own.scale.0)));
+        Self::of(texture, info.tex_coord, transform)
     }
 
     /// The mapping of a texture with this set, unless the transform names another.
-    #[must_use]
-    pub fn of(texture: &gltf::Texture, set: u32, transform: Option<TextureTransform>) -> Self {
-        let sampler = Sampler::new(&texture.sampler());
-        let Some(transform) = transform else { return Self { set, transform: DAffine2::IDENTITY, sampler } };
-        let set = transform.tex_coord().unwrap_or(set);
-        let transform = affine(transform.offset(), transform.rotation(), transform.scale());
-        Self { set, transform, sampler }
+    fn of(texture: &gltf::Texture, set: u32, transform: Option<(Option<u32>, DAffine2)>) -> Self {
+        let (named, transform) = transform.unwrap_or((None, DAffine2::IDENTITY));
+        Self { set: named.unwrap_or(set), transform, sampler: Sampler::new(&texture.sampler()) }
     }
 }
 

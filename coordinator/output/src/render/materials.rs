@@ -18,8 +18,8 @@ pub(super) struct Appearance {
     /// Base colour and opacity.
     pub(super) base: [f32; 4],
     pub(super) base_texture: Option<Mapped>,
-    /// The part of base colour that reflects diffusely: 1 - metallic factor, or the largest specular one. Where a texture says what is metal, or nothing says
-    /// what the material is, it is 1, as the exporter has it.
+    /// The part of base colour that reflects diffusely: 1 - metallic factor, or the largest specular one. Where a texture says what
+    /// is metal, or nothing says what the material is, it is 1, as the exporter has it.
     pub(super) diffuse: f32,
     /// Emitted radiance.
     pub(super) emission: [f32; 3],
@@ -75,6 +75,7 @@ impl Appearance {
         let base = base.map(positive);
         // The exporter gives those without a material a default one.
         let is_default = material.name().is_none()
+            && glossy.is_none()
             && base == [1.0; 4]
             && (surface.metallic_factor(), surface.roughness_factor()) == (1.0, 1.0)
             && base_texture.is_none();

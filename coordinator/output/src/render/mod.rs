@@ -14,10 +14,10 @@
 //! The radiance of a surface is reflectance x irradiance / pi + emission. How a file is read is the reverse of how
 //! [`crate::export`] writes it:
 //!
-//! - Irradiance is `_IRRADIANCE`; without it that of the material's lightmap; without any in the file `COLOR_0` over the file's exposure; without an exposure `COLOR_0` itself, which then
-//!   means what it does in any viewer.
-//! - Reflectance is base colour factor x texture x `_COLOR_0`, or with a lightmap `COLOR_0`, times 1 - metallic factor where no texture says what is metal.
-//!   Light out of `COLOR_0` has the last two in it already.
+//! - Irradiance is `_IRRADIANCE`; without it that of the material's lightmap; without any in the file `COLOR_0` over the file's
+//!   exposure; without an exposure `COLOR_0` itself, which then means what it does in any viewer.
+//! - Reflectance is base colour factor x texture x `_COLOR_0`, or with a lightmap `COLOR_0`, times 1 - metallic factor where no
+//!   texture says what is metal. Light out of `COLOR_0` has the last two in it already.
 //! - Emission is emissive factor x strength x texture, where the material is not unlit.
 
 mod cameras;

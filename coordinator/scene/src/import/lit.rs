@@ -170,18 +170,18 @@ fn read_primitive(
 
 /// The images that pictures show: of base colours, emissions, and lightmaps of what has no other light.
 fn shown_images(document: &Document) -> BTreeSet<usize> {
+    let has_light = |primitive: &Primitive| primitive.get(&Semantic::Extras(IRRADIANCE.to_owned())).is_some();
+    let primitives = document.meshes().flat_map(|mesh| mesh.primitives());
+    let dark: BTreeSet<Option<usize>> =
+        primitives.filter(|primitive| !has_light(primitive)).map(|own| own.material().index()).collect();
     let of = |material: gltf::Material| {
         let base = material.pbr_metallic_roughness().base_color_texture();
         let diffuse = material.pbr_specular_glossiness().and_then(|glossy| glossy.diffuse_texture());
-        let textures = [base, diffuse, material.emissive_texture()].into_iter().flatten();
-        textures.filter_map(|info| images::image_of(&info.texture())).collect::<Vec<_>>()
+        let infos = [base, diffuse, material.emissive_texture()].into_iter().flatten();
+        let textures = infos.map(|info| info.texture());
+        let lightmap = LightmapLink::of(document, &material).filter(|_| dark.contains(&material.index()));
+        let textures = textures.chain(lightmap.map(|lightmap| lightmap.texture));
+        textures.filter_map(|texture| images::image_of(&texture)).collect::<Vec<_>>()
     };
-    let dark = document
-        .meshes()
-        .flat_map(|mesh| mesh.primitives())
-        .filter(|primitive| primitive.get(&Semantic::Extras(IRRADIANCE.to_owned())).is_none());
-    let pages = dark.filter_map(|primitive| {
-        images::image_of(&LightmapLink::of(document, &primitive.material())?.texture)
-    });
-    document.materials().flat_map(of).chain(pages).collect()
+    document.materials().flat_map(of).collect()
 }

@@ -77,13 +77,14 @@ fn the_colour_of_a_vertex_is_light_times_its_own_colour_with_its_alpha() {
     square["attributes"]["_COLOR_0"] = builder.floats(&[[9.0]; 4]).into();
     square["attributes"]["_IRRADIANCE_OLD"] = builder.floats(&[[9.0]; 4]).into();
     square["material"] = 0.into();
-    let scene = builder.import(json!({
-        "materials": [{"alphaMode": "MASK", "alphaCutoff": 0.25,
-            "pbrMetallicRoughness": {"metallicFactor": 0.25, "baseColorFactor": [0.5, 0.5, 0.5, 0.75]}}],
-        "meshes": [{"primitives": [square]}],
-        "nodes": [{"mesh": 0}],
-        "scenes": [{"nodes": [0]}],
-    }));
+    let scene = in_one_node(
+        builder,
+        json!([square]),
+        json!({
+            "materials": [{"alphaMode": "MASK", "alphaCutoff": 0.25,
+                "pbrMetallicRoughness": {"metallicFactor": 0.25, "baseColorFactor": [0.5, 0.5, 0.5, 0.75]}}],
+        }),
+    );
     let lit = light(&scene, 1, |_| DVec3::new(1.0, 1.0, 4.0));
     let (_, gltf) = round_trip(&scene, &lit);
     let primitive = first_primitive(&gltf, 0);
@@ -115,14 +116,15 @@ fn where_a_texture_says_what_is_metal_base_colour_is_shown_whole() {
     let mut builder = Builder::default();
     let mut square = builder.square();
     square["material"] = 0.into();
-    let scene = builder.import(json!({
-        "images": [{"uri": "data:image/png;base64,AA=="}],
-        "textures": [{"source": 0}],
-        "materials": [{"pbrMetallicRoughness": {"metallicRoughnessTexture": {"index": 0}}}],
-        "meshes": [{"primitives": [square]}],
-        "nodes": [{"mesh": 0}],
-        "scenes": [{"nodes": [0]}],
-    }));
+    let scene = in_one_node(
+        builder,
+        json!([square]),
+        json!({
+            "images": [{"uri": "data:image/png;base64,AA=="}],
+            "textures": [{"source": 0}],
+            "materials": [{"pbrMetallicRoughness": {"metallicRoughnessTexture": {"index": 0}}}],
+        }),
+    );
     let (_, gltf) = round_trip(&scene, &light(&scene, 0, |_| DVec3::ONE));
     let colours = attribute(&gltf, &first_primitive(&gltf, 0), &Semantic::Colors(0));
     assert_eq!(colours, vec![[0.5; 3]; 4]);
@@ -188,11 +190,7 @@ fn refined_triangles_across_source_triangles_follow_each_of_them() {
     let mut square = builder.square();
     // |x - y|, linear in each of the two source triangles.
     square["attributes"]["_WEAR"] = builder.floats(&[[0.0], [1.0], [0.0], [1.0]]).into();
-    let mut scene = builder.import(json!({
-        "meshes": [{"primitives": [square]}],
-        "nodes": [{"mesh": 0}],
-        "scenes": [{"nodes": [0]}],
-    }));
+    let mut scene = in_one_node(builder, json!([square]), json!({}));
     // Makes the fan's diagonal cross that of the source triangles.
     scene.surfaces[0].facets[0].corners.rotate_left(1);
     let lit = light(&scene, 2, |_| DVec3::ONE);
@@ -214,12 +212,13 @@ fn kept_materials_and_colours_are_those_of_the_input() {
     let mut square = builder.square();
     square["attributes"]["COLOR_0"] = builder.floats(&[[0.25, 0.5, 0.75]; 4]).into();
     square["material"] = 0.into();
-    let scene = builder.import(json!({
-        "materials": [{"pbrMetallicRoughness": {"metallicFactor": 0.5}}],
-        "meshes": [{"primitives": [square]}],
-        "nodes": [{"mesh": 0}],
-        "scenes": [{"nodes": [0]}],
-    }));
+    let scene = in_one_node(
+        builder,
+        json!([square]),
+        json!({
+            "materials": [{"pbrMetallicRoughness": {"metallicFactor": 0.5}}],
+        }),
+    );
     let lit = light(&scene, 2, |_| DVec3::splat(3.0));
     let directory = TempDir::new().unwrap();
     let path = directory.path().join("lit.glb");
@@ -253,13 +252,14 @@ fn an_unlit_material_of_the_input_reflects_all_of_its_colour() {
     let mut builder = Builder::default();
     let mut square = builder.square();
     square["material"] = 0.into();
-    let scene = builder.import(json!({
-        "materials": [{"extensions": {"KHR_materials_unlit": {}},
-            "pbrMetallicRoughness": {"baseColorFactor": [0.5, 0.5, 0.5, 1]}}],
-        "meshes": [{"primitives": [square]}],
-        "nodes": [{"mesh": 0}],
-        "scenes": [{"nodes": [0]}],
-    }));
+    let scene = in_one_node(
+        builder,
+        json!([square]),
+        json!({
+            "materials": [{"extensions": {"KHR_materials_unlit": {}},
+                "pbrMetallicRoughness": {"baseColorFactor": [0.5, 0.5, 0.5, 1]}}],
+        }),
+    );
     let lit = light(&scene, 1, |_| DVec3::ONE);
     let (_, gltf) = round_trip(&scene, &lit);
     let primitive = first_primitive(&gltf, 0);

@@ -116,15 +116,16 @@ fn what_glows_less_than_it_reflects_becomes_unlit() {
     let mut builder = Builder::default();
     let mut square = builder.square();
     square["material"] = 0.into();
-    let scene = builder.import(json!({
-        "extensionsUsed": ["KHR_materials_emissive_strength"],
-        "materials": [{"emissiveFactor": [0.5, 0.5, 0.5],
-            "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 2.0}},
-            "pbrMetallicRoughness": {"metallicFactor": 0, "baseColorFactor": [0.5, 0.5, 0.5, 1]}}],
-        "meshes": [{"primitives": [square]}],
-        "nodes": [{"mesh": 0}],
-        "scenes": [{"nodes": [0]}],
-    }));
+    let scene = in_one_node(
+        builder,
+        json!([square]),
+        json!({
+            "extensionsUsed": ["KHR_materials_emissive_strength"],
+            "materials": [{"emissiveFactor": [0.5, 0.5, 0.5],
+                "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 2.0}},
+                "pbrMetallicRoughness": {"metallicFactor": 0, "baseColorFactor": [0.5, 0.5, 0.5, 1]}}],
+        }),
+    );
     let emitted = scene.surfaces[0].exitance.x / scene.surfaces[0].reflectance.x;
     for (irradiance, unlit) in [(0.99 * emitted, false), (1.01 * emitted, true)] {
         let (_, gltf) = round_trip(&scene, &light(&scene, 0, |_| DVec3::splat(irradiance)));
@@ -140,13 +141,14 @@ fn a_dark_emissive_strength_and_a_missing_material_do_not_prevent_unlit() {
     let mut builder = Builder::default();
     let (mut strong, plain) = (builder.square(), builder.square());
     strong["material"] = 0.into();
-    let scene = builder.import(json!({
-        "extensionsUsed": ["KHR_materials_emissive_strength"],
-        "materials": [{"extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 5.0}}}],
-        "meshes": [{"primitives": [strong, plain]}],
-        "nodes": [{"mesh": 0}],
-        "scenes": [{"nodes": [0]}],
-    }));
+    let scene = in_one_node(
+        builder,
+        json!([strong, plain]),
+        json!({
+            "extensionsUsed": ["KHR_materials_emissive_strength"],
+            "materials": [{"extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 5.0}}}],
+        }),
+    );
     let lit = light(&scene, 0, |_| DVec3::ONE);
     let (_, gltf) = round_trip(&scene, &lit);
     let materials: Vec<_> =
@@ -160,12 +162,13 @@ fn a_dark_emissive_strength_and_a_missing_material_do_not_prevent_unlit() {
 fn exposure_and_settings_are_in_the_asset_beside_its_own_extras() {
     let mut builder = Builder::default();
     let square = builder.square();
-    let mut scene = builder.import(json!({
-        "asset": {"copyright": "the town", "generator": "a modeller", "extras": {"room": 4}},
-        "meshes": [{"primitives": [square]}],
-        "nodes": [{"mesh": 0}],
-        "scenes": [{"nodes": [0]}],
-    }));
+    let mut scene = in_one_node(
+        builder,
+        json!([square]),
+        json!({
+            "asset": {"copyright": "the town", "generator": "a modeller", "extras": {"room": 4}},
+        }),
+    );
     let lit = light(&scene, 0, |_| DVec3::ONE);
     let (_, gltf) = round_trip(&scene, &lit);
     let asset = &json_of(&gltf)["asset"];

@@ -72,19 +72,20 @@ fn an_unlit_material_keeps_its_other_extensions_in_its_extras() {
     let gloss = json!({"KHR_materials_pbrSpecularGlossiness": {
         "diffuseFactor": [0.5, 0.25, 0.125, 1.0], "diffuseTexture": {"index": 0, "texCoord": 1},
         "specularFactor": [0.5, 0.5, 0.5], "glossinessFactor": 0.75}});
-    let scene = builder.import(json!({
-        "extensionsUsed": ["KHR_materials_clearcoat", "KHR_materials_ior", "KHR_materials_pbrSpecularGlossiness"],
-        "images": [{"uri": "data:image/png;base64,AA=="}],
-        "textures": [{"source": 0}],
-        "materials": [
-            {"name": "spare"},
-            {"name": "coated", "extensions": coat, "extras": {"shelf": 3}},
-            {"name": "glossy", "extensions": gloss, "extras": "a note"},
-        ],
-        "meshes": [{"primitives": [coated, glossy]}],
-        "nodes": [{"mesh": 0}],
-        "scenes": [{"nodes": [0]}],
-    }));
+    let scene = in_one_node(
+        builder,
+        json!([coated, glossy]),
+        json!({
+            "extensionsUsed": ["KHR_materials_clearcoat", "KHR_materials_ior", "KHR_materials_pbrSpecularGlossiness"],
+            "images": [{"uri": "data:image/png;base64,AA=="}],
+            "textures": [{"source": 0}],
+            "materials": [
+                {"name": "spare"},
+                {"name": "coated", "extensions": coat, "extras": {"shelf": 3}},
+                {"name": "glossy", "extensions": gloss, "extras": "a note"},
+            ],
+        }),
+    );
     let lit = light(&scene, 0, |_| DVec3::ONE);
     let (_, gltf) = round_trip(&scene, &lit);
     let json = gltf.as_json().to_value().unwrap();

@@ -9,12 +9,21 @@ mod ply;
 
 use std::fs;
 
+use fixtures::Builder;
 use glam::DVec3;
 use gltf::{Gltf, Semantic};
-use serde_json::json;
+use serde_json::{Value, json};
 use tempfile::TempDir;
 
 use super::*;
+
+/// These primitives in one node of a document.
+fn in_one_node(builder: Builder, primitives: Value, mut document: Value) -> Scene {
+    document["meshes"] = json!([{ "primitives": primitives }]);
+    document["nodes"] = json!([{ "mesh": 0 }]);
+    document["scenes"] = json!([{ "nodes": [0] }]);
+    builder.import(document)
+}
 
 fn settings() -> ExportSettings {
     ExportSettings {

@@ -82,12 +82,14 @@ fn a_lightmap_lights_the_diffuse_part_of_any_material() {
     let mut unlit = plain(json!({ "baseColorFactor": [0.8, 0.8, 0.8, 1.0] }));
     unlit["extensions"] = json!({ "KHR_materials_unlit": {} });
     let glossy = json!({ "diffuseFactor": [0.8, 0.8, 0.8, 1.0], "specularFactor": [0.5, 0.25, 0.0] });
+    let of_gloss = |own: Value| json!({ "extensions": { "KHR_materials_pbrSpecularGlossiness": own } });
     let mut glowing = plain(json!({ "metallicFactor": 0.0 }));
     glowing["emissiveFactor"] = json!([1.0, 1.0, 1.0]);
     for (name, material, expected) in [
         ("metal", plain(json!({ "metallicFactor": 0.25 })), 0.375),
         ("unlit", unlit, 0.4),
-        ("glossy", json!({ "extensions": { "KHR_materials_pbrSpecularGlossiness": glossy } }), 0.2),
+        ("glossy", of_gloss(glossy), 0.2),
+        ("white and glossy", of_gloss(json!({ "specularFactor": [0.5, 0.25, 0.0] })), 0.25),
         ("glowing", glowing, 1.5),
     ] {
         let (file, seen) = with_lightmap(material, &white_page(), true, None);
