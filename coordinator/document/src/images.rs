@@ -20,10 +20,14 @@ const BYTES_PER_FILE_BYTE: u64 = 64;
 /// Decoded images by their index.
 pub type Images = BTreeMap<usize, Arc<Image>>;
 
-/// Index of a texture's image: that of EXT_texture_webp if it has one, else its own.
+/// Extensions that give a texture an image of a format beside those of the specification, the one that counts first.
+pub(crate) const IMAGE_EXTENSIONS: [&str; 2] = ["EXT_texture_webp", "KHR_texture_basisu"];
+
+/// Index of a texture's image: that of an extension if it has one, else its own.
 pub fn image_of(texture: &gltf::Texture) -> Option<usize> {
-    let webp = texture.extension_value("EXT_texture_webp").and_then(|webp| webp.get("source")?.as_u64());
-    webp.map(|index| index as usize).or_else(|| texture.source().map(|image| image.index()))
+    let of_extension = |name: &&str| texture.extension_value(name)?.get("source")?.as_u64();
+    let index = IMAGE_EXTENSIONS.iter().find_map(of_extension).map(|index| index as usize);
+    index.or_else(|| texture.source().map(|image| image.index()))
 }
 
 /// Decodes these images; those that cannot be decoded become warnings.

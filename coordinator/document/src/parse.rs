@@ -9,12 +9,12 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::error::ImportProblem;
+use super::images::IMAGE_EXTENSIONS;
 use super::sky::{EXT_LIGHTS_IMAGE_BASED, HALFLIGHT_SKY_IMAGE};
 use super::{nesting, prepare, scene_choice};
 
-/// Extensions that are supported, or do not affect the light.
-const UNDERSTOOD: [&str; 10] = [
-    WEBP,
+/// Extensions that are supported, or do not affect the light, besides those of images.
+const UNDERSTOOD: [&str; 9] = [
     EXT_LIGHTS_AREA,
     EXT_LIGHTS_IMAGE_BASED,
     HALFLIGHT_SKY_IMAGE,
@@ -25,9 +25,6 @@ const UNDERSTOOD: [&str; 10] = [
     "KHR_materials_unlit",
     "KHR_texture_transform",
 ];
-
-/// Supported here, but unknown to the `gltf` crate, whose validation refuses documents that require it.
-const WEBP: &str = "EXT_texture_webp";
 
 /// Area lights: a draft, not known to the crate either.
 pub const EXT_LIGHTS_AREA: &str = "EXT_lights_area";
@@ -93,23 +90,35 @@ fn read_otherwise(json: &[u8], error: serde_json::Error) -> Result<json::Root, I
 pub(crate) fn validate(mut root: json::Root, scene: Option<&str>) -> Result<Document, ImportProblem> {
     check_position_accessors(&root)?;
     scene_choice::choose(&mut root, scene)?;
-    root.extensions_required.retain(|name| name != WEBP && !LIGHTS.contains(&name.as_str()));
+    // The crate refuses documents that require what it does not know.
+    root.extensions_required
+        .retain(|name| !IMAGE_EXTENSIONS.contains(&&**name) && !LIGHTS.contains(&&**name));
     Document::from_json(root).map_err(ImportProblem::from)
 }
 
-/// Restores required extensions after validation: these, and WebP if a texture has no other image.
+/// Restores required extensions after validation: these, and those of images that textures have instead of their own.
 pub fn require_again(root: &mut json::Root, required: Vec<String>) {
     root.extensions_required.extend(required);
-    let is_empty = |texture: &json::Texture| texture.source.value() == u32::MAX as usize;
-    if root.extensions_used.iter().any(|name| name == WEBP) && root.textures.iter().any(is_empty) {
-        root.extensions_required.push(WEBP.to_owned());
+    let is_empty = |texture: &&json::Texture| texture.source.value() == u32::MAX as usize;
+    for name in IMAGE_EXTENSIONS {
+        let has_image = |texture: &json::Texture| {
+            texture.extensions.as_ref().is_some_and(|extensions| extensions.others.contains_key(name))
+        };
+        if root.textures.iter().filter(is_empty).any(has_image) {
+            root.extensions_required.push(name.to_owned());
+        }
     }
+}
+
+/// Whether an extension is supported, or does not affect the light.
+fn is_understood(name: &str) -> bool {
+    UNDERSTOOD.contains(&name) || IMAGE_EXTENSIONS.contains(&name)
 }
 
 /// Adds one warning that lists the extensions in use that are ignored.
 pub fn warn_ignored_extensions(root: &json::Root, warnings: &mut Vec<String>) {
     let ignored: Vec<&str> =
-        root.extensions_used.iter().map(String::as_str).filter(|name| !UNDERSTOOD.contains(name)).collect();
+        root.extensions_used.iter().map(String::as_str).filter(|name| !is_understood(name)).collect();
     if !ignored.is_empty() {
         warnings.push(format!("extensions ignored: {}", ignored.join(", ")));
     }
@@ -161,7 +170,7 @@ fn check_required_extensions(root: &json::Root) -> Result<(), ImportProblem> {
     let is_read = |name: &&String| {
         json::extensions::ENABLED_EXTENSIONS.contains(&name.as_str())
             || prepare::UNDONE.contains(&name.as_str())
-            || name.as_str() == WEBP
+            || IMAGE_EXTENSIONS.contains(&name.as_str())
             || LIGHTS.contains(&name.as_str())
     };
     match root.extensions_required.iter().find(|name| !is_read(name)) {

@@ -5,6 +5,8 @@ use std::io::Cursor;
 
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 
+use super::basis;
+
 /// Most texels of an image along each side: what graphics processors take.
 const MOST_ALONG_SIDE: u32 = 16_384;
 
@@ -66,7 +68,7 @@ impl fmt::Debug for Image {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum DecodeError {
     /// Another format, or none.
-    #[error("it is neither PNG, JPEG nor WebP; convert it to PNG")]
+    #[error("it is neither PNG, JPEG, WebP nor KTX2 of ETC1S or UASTC; convert it to PNG")]
     Format,
     /// Too wide, too high, or too much of both.
     #[error(
@@ -84,30 +86,36 @@ pub enum DecodeError {
     Damaged(String),
 }
 
-/// Width and height of a PNG, JPEG or WebP image, without decoding it.
+/// Width and height of a PNG, JPEG, WebP or KTX2 image, without decoding it.
 ///
 /// # Errors
 /// When the bytes are no such image, or one that is too large.
 pub fn dimensions(bytes: &[u8]) -> Result<(u32, u32), DecodeError> {
-    let decoder = reader(bytes)?.into_decoder().map_err(damaged)?;
-    let (width, height) = decoder.dimensions();
+    let (width, height) = if basis::is_ktx2(bytes) {
+        basis::dimensions(bytes)?
+    } else {
+        reader(bytes)?.into_decoder().map_err(damaged)?.dimensions()
+    };
     check_size(width, height)?;
     Ok((width, height))
 }
 
-/// Decodes a PNG, JPEG or WebP image. Which of them it is the bytes themselves tell. Colours stay as they are stored: colour profiles,
+/// Decodes a PNG, JPEG, WebP or KTX2 image. Which of them it is the bytes themselves tell. Colours stay as they are stored: colour profiles,
 /// gamma and orientation in the file do not count, as glTF asks for.
 ///
 /// # Errors
 /// When the bytes are no such image, or a damaged or too large one.
 pub fn decode(bytes: &[u8]) -> Result<Image, DecodeError> {
-    dimensions(bytes)?;
-    let decoder = reader(bytes)?.into_decoder().map_err(damaged)?;
-    let texels = DynamicImage::from_decoder(decoder).map_err(damaged)?.into_rgba8();
-    let (width, height) = texels.dimensions();
-    check_size(width, height)?;
-    let texels = texels.into_raw().as_chunks::<4>().0.to_vec();
-    Image::new(width, height, texels).ok_or_else(|| DecodeError::Damaged("it has no texels".to_owned()))
+    let (width, height) = dimensions(bytes)?;
+    let texels = if basis::is_ktx2(bytes) {
+        basis::texels(bytes)?
+    } else {
+        let decoder = reader(bytes)?.into_decoder().map_err(damaged)?;
+        let texels = DynamicImage::from_decoder(decoder).map_err(damaged)?.into_rgba8();
+        texels.into_raw().as_chunks::<4>().0.to_vec()
+    };
+    Image::new(width, height, texels)
+        .ok_or_else(|| DecodeError::Damaged("its texels are not as many as its size says".to_owned()))
 }
 
 fn reader(bytes: &[u8]) -> Result<ImageReader<Cursor<&[u8]>>, DecodeError> {

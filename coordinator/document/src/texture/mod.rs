@@ -2,13 +2,15 @@
 //!
 //! | file | what it does |
 //! |---|---|
-//! | `image` | PNG, JPEG and WebP to texels, within bounds of size and memory |
+//! | `image` | PNG, JPEG, WebP and KTX2 to texels, within bounds of size and memory |
+//! | `basis` | the encodings of KTX2 that glTF has |
 //! | `encoding` | sRGB to linear |
 //! | `sampler` | wrapping and filtering |
 //! | `mapping` | texture coordinates to places on the image |
 //!
 //! Texture coordinates are as in glTF: (0, 0) is the upper left corner of the image, (1, 1) the lower right one, whatever its size.
 
+mod basis;
 mod encoding;
 mod image;
 mod mapping;

@@ -234,9 +234,10 @@ impl Appearances {
     }
 
     fn image(&mut self, document: &PlainDocument, texture: &Texture<'_>) -> Option<Arc<Image>> {
-        let of_extension =
-            || texture.extensions()?.get("EXT_texture_webp")?.get("source")?.as_u64()?.try_into().ok();
-        let index = texture.source().map(|image| image.index()).or_else(of_extension)?;
+        let of_extension = |name| texture.extensions()?.get(name)?.get("source")?.as_u64()?.try_into().ok();
+        let own = || texture.source().map(|image| image.index());
+        let index =
+            of_extension("EXT_texture_webp").or_else(|| of_extension("KHR_texture_basisu")).or_else(own)?;
         let image = document.document.images().nth(index)?;
         let read = || Some(Arc::new(decode(&document.image_bytes(&image)?).ok()?));
         self.images.entry(index).or_insert_with(read).clone()

@@ -1,6 +1,7 @@
 // Lit files, as the program writes them (docs/output.md).
 
-import { Box3, Light, Mesh, PerspectiveCamera, type BufferGeometry, type Group, type Object3D } from 'three';
+import { Box3, DataTexture, Light, Mesh, PerspectiveCamera, type BufferGeometry, type Group, type Object3D } from 'three';
+import type { KTX2Loader } from 'three/addons/loaders/KTX2Loader.js';
 import { GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
 // The decoder that needs no WebAssembly, which the page's policy does not allow; it comes without types.
 // @ts-expect-error
@@ -28,9 +29,22 @@ export interface LitFile {
   triangles: number;
 }
 
+// KTX2 images are white: their decoder is WebAssembly. What they colour shows its light and its factor.
+const whiteImages = {
+  isKTX2Loader: true,
+  parse: (_: ArrayBuffer, loaded: (texture: DataTexture) => void) => {
+    const white = new DataTexture(new Uint8Array(4).fill(255), 1, 1);
+    white.needsUpdate = true;
+    loaded(white);
+  },
+};
+
 /** Reads a lit GLB. */
 export async function readLitFile(bytes: ArrayBuffer): Promise<LitFile> {
-  const { asset, scene: root, cameras } = await new GLTFLoader().setMeshoptDecoder(MeshoptDecoder).parseAsync(bytes, '');
+  const loader = new GLTFLoader()
+    .setMeshoptDecoder(MeshoptDecoder)
+    .setKTX2Loader(whiteImages as unknown as KTX2Loader);
+  const { asset, scene: root, cameras } = await loader.parseAsync(bytes, '');
   const noted = (asset.extras as { halflight?: { exposure?: unknown; unit?: unknown } } | undefined)?.halflight;
   // Unlit materials take no notice of lights.
   root.getObjectsByProperty('isLight', true).forEach((light) => (light as Light).removeFromParent());

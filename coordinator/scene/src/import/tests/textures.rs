@@ -288,8 +288,46 @@ fn transforms_choose_set_and_place() {
     assert_near(cloth(&scene).reflectance, DVec3::splat(0.999));
 }
 
+/// A scene whose texture has no image but that of an extension, which the file requires, and so does the output.
+fn required(extension: &str, format: &str, bytes: &[u8]) -> Scene {
+    let mut textured = Textured::new();
+    let view = textured.view(bytes);
+    let image = textured.document.push("images", json!({ "bufferView": view, "mimeType": format }));
+    let texture = json!({ "sampler": 0, "extensions": { extension: { "source": image } } });
+    let texture = textured.document.push("textures", texture);
+    textured.document.root["extensionsUsed"] = json!([extension]);
+    textured.document.root["extensionsRequired"] = json!([extension]);
+    let scene = textured
+        .scene(json!({ "pbrMetallicRoughness": { "baseColorTexture": json!({ "index": texture }) } }));
+    assert_eq!(scene.source.root.extensions_required, [extension]);
+    scene
+}
+
+/// Four by four texels of each of six colours in two rows, the last ones cut, as UASTC without loss.
 #[test]
-fn images_come_from_data_uris_files_and_webp() {
+fn ktx2_counts_as_a_png_of_its_texels_does() {
+    let squares = [
+        [[255, 0, 0, 255], [0, 255, 0, 255], [0, 0, 255, 255]],
+        [[200, 120, 40, 255], [90, 90, 90, 128], [255, 255, 255, 0]],
+    ];
+    let texels: Vec<[u8; 4]> =
+        (0..7).flat_map(|row| (0..10).map(move |column| squares[row / 4][column / 4])).collect();
+    let mut textured = Textured::new();
+    let texture = textured.texture(10, &texels);
+    let png = textured.scene(json!({ "pbrMetallicRoughness": { "baseColorTexture": texture } }));
+    let ktx2 = required(
+        "KHR_texture_basisu",
+        "image/ktx2",
+        include_bytes!("../../../../../tests/fuzz/seeds/images/uastc.ktx2"),
+    );
+    assert!(ktx2.warnings.is_empty(), "{:?}", ktx2.warnings);
+    let mean = |scene: &Scene| cloth(scene).mean_reflectance(0, &part(scene, [0.1, 0.2], [0.9, 0.7]));
+    assert!(mean(&png).min_element() > 0.01);
+    assert_near(mean(&ktx2), mean(&png));
+}
+
+#[test]
+fn images_come_from_data_uris_files_and_extensions() {
     let texels = [BLACK, WHITE];
     let material = |texture: Value| json!({ "pbrMetallicRoughness": { "baseColorTexture": texture } });
     let half = |scene: Scene| {
@@ -301,16 +339,7 @@ fn images_come_from_data_uris_files_and_webp() {
     let texture = textured.texture_of(json!({ "uri": format!("data:image/png;base64,{data}") }));
     half(textured.scene(material(texture)));
 
-    let mut textured = Textured::new();
-    let view = textured.view(&encoded(2, &texels, ImageFormat::WebP));
-    let image = textured.document.push("images", json!({ "bufferView": view, "mimeType": "image/webp" }));
-    let webp = json!({ "sampler": 0, "extensions": { "EXT_texture_webp": { "source": image } } });
-    let texture = textured.document.push("textures", webp);
-    textured.document.root["extensionsUsed"] = json!(["EXT_texture_webp"]);
-    textured.document.root["extensionsRequired"] = json!(["EXT_texture_webp"]);
-    let scene = textured.scene(material(json!({ "index": texture })));
-    assert_eq!(scene.source.root.extensions_required, ["EXT_texture_webp"]);
-    half(scene);
+    half(required("EXT_texture_webp", "image/webp", &encoded(2, &texels, ImageFormat::WebP)));
 
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("a picture.png"), encoded(2, &texels, ImageFormat::Png)).unwrap();
