@@ -15,6 +15,7 @@
 //! | [`accessors`] | vertex data checked before it is read |
 //! | [`images`], [`texture`] | its images decoded and sampled |
 //! | `lightmap` | the lightmaps of its materials |
+//! | `glass` | transmitting materials as ones of alpha |
 //! | [`sky`] | skies as images, of their own files or within it |
 //! | [`labels`] | names of its parts in messages |
 //! | `warnings` | what the user should know, each once |
@@ -27,6 +28,7 @@ mod beside;
 mod buffers;
 mod error;
 mod faults;
+mod glass;
 pub mod images;
 pub mod labels;
 mod lightmap;
@@ -48,6 +50,7 @@ use serde::Serialize;
 pub use beside::{Folder, files_beside, files_beside_file};
 pub use buffers::read_uri;
 pub use error::{ImportError, ImportProblem};
+pub use glass::Glass;
 pub use lightmap::{LightmapLink, MOZ_LIGHTMAP};
 use parse::Parsed;
 pub use parse::{EXT_LIGHTS_AREA, require_again, warn_ignored_extensions};

@@ -14,7 +14,7 @@ use super::sky::{EXT_LIGHTS_IMAGE_BASED, HALFLIGHT_SKY_IMAGE};
 use super::{nesting, prepare, scene_choice};
 
 /// Extensions that are supported, or do not affect the light, besides those of images.
-const UNDERSTOOD: [&str; 9] = [
+const UNDERSTOOD: [&str; 10] = [
     EXT_LIGHTS_AREA,
     EXT_LIGHTS_IMAGE_BASED,
     HALFLIGHT_SKY_IMAGE,
@@ -22,6 +22,7 @@ const UNDERSTOOD: [&str; 9] = [
     "KHR_materials_emissive_strength",
     "KHR_materials_pbrSpecularGlossiness",
     "KHR_materials_specular",
+    "KHR_materials_transmission",
     "KHR_materials_unlit",
     "KHR_texture_transform",
 ];

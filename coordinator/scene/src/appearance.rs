@@ -25,6 +25,9 @@ const SAMPLES_ALONG_SIDE: usize = 4;
 /// Places on an image closer than this, in widths of the image, are one.
 const ONE_PLACE: f64 = 1e-9;
 
+/// Least opacity of glass that glows: what is not there at all would not be seen to.
+const LEAST_OF_GLOWING: f64 = 1.0 / 1024.0;
+
 /// An image and how it lies on surfaces.
 #[derive(Clone)]
 pub struct Layer {
@@ -41,6 +44,8 @@ pub struct Pattern {
     pub reflecting: Option<Layer>,
     /// A texture that reduces the reflection and is mapped differently from the layer above.
     pub dimming: Option<Layer>,
+    /// What a transmission texture leaves to diffuse reflection.
+    pub transmitting: Option<Layer>,
     /// Emission without its factor.
     pub emitting: Option<Layer>,
     /// True where the emission has the opacity in it already.
@@ -51,6 +56,24 @@ pub struct Pattern {
     pub exitance: DVec3,
     /// Meaning of alpha.
     pub opacity: Opacity,
+    /// Part of the light that passes through instead of being reflected diffusely, in [0, 1], where no texture says it.
+    pub transmission: f64,
+}
+
+impl Pattern {
+    /// Whether light passes nowhere.
+    fn is_opaque(&self) -> bool {
+        self.opacity == Opacity::Opaque && self.transmission == 0.0 && self.transmitting.is_none()
+    }
+
+    /// Reflectance and opacity, given what would be reflected if nothing were transmitted, with the opacity `alpha` in it, and the
+    /// transmitted part. That takes on the colour of the surface; as one opacity counts for all channels, it is their mean.
+    pub(crate) fn with_transmission(&self, diffuse: DVec3, alpha: f64, transmission: f64) -> (DVec3, f64) {
+        let passing = transmission * diffuse.min(DVec3::ONE).element_sum() / 3.0;
+        let least = if self.exitance == DVec3::ZERO { 0.0 } else { LEAST_OF_GLOWING.min(alpha) };
+        let reflectance = (diffuse * (1.0 - transmission)).min(DVec3::splat(MAX_REFLECTANCE));
+        (reflectance, (alpha - passing).max(least))
+    }
 }
 
 /// Values of a primitive's vertices, as far as the pattern needs them.
@@ -102,7 +125,7 @@ impl Appearance {
     #[must_use]
     pub fn reflectance(&self, index: u32, facet: &Facet, polygon: &[DVec3]) -> DVec3 {
         let Some(place) = self.place(index, facet, polygon) else { return DVec3::ZERO };
-        self.reflectance_at(&place, &self.colour_and_opacity(&place))
+        self.reflectance_and_opacity(&place, &self.colour_and_opacity(&place)).0
     }
 
     /// Mean exitance over a polygon of a facet.
@@ -118,10 +141,11 @@ impl Appearance {
     /// Mean opacity over a polygon of a facet.
     #[must_use]
     pub fn opacity(&self, index: u32, facet: &Facet, polygon: &[DVec3]) -> f64 {
-        if self.pattern.opacity == Opacity::Opaque {
+        if self.pattern.is_opaque() {
             return 1.0;
         }
-        self.place(index, facet, polygon).map_or(1.0, |place| self.colour_and_opacity(&place).1.all())
+        let opacity = |place| self.reflectance_and_opacity(&place, &self.colour_and_opacity(&place)).1;
+        self.place(index, facet, polygon).map_or(1.0, opacity)
     }
 
     /// All three of them, for little more than one: reflectance, exitance and opacity.
@@ -129,15 +153,22 @@ impl Appearance {
     pub fn material(&self, index: u32, facet: &Facet, polygon: &[DVec3]) -> (DVec3, DVec3, f64) {
         let Some(place) = self.place(index, facet, polygon) else { return (DVec3::ZERO, DVec3::ZERO, 1.0) };
         let known = self.colour_and_opacity(&place);
-        let reflectance = self.reflectance_at(&place, &known);
-        let opacity = if self.pattern.opacity == Opacity::Opaque { 1.0 } else { known.1.all() };
+        let (reflectance, opacity) = self.reflectance_and_opacity(&place, &known);
         (reflectance, self.exitance_at(&place, || known.1), opacity)
     }
 
-    fn reflectance_at(&self, place: &Place, (colour, opacity): &(DVec3, MeanOpacity)) -> DVec3 {
-        let rest = self.pattern.dimming.as_ref().map_or(DVec3::ONE, |layer| place.mean(layer).truncate());
+    fn reflectance_and_opacity(
+        &self,
+        place: &Place,
+        (colour, opacity): &(DVec3, MeanOpacity),
+    ) -> (DVec3, f64) {
+        let pattern = &self.pattern;
+        let rest = pattern.dimming.as_ref().map_or(DVec3::ONE, |layer| place.mean(layer).truncate());
         // The image's texels have their opacity in them; what the vertices bring is known apart from it.
-        (self.pattern.reflectance * *colour * rest * opacity.of_vertices).min(DVec3::splat(MAX_REFLECTANCE))
+        let diffuse = pattern.reflectance * *colour * rest * opacity.of_vertices;
+        let of_texture = |layer: &Layer| 1.0 - place.mean(layer).x;
+        let transmission = pattern.transmitting.as_ref().map_or(pattern.transmission, of_texture);
+        pattern.with_transmission(diffuse, opacity.all(), transmission)
     }
 
     fn exitance_at(&self, place: &Place, opacity: impl FnOnce() -> MeanOpacity) -> DVec3 {

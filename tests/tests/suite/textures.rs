@@ -209,6 +209,23 @@ fn blended_floor_lets_light_out() {
     assert_balanced(&blended);
 }
 
+/// Glass of half the transmission reflects half of its colour, and lets that of the other half out.
+#[test]
+fn glass_floor_lets_light_of_its_colour_out() {
+    let glass = Painting::new(&cube(0.5)).material(BOTTOM, |material| {
+        material["extensions"] = json!({ "KHR_materials_transmission": { "transmissionFactor": 0.5 } });
+    });
+    let (scene, glass) = bake(&glass.glb());
+    assert_eq!((scene.surfaces[BOTTOM].opacity, scene.surfaces[BOTTOM].reflectance.x), (0.75, 0.25));
+    let (_, grey) = bake(&cube(0.25).glb());
+    let worst = worst_face(&glass, &grey, |_| true);
+    assert!(worst <= 1e-6, "off by {worst:e}");
+    let (balance, through) = (&glass.report.balance, 0.25 * mean_irradiance(&glass.lit, BOTTOM).x);
+    let escaped = balance.escaped[0];
+    assert!((escaped / through - 1.0).abs() <= 0.02, "{escaped} escaped, {through} through the floor");
+    assert_balanced(&glass);
+}
+
 /// A mask of squares takes as much as its mean opacity says, and reflects that part.
 #[test]
 fn masked_floor_reflects_what_is_there() {

@@ -4,13 +4,15 @@ use std::collections::BTreeMap;
 
 use glam::DVec3;
 use gltf::json::extensions::material::Unlit;
-use gltf::json::material::{PbrBaseColorFactor, StrengthFactor};
+use gltf::json::material::{AlphaMode, PbrBaseColorFactor, StrengthFactor};
+use gltf::json::validation::Checked;
 use gltf::json::{Index, Material, Root, extensions as json_extensions};
 use serde_json::{Map, Value};
 
 use super::exposure::corners;
 use super::{ExportError, extensions};
 use bake::lit::{LitMesh, LitTriangle};
+use document::Glass;
 use scene::Surface;
 
 /// Material of the input, whether for one side only, and whether it glows.
@@ -61,6 +63,7 @@ impl LitMaterials {
 ///
 /// An unlit material may have no other extension: what they say goes to `extras.halflight.extensions`.
 fn make_unlit(material: &mut Material) -> Result<(), ExportError> {
+    let glass = Glass::of(material);
     let mut others = match serde_json::to_value(&material.extensions)? {
         Value::Object(extensions) => extensions,
         _ => Map::new(),
@@ -76,6 +79,10 @@ fn make_unlit(material: &mut Material) -> Result<(), ExportError> {
         pbr.base_color_texture = glossy.diffuse_texture;
         pbr.metallic_factor = StrengthFactor(0.0);
         pbr.metallic_roughness_texture = None;
+    }
+    if let Some(glass) = glass {
+        material.alpha_mode = Checked::Valid(AlphaMode::Blend);
+        material.pbr_metallic_roughness.base_color_factor.0[3] *= glass.opacity;
     }
     if !others.is_empty() {
         extensions::note(&mut material.extras, Map::from_iter([("extensions".to_owned(), others.into())]))?;
@@ -103,6 +110,7 @@ pub(super) fn complete_texture_transforms(root: &mut Root) {
             let specular = extensions.specular.iter_mut();
             textures
                 .extend(specular.flat_map(|it| [&mut it.specular_texture, &mut it.specular_color_texture]));
+            textures.extend(extensions.transmission.iter_mut().map(|it| &mut it.transmission_texture));
         }
         for texture in textures.into_iter().flatten() {
             let extensions = texture.extensions.as_mut();
@@ -139,12 +147,13 @@ pub(super) fn glows(
 /// The part of a base colour that reflects diffusely, where one number says it; all of it where the input is unlit.
 pub(super) fn diffuse_part(material: Option<&Material>, glows: bool) -> f64 {
     let Some(material) = material.filter(|_| !glows) else { return 1.0 };
+    let seen = Glass::of(material).map_or(1.0, |glass| f64::from(glass.diffuse));
     let pbr = &material.pbr_metallic_roughness;
     let extensions = material.extensions.as_ref();
     let has_no_metal = extensions
         .is_some_and(|extensions| extensions.pbr_specular_glossiness.is_some() || extensions.unlit.is_some());
     if has_no_metal || pbr.metallic_roughness_texture.is_some() {
-        return 1.0;
+        return seen;
     }
-    1.0 - f64::from(pbr.metallic_factor.0)
+    seen * (1.0 - f64::from(pbr.metallic_factor.0))
 }

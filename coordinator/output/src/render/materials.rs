@@ -7,7 +7,7 @@ use kernel::picture::{Alpha, Encoding, Texture, Wrap};
 
 use super::images::Images;
 use document::texture::{self, Filter, Mapping};
-use document::{LightmapLink, MOZ_LIGHTMAP};
+use document::{Glass, LightmapLink, MOZ_LIGHTMAP};
 
 /// glTF's cutoff where a file states none.
 const DEFAULT_CUTOFF: f32 = 0.5;
@@ -87,6 +87,10 @@ impl Appearance {
             None => (surface.metallic_factor(), surface.metallic_roughness_texture().is_some()),
         };
         let diffuse = if is_default || is_textured { 1.0 } else { 1.0 - part(specular) };
+        let glass = material.index().and_then(|index| Glass::of(document.as_json().materials.get(index)?));
+        let [red, green, blue, alpha] = base;
+        let base = [red, green, blue, alpha * glass.map_or(1.0, |glass| glass.opacity)];
+        let diffuse = diffuse * glass.map_or(1.0, |glass| glass.diffuse);
         let strength = positive(material.emissive_strength().unwrap_or(1.0));
         let emission = material.emissive_factor().map(|value| positive(positive(value) * strength));
         let mut mapped = |texture: &gltf::Texture, mapping: Mapping, encoding: Encoding| {
@@ -115,6 +119,7 @@ impl Appearance {
             emission: if shines { emission } else { [0.0; 3] },
             emission_texture,
             alpha: match material.alpha_mode() {
+                _ if glass.is_some() => Alpha::Blend,
                 AlphaMode::Opaque => Alpha::Opaque,
                 AlphaMode::Mask => Alpha::Mask(positive(material.alpha_cutoff().unwrap_or(DEFAULT_CUTOFF))),
                 AlphaMode::Blend => Alpha::Blend,

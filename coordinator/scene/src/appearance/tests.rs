@@ -46,11 +46,13 @@ fn pattern(opacity: Opacity) -> Pattern {
     Pattern {
         reflecting: Some(layer(opacity)),
         dimming: None,
+        transmitting: None,
         emitting: None,
         emitting_has_opacity: false,
         reflectance: DVec3::new(0.5, 0.25, 0.125),
         exitance: DVec3::ZERO,
         opacity,
+        transmission: 0.0,
     }
 }
 

@@ -20,7 +20,7 @@ pub(super) struct AveragedMaterial {
 
 /// Averages the material of a primitive over its facets.
 pub(super) fn averaged(pattern: &Arc<Pattern>, geometry: &Geometry, facets: &[Facet]) -> AveragedMaterial {
-    let layers = [&pattern.reflecting, &pattern.dimming, &pattern.emitting].map(Option::as_ref);
+    let layers = layers(pattern);
     let is_plain = layers.iter().all(Option::is_none);
     let colours = geometry.albedo();
     let first = colours.as_ref().and_then(|colours| colours.first().copied()).unwrap_or([1.0; 4]);
@@ -61,18 +61,17 @@ pub(super) fn averaged(pattern: &Arc<Pattern>, geometry: &Geometry, facets: &[Fa
 
 /// The first set of texture coordinates that the pattern needs and the primitive lacks.
 pub(super) fn missing_set(pattern: &Pattern, geometry: &Geometry) -> Option<u32> {
-    let layers = [&pattern.reflecting, &pattern.dimming, &pattern.emitting];
-    let mut sets = layers.into_iter().flatten().map(|layer| layer.mapping.set);
+    let mut sets = layers(pattern).into_iter().flatten().map(|layer| layer.mapping.set);
     sets.find(|set| !geometry.attributes.has_coordinates(*set))
 }
 
+fn layers(pattern: &Pattern) -> [Option<&Layer>; 4] {
+    [&pattern.reflecting, &pattern.dimming, &pattern.transmitting, &pattern.emitting].map(Option::as_ref)
+}
+
 fn uniform(pattern: &Pattern, colour: DVec4) -> AveragedMaterial {
-    let opacity = pattern.opacity.of(colour.w);
-    let reflectance = pattern.reflectance * colour.truncate() * opacity;
-    AveragedMaterial {
-        reflectance: reflectance.min(DVec3::splat(MAX_REFLECTANCE)),
-        exitance: pattern.exitance * opacity,
-        opacity,
-        appearance: None,
-    }
+    let alpha = pattern.opacity.of(colour.w);
+    let diffuse = pattern.reflectance * colour.truncate() * alpha;
+    let (reflectance, opacity) = pattern.with_transmission(diffuse, alpha, pattern.transmission);
+    AveragedMaterial { reflectance, exitance: pattern.exitance * alpha, opacity, appearance: None }
 }

@@ -6,6 +6,7 @@
 //! | KHR_materials_pbrSpecularGlossiness | diffuse x (1 - largest channel of specular); it goes before metallic-roughness where both are there |
 //! | KHR_materials_unlit | base colour, and no emission: what a viewer shows is a colour of a surface, not light from it |
 //! | KHR_materials_specular | no change: what its coat mirrors is taken from diffuse light to a few percent only, as without it |
+//! | KHR_materials_transmission | that part of the base colour passes through instead of being reflected |
 //! | emission | pi x factor x strength x texture |
 //! | alpha MASK, BLEND | opacity, by which reflectance and exitance are multiplied |
 
@@ -15,7 +16,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use gltf::Material;
-use gltf::material::AlphaMode;
+use gltf::material::{AlphaMode, Transmission};
 
 use super::extremes::MOST;
 use super::tally::Tally;
@@ -48,6 +49,9 @@ struct Inputs<'a> {
     base_texture: Option<Textured<'a>>,
     dims: Dims,
     dims_texture: Option<Textured<'a>>,
+    /// The part of what is neither metal nor mirror that passes through.
+    transmission: f32,
+    transmission_texture: Option<Textured<'a>>,
     emits: bool,
 }
 
@@ -67,21 +71,27 @@ impl<'a> Inputs<'a> {
                 base_texture: glossy.diffuse_texture().as_ref().map(Textured::new),
                 dims: Dims::Specular(glossy.specular_factor()),
                 dims_texture: glossy.specular_glossiness_texture().as_ref().map(Textured::new),
+                transmission: 0.0,
+                transmission_texture: None,
                 emits: true,
             };
         }
         let metal = plain.metallic_roughness_texture();
+        let transmission = material.transmission().filter(|_| !material.unlit());
+        let transmission_texture = transmission.as_ref().and_then(Transmission::transmission_texture);
         Self {
             base: plain.base_color_factor(),
             base_texture: plain.base_color_texture().as_ref().map(Textured::new),
             dims: if material.unlit() { Dims::Nothing } else { Dims::Metal(plain.metallic_factor()) },
             dims_texture: metal.filter(|_| !material.unlit()).as_ref().map(Textured::new),
+            transmission: transmission.map_or(0.0, |transmission| transmission.transmission_factor()),
+            transmission_texture: transmission_texture.as_ref().map(Textured::new),
             emits: !material.unlit(),
         }
     }
 
-    /// The textures that affect diffuse light, given the factors: base colour, metal or specular, emission.
-    fn textures(&self, material: &Material<'a>) -> [Option<Textured<'a>>; 3] {
+    /// The textures that affect diffuse light, given the factors: base colour, metal or specular, transmission, emission.
+    fn textures(&self, material: &Material<'a>) -> [Option<Textured<'a>>; 4] {
         let copy = |textured: &Option<Textured<'a>>| {
             textured.as_ref().map(|own| Textured { texture: own.texture.clone(), mapping: own.mapping })
         };
@@ -95,6 +105,7 @@ impl<'a> Inputs<'a> {
         [
             copy(&self.base_texture).filter(|_| !is_black || material.alpha_mode() != AlphaMode::Opaque),
             copy(&self.dims_texture).filter(|_| is_dimmed && !is_black),
+            copy(&self.transmission_texture).filter(|_| self.transmission != 0.0 && !is_black),
             material.emissive_texture().as_ref().map(Textured::new).filter(|_| shines),
         ]
     }
@@ -142,7 +153,7 @@ impl Materials {
 
     fn textured(&mut self, material: &Material, factors: &Factors) -> Pattern {
         let inputs = Inputs::new(material);
-        let [base, dims, emission] = inputs.textures(material).map(|textured| {
+        let [base, dims, transmission, emission] = inputs.textures(material).map(|textured| {
             let textured = textured?;
             let image = self.images.get(&image_of(&textured.texture)?)?.clone();
             Some((image, textured.mapping))
@@ -184,6 +195,11 @@ impl Materials {
                 Composed { colour: None, dimming: Some(dimming), alpha: None, opacity: Opacity::Opaque };
             Layer { image: self.means(composed), mapping }
         });
+        let transmitting = transmission.map(|(image, mapping)| {
+            let dimming = Some(Dimming::Transmission(image, factors.transmission));
+            let composed = Composed { colour: None, dimming, alpha: None, opacity: Opacity::Opaque };
+            Layer { image: self.means(composed), mapping }
+        });
         let mut emitting_has_opacity = false;
         let emitting = emission.map(|(image, mapping)| {
             let alpha = base_alpha.filter(|_| base_mapping == Some(mapping));
@@ -195,11 +211,13 @@ impl Materials {
         let pattern = Pattern {
             reflecting,
             dimming,
+            transmitting,
             emitting,
             emitting_has_opacity,
             reflectance: factors.base * rest,
             exitance: factors.exitance,
             opacity,
+            transmission: factors.transmission,
         };
         without_constants(pattern)
     }
@@ -227,6 +245,10 @@ fn without_constants(mut pattern: Pattern) -> Pattern {
         pattern.reflectance *= colour.truncate();
         pattern.dimming = None;
     }
+    if let Some(left) = constant(&pattern.transmitting) {
+        pattern.transmission = 1.0 - left.x;
+        pattern.transmitting = None;
+    }
     if !pattern.emitting_has_opacity
         && let Some(colour) = constant(&pattern.emitting)
     {
@@ -241,6 +263,7 @@ struct Factors {
     base: DVec3,
     /// The part of it that is reflected diffusely.
     rest: f64,
+    transmission: f64,
     exitance: DVec3,
     opacity: Opacity,
 }
@@ -268,6 +291,7 @@ impl Factors {
         let base_name =
             if matches!(inputs.dims, Dims::Specular(_)) { "diffuseFactor" } else { "baseColorFactor" };
         let base = colour(base_name, [red, green, blue])?;
+        let transmission = factor("transmissionFactor", inputs.transmission, 1.0, "from 0 to 1")?;
         let strength = material.emissive_strength().unwrap_or(1.0);
         let strength = factor("emissiveStrength", strength, f32::MAX, "finite and not negative")?;
         let emission = PI * strength * colour("emissiveFactor", material.emissive_factor())?;
@@ -288,7 +312,8 @@ impl Factors {
         };
 
         let is_textured = inputs.base_texture.is_some();
-        let reflectance = base * rest;
+        let left = if inputs.transmission_texture.is_some() { 1.0 } else { 1.0 - transmission };
+        let reflectance = base * rest * left;
         if reflectance.max_element() >= 1.0 && !is_textured || base.max_element() > 1.0 && is_textured {
             warnings.push(format!(
                 "{label}: reflectance clamped from {:.3} to {MAX_REFLECTANCE}",
@@ -307,7 +332,7 @@ impl Factors {
                 "{label}: unlit, so its emission is left out; remove KHR_materials_unlit if it is a light"
             ));
         }
-        Ok(Self { base, rest, exitance, opacity })
+        Ok(Self { base, rest, transmission, exitance, opacity })
     }
 }
 
@@ -317,15 +342,19 @@ fn count(material: &Material, pattern: &Pattern, tally: &mut Tally) {
     let is_glossy = matches!(inputs.dims, Dims::Specular(_));
     let named = inputs.textures(material).map(|textured| textured.is_some());
     let kinds = if is_glossy {
-        ["diffuse texture", "specular-glossiness texture (its specular colour)", "emissive texture"]
+        ["diffuse texture", "specular-glossiness texture (its specular colour)"]
     } else {
-        ["base colour texture", "metallic-roughness texture (its metal)", "emissive texture"]
+        ["base colour texture", "metallic-roughness texture (its metal)"]
     };
-    kinds.into_iter().zip(named).filter(|(_, there)| *there).for_each(|(kind, _)| tally.modelled(kind));
+    let kinds = kinds.into_iter().chain(["transmission texture", "emissive texture"]);
+    kinds.zip(named).filter(|(_, there)| *there).for_each(|(kind, _)| tally.modelled(kind));
     match pattern.opacity {
         Opacity::Opaque => {}
         Opacity::Mask { .. } => tally.modelled("material with an alpha mask"),
         Opacity::Blend { .. } => tally.modelled("material with alpha blending"),
+    }
+    if inputs.transmission > 0.0 {
+        tally.modelled("material with transmission");
     }
     if material.unlit() {
         tally.modelled("unlit material, taken for its colour");

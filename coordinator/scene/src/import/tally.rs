@@ -54,12 +54,13 @@ fn count(kinds: &mut Vec<(String, usize)>, kind: &str) {
     }
 }
 
-/// The number and the kind; words before the first comma or parenthesis take the plural.
+/// The number and the kind; what is counted, without what is said of it, takes the plural.
 fn in_words((kind, count): &(String, usize)) -> String {
-    let (noun, rest) = kind.split_at(kind.find([',', '(']).unwrap_or(kind.len()));
+    let end = [",", " (", " with "].iter().filter_map(|said| kind.find(said)).min();
+    let (noun, rest) = kind.split_at(end.unwrap_or(kind.len()));
     match count {
         1 => format!("1 {kind}"),
-        _ => format!("{count} {}s{}{rest}", noun.trim_end(), if rest.starts_with('(') { " " } else { "" }),
+        _ => format!("{count} {noun}s{rest}"),
     }
 }
 
@@ -76,10 +77,20 @@ mod tests {
             "emissive texture",
             "texture (its blue channel)",
             "mask",
+            "material with an alpha mask",
+            "material with an alpha mask",
         ]
         .into_iter()
         .for_each(|kind| tally.modelled(kind));
         let words: Vec<String> = tally.modelled.iter().map(in_words).collect();
-        assert_eq!(words, ["2 emissive textures", "2 textures (its blue channel)", "1 mask"]);
+        assert_eq!(
+            words,
+            [
+                "2 emissive textures",
+                "2 textures (its blue channel)",
+                "1 mask",
+                "2 materials with an alpha mask"
+            ]
+        );
     }
 }

@@ -45,12 +45,14 @@ pub enum Dimming {
     Metal(Arc<Image>, f64),
     /// The largest channel of a specular colour, times a factor each, is the mirrored part.
     Specular(Arc<Image>, DVec3),
+    /// The red channel of a transmission texture, times a factor, is the part that passes through.
+    Transmission(Arc<Image>, f64),
 }
 
 impl Dimming {
     fn image(&self) -> &Arc<Image> {
         match self {
-            Self::Metal(image, _) | Self::Specular(image, _) => image,
+            Self::Metal(image, _) | Self::Specular(image, _) | Self::Transmission(image, _) => image,
         }
     }
 
@@ -58,6 +60,7 @@ impl Dimming {
     fn rest(&self, [red, green, blue, _]: [u8; 4]) -> f64 {
         match self {
             Self::Metal(_, factor) => 1.0 - factor * Encoding::Linear.decode(blue),
+            Self::Transmission(_, factor) => 1.0 - factor * Encoding::Linear.decode(red),
             Self::Specular(_, factor) => {
                 let colour =
                     DVec3::from_array([red, green, blue].map(|stored| Encoding::Srgb.decode(stored)));
@@ -68,7 +71,8 @@ impl Dimming {
 
     fn is(&self, other: &Self) -> bool {
         match (self, other) {
-            (Self::Metal(image, factor), Self::Metal(other, same)) => {
+            (Self::Metal(image, factor), Self::Metal(other, same))
+            | (Self::Transmission(image, factor), Self::Transmission(other, same)) => {
                 Arc::ptr_eq(image, other) && factor == same
             }
             (Self::Specular(image, factor), Self::Specular(other, same)) => {

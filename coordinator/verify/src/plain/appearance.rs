@@ -16,6 +16,9 @@ use document::texture::{Encoding, Image, Mapping, Sampler, decode};
 /// Largest reflectance, as in the bake: at 1, a closed scene would never absorb its light.
 pub(super) const MAX_REFLECTANCE: f64 = 0.999;
 
+/// Least part of glass that is there: it may glow.
+const LEAST_LEFT: f64 = 1e-6;
+
 /// The material of a primitive, or of a point of it; linear RGB.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlainMaterial {
@@ -37,9 +40,12 @@ pub struct PlainAppearance {
     /// Exitance where the emissive texture is white.
     pub(super) exitance: DVec3,
     alpha: Alpha,
+    /// Part of what is not mirrored that passes through, where its texture is red.
+    transmission: f64,
     double_sided: bool,
     base_texture: Option<Layer>,
     mirrored_texture: Option<Layer>,
+    transmission_texture: Option<Layer>,
     emissive_texture: Option<Layer>,
     /// COLOR_0 of each vertex; empty where there is none.
     colours: Vec<DVec4>,
@@ -102,7 +108,8 @@ impl Layer {
 impl PlainAppearance {
     /// Whether all points have the same material.
     pub(super) fn is_uniform(&self) -> bool {
-        let textures = [&self.base_texture, &self.mirrored_texture, &self.emissive_texture];
+        let textures =
+            [&self.base_texture, &self.mirrored_texture, &self.transmission_texture, &self.emissive_texture];
         self.colours.is_empty() && textures.iter().all(|texture| texture.is_none())
     }
 
@@ -114,16 +121,31 @@ impl PlainAppearance {
             if self.colours.is_empty() { DVec4::ONE } else { between(&self.colours, vertices, weights) };
         let base = self.base * white(&self.base_texture) * colour;
         let mirrored = self.mirrored.part(white(&self.mirrored_texture));
-        PlainMaterial {
-            reflectance: (base.truncate() * (1.0 - mirrored))
-                .clamp(DVec3::ZERO, DVec3::splat(MAX_REFLECTANCE)),
+        let there = match self.alpha {
+            Alpha::Opaque => 1.0,
+            Alpha::Mask(cutoff) => f64::from(u8::from(base.w >= cutoff)),
+            Alpha::Blend => base.w.clamp(0.0, 1.0),
+        };
+        let diffuse = base.truncate() * (1.0 - mirrored);
+        let transmitted = self.transmission * white(&self.transmission_texture).x;
+        let most = DVec3::splat(MAX_REFLECTANCE);
+        let unparted = PlainMaterial {
+            reflectance: diffuse.clamp(DVec3::ZERO, most),
             exitance: self.exitance * white(&self.emissive_texture).truncate(),
             double_sided: self.double_sided,
-            opacity: match self.alpha {
-                Alpha::Opaque => 1.0,
-                Alpha::Mask(cutoff) => f64::from(u8::from(base.w >= cutoff)),
-                Alpha::Blend => base.w.clamp(0.0, 1.0),
-            },
+            opacity: there,
+        };
+        if transmitted == 0.0 || there == 0.0 {
+            return unparted;
+        }
+        // Of what is there, a grey part passes. The rest, which all of the reflection and the glow come from, is that much denser.
+        let through = transmitted * diffuse.clamp(DVec3::ZERO, DVec3::ONE).element_sum() / 3.0;
+        let left = (1.0 - through).max(LEAST_LEFT);
+        PlainMaterial {
+            reflectance: (diffuse * ((1.0 - transmitted) / left)).clamp(DVec3::ZERO, most),
+            exitance: unparted.exitance / left,
+            opacity: there * left,
+            ..unparted
         }
     }
 
@@ -137,6 +159,7 @@ impl PlainAppearance {
         let bare = Self {
             base_texture: None,
             mirrored_texture: None,
+            transmission_texture: None,
             emissive_texture: None,
             colours: vec![],
             ..self.clone()
@@ -196,6 +219,10 @@ impl Appearances {
         let encoding =
             if matches!(mirrored, Mirrored::Specular(_)) { Encoding::Srgb } else { Encoding::Linear };
         let mirrored_texture = layer(mirrored_texture, encoding)?;
+        let is_glossy = material.pbr_specular_glossiness().is_some();
+        let transmission = material.transmission().filter(|_| !is_unlit && !is_glossy);
+        let transmission_texture = transmission.as_ref().and_then(|it| it.transmission_texture());
+        let transmission_texture = layer(mapped(transmission_texture), Encoding::Linear)?;
         let emissive_texture = material.emissive_texture().filter(|_| !is_unlit);
         let emissive_texture = layer(mapped(emissive_texture), Encoding::Srgb)?;
         let emissive_factor = if is_unlit { [0.0; 3] } else { material.emissive_factor() };
@@ -220,6 +247,7 @@ impl Appearances {
             base: DVec4::from_array(factor.map(f64::from)),
             mirrored,
             exitance: DVec3::from_array(emissive_factor.map(f64::from)) * strength * PI,
+            transmission: transmission.map_or(0.0, |it| f64::from(it.transmission_factor())),
             alpha: match material.alpha_mode() {
                 AlphaMode::Opaque => Alpha::Opaque,
                 AlphaMode::Mask => Alpha::Mask(material.alpha_cutoff().map_or(0.5, f64::from)),
@@ -228,6 +256,7 @@ impl Appearances {
             double_sided: material.double_sided(),
             base_texture,
             mirrored_texture,
+            transmission_texture,
             emissive_texture,
             colours,
         })

@@ -4,6 +4,7 @@ use glam::DVec3;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
+use super::appearance::MAX_REFLECTANCE;
 use super::*;
 use fixtures::{Builder, test_scene};
 
@@ -66,6 +67,28 @@ fn what_is_mirrored_is_told_by_specular_too_and_unlit_materials_mirror_nothing()
     let unlit = material(&json!({ "KHR_materials_unlit": {} }));
     assert_eq!(unlit.reflectance, DVec3::new(0.5, 0.25, 0.999));
     assert_eq!(unlit.exitance, DVec3::ZERO);
+}
+
+#[test]
+fn transmission_leaves_the_reflection_and_all_of_the_glow() {
+    let material = |metal: f64, factor: f64| {
+        opened(|root| {
+            let material = &mut root["materials"][0];
+            material["pbrMetallicRoughness"]["metallicFactor"] = json!(metal);
+            material["extensions"]["KHR_materials_transmission"] = json!({ "transmissionFactor": factor });
+        })
+        .unwrap()
+        .materials[0]
+    };
+    // Base colours of .5, .25 and 1 let 7/12 of what is transmitted through.
+    for (metal, factor, opacity) in [(0.0, 0.75, 9.0 / 16.0), (0.5, 0.75, 25.0 / 32.0), (0.0, 0.0, 1.0)] {
+        let glass = material(metal, factor);
+        assert!((glass.opacity - opacity).abs() < 1e-12, "{}", glass.opacity);
+        let reflected = DVec3::new(0.5, 0.25, 1.0) * ((1.0 - metal) * (1.0 - factor));
+        let most = DVec3::splat(MAX_REFLECTANCE);
+        assert!((glass.reflectance * opacity).abs_diff_eq(reflected.min(most), 1e-12), "{glass:?}");
+        assert!((glass.exitance * opacity).abs_diff_eq(DVec3::new(3.0 * PI, 1.5 * PI, 0.0), 1e-12));
+    }
 }
 
 #[test]

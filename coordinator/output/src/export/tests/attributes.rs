@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 use gltf::Semantic;
+use gltf::material::AlphaMode;
 use serde_json::json;
 
 use super::*;
@@ -109,6 +110,41 @@ fn the_colour_of_a_vertex_is_light_times_its_own_colour_with_its_alpha() {
     assert!(material.unlit() && material.alpha_cutoff() == Some(0.25));
     assert_eq!(material.pbr_metallic_roughness().base_color_factor(), [0.5, 0.5, 0.5, 0.75]);
     assert_eq!(material.pbr_metallic_roughness().metallic_factor(), 0.25, "the material is what it was");
+}
+
+#[test]
+fn glass_is_shown_by_alpha_where_one_number_says_it() {
+    let texture = json!({"baseColorTexture": {"index": 0}, "metallicFactor": 0.0});
+    let factors = json!({"baseColorFactor": [0.5, 1.0, 0.75, 0.5], "metallicFactor": 0.0});
+    // Of the light .6 x .75 passes, and .4 of the colour is seen of the .55 that stay.
+    for (mode, pbr, mode_shown, alpha, diffuse) in [
+        ("OPAQUE", factors.clone(), AlphaMode::Blend, 0.5 * 0.55, 0.4 / 0.55),
+        ("BLEND", factors.clone(), AlphaMode::Blend, 0.5 * 0.55, 0.4 / 0.55),
+        ("MASK", factors, AlphaMode::Mask, 0.5, 1.0),
+        ("OPAQUE", texture, AlphaMode::Opaque, 1.0, 1.0),
+    ] {
+        let mut builder = Builder::default();
+        let mut square = builder.square();
+        square["material"] = 0.into();
+        let scene = in_one_node(
+            builder,
+            json!([square]),
+            json!({
+                "images": [{"uri": "data:image/png;base64,AA=="}],
+                "textures": [{"source": 0}],
+                "materials": [{"alphaMode": mode, "pbrMetallicRoughness": pbr,
+                    "extensions": {"KHR_materials_transmission": {"transmissionFactor": 0.6}}}],
+            }),
+        );
+        let (_, gltf) = round_trip(&scene, &light(&scene, 0, |_| DVec3::ONE));
+        let primitive = first_primitive(&gltf, 0);
+        let material = primitive.material();
+        assert!(material.unlit() && material.alpha_mode() == mode_shown, "{mode}");
+        let shown = material.pbr_metallic_roughness().base_color_factor()[3];
+        assert!((shown - alpha).abs() < 1e-6, "{mode}: {shown}");
+        let colour = attribute(&gltf, &primitive, &Semantic::Colors(0))[0][0];
+        assert!((colour - 0.5 * diffuse).abs() < 1e-6, "{mode}: {colour}");
+    }
 }
 
 #[test]

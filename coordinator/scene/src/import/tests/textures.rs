@@ -411,7 +411,7 @@ fn what_counts_and_what_does_not_is_told() {
     let scene = textured.scene(json!({
         "alphaMode": "MASK", "normalTexture": texture, "occlusionTexture": texture,
         "pbrMetallicRoughness": { "baseColorTexture": texture },
-        "extensions": { "KHR_materials_specular": {}, "KHR_materials_transmission": { "transmissionFactor": 1.0 } },
+        "extensions": { "KHR_materials_specular": {}, "KHR_materials_volume": {} },
     }));
     assert_eq!(
         scene.import_report.modelled,
@@ -423,7 +423,63 @@ fn what_counts_and_what_does_not_is_told() {
             "1 normal texture",
             "1 occlusion texture",
             "1 material with KHR_materials_specular",
-            "1 material with KHR_materials_transmission"
+            "1 material with KHR_materials_volume"
+        ]
+    );
+}
+
+#[test]
+fn transmission_lets_the_surface_s_colour_through() {
+    let glass = |pbr: Value, transmission: Value| {
+        let extensions = json!({ "KHR_materials_transmission": transmission });
+        let scene = Textured::new().scene(json!({
+            "pbrMetallicRoughness": pbr, "emissiveFactor": [0.1, 0.1, 0.1], "extensions": extensions,
+        }));
+        assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+        let cloth = cloth(&scene);
+        assert_near(cloth.exitance, DVec3::splat(f64::from(0.1_f32) * PI));
+        (cloth.reflectance, cloth.opacity)
+    };
+    let half = json!({ "transmissionFactor": 0.5 });
+    let (reflectance, opacity) = glass(json!({ "baseColorFactor": [0.75, 0.5, 0.25, 1.0] }), half.clone());
+    assert_near(reflectance, DVec3::new(0.375, 0.25, 0.125));
+    assert!((opacity - 0.75).abs() < 1e-12, "{opacity}");
+    // Metal lets nothing through, and reflects none of it.
+    let (reflectance, opacity) = glass(json!({ "metallicFactor": 0.5 }), half);
+    assert_near(reflectance, DVec3::splat(0.25));
+    assert!((opacity - 0.75).abs() < 1e-12, "{opacity}");
+    // Clear glass reflects nothing, and its glow is seen though it hides nothing.
+    let (reflectance, opacity) = glass(json!({}), json!({ "transmissionFactor": 1.0 }));
+    assert_eq!(reflectance, DVec3::ZERO);
+    assert!(opacity > 0.0 && opacity < 0.01, "{opacity}");
+}
+
+#[test]
+fn transmission_textures_say_where_light_passes() {
+    let mut textured = Textured::new();
+    let base = textured.texture(1, &[[188, 188, 188, 255]]);
+    let texture = textured.texture(2, &[[255, 0, 0, 255], [0, 255, 255, 255]]);
+    let scene = textured.scene(json!({
+        "pbrMetallicRoughness": { "baseColorTexture": base, "baseColorFactor": [1.0, 0.5, 0.5, 1.0] },
+        "extensions": { "KHR_materials_transmission": {
+            "transmissionFactor": 0.75, "transmissionTexture": texture,
+        } },
+    }));
+    assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+    let colour = document::texture::srgb_to_linear(188.0 / 255.0) * DVec3::new(1.0, 0.5, 0.5);
+    for (low, transmitted) in [(0.0, 0.75), (0.5, 0.0)] {
+        let half = part(&scene, [low, 0.0], [low + 0.5, 1.0]);
+        let (reflectance, _, opacity) = cloth(&scene).mean_material(0, &half);
+        assert_near(reflectance, colour * (1.0 - transmitted));
+        assert!((opacity - (1.0 - transmitted * colour.element_sum() / 3.0)).abs() < 1e-7, "{opacity}");
+    }
+    assert_eq!(
+        scene.import_report.modelled,
+        [
+            "1 base colour texture",
+            "1 transmission texture",
+            "1 material with transmission",
+            "1 emissive surface"
         ]
     );
 }
