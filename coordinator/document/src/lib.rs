@@ -153,12 +153,8 @@ pub fn read(
     let limits =
         Limits { bytes: max_bytes.saturating_sub(held), max_bytes, max_triangles: options.max_triangles };
     prepare::undo(&mut root, &mut buffers, &extensions, limits)?;
-    let required = root
-        .extensions_required
-        .iter()
-        .filter(|name| parse::LIGHTS.contains(&name.as_str()))
-        .cloned()
-        .collect();
+    let required =
+        root.extensions_required.iter().filter(|name| parse::may_be_required(name)).cloned().collect();
     let document = parse::validate(root, options.scene.as_deref())?;
     texture::check_transforms(&document)?;
     let mut warnings = Vec::new();

@@ -13,6 +13,18 @@ pub struct PlacedNode<'a> {
     pub node: Node<'a>,
     /// Node to world.
     pub world: DAffine3,
+    /// Whether its meshes and lights are there: neither it nor a node above it is hidden.
+    pub is_visible: bool,
+}
+
+/// The extension that hides nodes and what is below them.
+pub(crate) const NODE_VISIBILITY: &str = "KHR_node_visibility";
+
+/// Whether a node hides itself and what is below it.
+#[must_use]
+pub fn is_hidden(node: &Node) -> bool {
+    let visible = node.extension_value(NODE_VISIBILITY).and_then(|own| own.get("visible")?.as_bool());
+    visible == Some(false)
 }
 
 /// All nodes of the default scene (else of the first; without scenes all nodes that have no parent and what is under
@@ -21,11 +33,11 @@ pub struct PlacedNode<'a> {
 /// Validation passes cyclic graphs: a visited set finds them, and no recursion overflows on a long chain.
 pub fn walk(document: &Document) -> Result<Vec<PlacedNode<'_>>, ImportProblem> {
     let mut visited = vec![false; document.nodes().len()];
-    let mut stack: Vec<(Node, DAffine3)> =
-        roots(document)?.into_iter().map(|node| (node, DAffine3::IDENTITY)).collect();
+    let mut stack: Vec<(Node, DAffine3, bool)> =
+        roots(document)?.into_iter().map(|node| (node, DAffine3::IDENTITY, true)).collect();
     stack.reverse();
     let mut placed = Vec::new();
-    while let Some((node, parent)) = stack.pop() {
+    while let Some((node, parent, is_visible)) = stack.pop() {
         if std::mem::replace(&mut visited[node.index()], true) {
             return Err(ImportProblem::CyclicNodes { node: node_label(&node) });
         }
@@ -33,10 +45,11 @@ pub fn walk(document: &Document) -> Result<Vec<PlacedNode<'_>>, ImportProblem> {
         if !world.is_finite() {
             return Err(ImportProblem::NodeTransform { node: node_label(&node) });
         }
+        let is_visible = is_visible && !is_hidden(&node);
         let first = stack.len();
-        stack.extend(node.children().map(|child| (child, world)));
+        stack.extend(node.children().map(|child| (child, world, is_visible)));
         stack[first..].reverse();
-        placed.push(PlacedNode { node, world });
+        placed.push(PlacedNode { node, world, is_visible });
     }
     Ok(placed)
 }

@@ -10,14 +10,16 @@ use serde_json::Value;
 
 use super::error::ImportProblem;
 use super::images::IMAGE_EXTENSIONS;
+use super::nodes::NODE_VISIBILITY;
 use super::sky::{EXT_LIGHTS_IMAGE_BASED, HALFLIGHT_SKY_IMAGE};
 use super::{nesting, prepare, scene_choice};
 
 /// Extensions that are supported, or do not affect the light, besides those of images.
-const UNDERSTOOD: [&str; 10] = [
+const UNDERSTOOD: [&str; 11] = [
     EXT_LIGHTS_AREA,
     EXT_LIGHTS_IMAGE_BASED,
     HALFLIGHT_SKY_IMAGE,
+    NODE_VISIBILITY,
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
     "KHR_materials_pbrSpecularGlossiness",
@@ -30,8 +32,18 @@ const UNDERSTOOD: [&str; 10] = [
 /// Area lights: a draft, not known to the crate either.
 pub const EXT_LIGHTS_AREA: &str = "EXT_lights_area";
 
-/// Lights that the crate does not know.
-pub(crate) const LIGHTS: [&str; 2] = [EXT_LIGHTS_AREA, EXT_LIGHTS_IMAGE_BASED];
+/// Begins the names of extensions that say how a surface looks: nothing is misread where one of them is not known.
+const LOOKS: &str = "KHR_materials_";
+
+/// Moves what extensions say; a scene is baked at rest.
+const ANIMATION_POINTER: &str = "KHR_animation_pointer";
+
+/// Whether a file may require this extension though the crate does not know it: it is read here, or may be ignored.
+pub(crate) fn may_be_required(name: &str) -> bool {
+    let read = [EXT_LIGHTS_AREA, EXT_LIGHTS_IMAGE_BASED, NODE_VISIBILITY, ANIMATION_POINTER];
+    let is_known = json::extensions::ENABLED_EXTENSIONS.contains(&name);
+    !is_known && (read.contains(&name) || name.starts_with(LOOKS))
+}
 
 /// Smallest GLB: its header.
 const GLB_HEADER: usize = 12;
@@ -92,8 +104,7 @@ pub(crate) fn validate(mut root: json::Root, scene: Option<&str>) -> Result<Docu
     check_position_accessors(&root)?;
     scene_choice::choose(&mut root, scene)?;
     // The crate refuses documents that require what it does not know.
-    root.extensions_required
-        .retain(|name| !IMAGE_EXTENSIONS.contains(&&**name) && !LIGHTS.contains(&&**name));
+    root.extensions_required.retain(|name| !IMAGE_EXTENSIONS.contains(&&**name) && !may_be_required(name));
     Document::from_json(root).map_err(ImportProblem::from)
 }
 
@@ -172,7 +183,7 @@ fn check_required_extensions(root: &json::Root) -> Result<(), ImportProblem> {
         json::extensions::ENABLED_EXTENSIONS.contains(&name.as_str())
             || prepare::UNDONE.contains(&name.as_str())
             || IMAGE_EXTENSIONS.contains(&name.as_str())
-            || LIGHTS.contains(&name.as_str())
+            || may_be_required(name)
     };
     match root.extensions_required.iter().find(|name| !is_read(name)) {
         Some(extension) => Err(ImportProblem::ExtensionRequired { extension: extension.clone() }),

@@ -10,12 +10,13 @@ use super::ExportError;
 
 /// Extensions that name nothing that the exporter moves, besides `KHR_materials_*`: lights, textures and images stay where
 /// they are.
-const HARMLESS: [&str; 8] = [
+const HARMLESS: [&str; 9] = [
     "EXT_lights_area",
     "EXT_lights_image_based",
     "EXT_texture_avif",
     "EXT_texture_webp",
     "KHR_lights_punctual",
+    "KHR_node_visibility",
     "KHR_texture_basisu",
     "KHR_texture_transform",
     "MSFT_texture_dds",

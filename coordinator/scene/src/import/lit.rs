@@ -78,7 +78,8 @@ fn lit_document(mut file: PlainDocument, options: &ReadOptions) -> Result<LitDoc
         if placed.node.camera().is_some() {
             cameras.push((placed.node.index(), placed.world));
         }
-        for primitive in placed.node.mesh().iter().flat_map(|mesh| mesh.primitives()) {
+        let mesh = placed.node.mesh().filter(|_| placed.is_visible);
+        for primitive in mesh.iter().flat_map(|mesh| mesh.primitives()) {
             let place = format!("{}, primitive {}", node_label(&placed.node), primitive.index());
             if !primitives::has_triangles(&primitive) {
                 continue;

@@ -157,7 +157,13 @@ struct Content {
 
 impl Content {
     fn collect(&mut self, file: &PlainDocument, options: &ImportOptions) -> Result<(), ImportProblem> {
-        let all_placed = nodes::walk(&file.document)?;
+        let (all_placed, hidden): (Vec<_>, Vec<_>) =
+            nodes::walk(&file.document)?.into_iter().partition(|placed| placed.is_visible);
+        let hidden = hidden.iter().filter(|placed| placed.node.mesh().is_some()).count();
+        if hidden > 0 {
+            self.warnings
+                .push(format!("nodes with a mesh left out, since KHR_node_visibility hides them: {hidden}"));
+        }
         let mut materials = self.materials(file, &all_placed);
         let mut geometries = read_geometries(&all_placed, &file.buffers, options).into_iter();
         for placed in all_placed {

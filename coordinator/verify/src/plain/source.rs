@@ -9,6 +9,7 @@ use gltf::{Accessor, Document, Node, Primitive, Semantic};
 
 use super::PlainError;
 use document::accessors::{Context, is_within_bounds};
+use document::nodes::is_hidden;
 use document::placement::world_matrices;
 use document::sky::{SkyImage, sky_of};
 use document::{Folder, ImportError, ReadOptions, read_uri};
@@ -51,7 +52,7 @@ impl PlainDocument {
         &self.path
     }
 
-    /// The nodes of the default scene (the first, where none is), parents before children.
+    /// The visible nodes of the default scene (the first, where none is), parents before children.
     pub(crate) fn nodes(&self) -> Vec<Node<'_>> {
         let mut found = Vec::new();
         let mut visited = vec![false; self.document.nodes().len()];
@@ -59,7 +60,7 @@ impl PlainDocument {
         let mut stack: Vec<_> = scene.iter().flat_map(|scene| scene.nodes()).collect();
         stack.reverse();
         while let Some(node) = stack.pop() {
-            if std::mem::replace(&mut visited[node.index()], true) {
+            if is_hidden(&node) || std::mem::replace(&mut visited[node.index()], true) {
                 continue;
             }
             let children: Vec<_> = node.children().collect();

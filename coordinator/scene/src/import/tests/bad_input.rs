@@ -230,6 +230,18 @@ fn required_extensions() {
     assert_eq!(document.scene().warnings, ["extensions ignored: ACME_teapot, ACME_cup"]);
 }
 
+/// They change how a surface looks, or move what is baked at rest: the output requires them where it has them.
+#[test]
+fn extensions_that_change_no_diffuse_light_may_be_required() {
+    let mut document = TestDocument::square();
+    let required = json!(["KHR_materials_clearcoat", "KHR_animation_pointer"]);
+    document.root["extensionsUsed"] = required.clone();
+    document.root["extensionsRequired"] = required;
+    let scene = document.scene();
+    assert_eq!(scene.warnings, ["extensions ignored: KHR_materials_clearcoat, KHR_animation_pointer"]);
+    assert_eq!(scene.source.root.extensions_required, ["KHR_materials_clearcoat", "KHR_animation_pointer"]);
+}
+
 #[test]
 fn no_triangles() {
     assert!(matches!(TestDocument::new().problem(), ImportProblem::NoTriangles));

@@ -132,6 +132,29 @@ fn nodes_come_in_the_order_of_the_file_parents_first() {
 const ZIGZAG: [[f32; 3]; 5] = [[0.0; 3], [0.0, 1.0, 0.0], [1.0, 0.0, 0.3], [1.0, 1.0, 1.0], [2.0, 0.5, 5.0]];
 
 #[test]
+fn hidden_nodes_and_what_is_below_them_are_left_out() {
+    let mut document = TestDocument::square();
+    let lamp = json!({ "type": "point", "intensity": 1.0 });
+    document.light(lamp, json!({ "mesh": 0, "translation": [0, 0, 2] }));
+    let child = document.push("nodes", json!({ "mesh": 0, "translation": [0, 0, 4] }));
+    document.root["nodes"][1]["children"] = json!([child]);
+    let count = |visible: Option<bool>| {
+        let mut document = TestDocument { root: document.root.clone(), bin: document.bin.clone() };
+        if let Some(visible) = visible {
+            document.root["nodes"][1]["extensions"]["KHR_node_visibility"] = json!({ "visible": visible });
+            document.root["extensionsUsed"] = json!(["KHR_lights_punctual", "KHR_node_visibility"]);
+            document.root["extensionsRequired"] = json!(["KHR_node_visibility"]);
+        }
+        let scene = document.scene();
+        (scene.surfaces.len(), scene.lights.len(), scene.warnings)
+    };
+    assert_eq!(count(None), (3, 1, vec![]));
+    assert_eq!(count(Some(true)), (3, 1, vec![]));
+    let told = "nodes with a mesh left out, since KHR_node_visibility hides them: 2".to_owned();
+    assert_eq!(count(Some(false)), (1, 0, vec![told]));
+}
+
+#[test]
 fn modes_make_the_triangles_of_the_specification() {
     let cases: [(u32, &[[u32; 3]]); 3] =
         [(4, &[[0, 1, 2]]), (5, &[[0, 1, 2], [1, 3, 2], [2, 3, 4]]), (6, &[[0, 1, 2], [0, 2, 3], [0, 3, 4]])];
