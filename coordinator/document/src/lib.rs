@@ -53,7 +53,7 @@ pub use error::{ImportError, ImportProblem};
 pub use glass::Glass;
 pub use lightmap::{LightmapLink, MOZ_LIGHTMAP};
 use parse::Parsed;
-pub use parse::{EXT_LIGHTS_AREA, require_again, warn_ignored_extensions};
+pub use parse::{EXT_LIGHTS_AREA, is_understood, require_again, warn_ignored_extensions};
 use prepare::{Extensions, Limits};
 pub use warnings::{first as first_warnings, joined as joined_warnings};
 

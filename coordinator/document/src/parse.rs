@@ -32,15 +32,12 @@ const UNDERSTOOD: [&str; 11] = [
 /// Area lights: a draft, not known to the crate either.
 pub const EXT_LIGHTS_AREA: &str = "EXT_lights_area";
 
-/// Begins the names of extensions that say how a surface looks: nothing is misread where one of them is not known.
+/// Begins the names of extensions that say how a surface looks: the rest of the file is read right where one of them is not known.
 const LOOKS: &str = "KHR_materials_";
-
-/// Moves what extensions say; a scene is baked at rest.
-const ANIMATION_POINTER: &str = "KHR_animation_pointer";
 
 /// Whether a file may require this extension though the crate does not know it: it is read here, or may be ignored.
 pub(crate) fn may_be_required(name: &str) -> bool {
-    let read = [EXT_LIGHTS_AREA, EXT_LIGHTS_IMAGE_BASED, NODE_VISIBILITY, ANIMATION_POINTER];
+    let read = [EXT_LIGHTS_AREA, EXT_LIGHTS_IMAGE_BASED, NODE_VISIBILITY];
     let is_known = json::extensions::ENABLED_EXTENSIONS.contains(&name);
     !is_known && (read.contains(&name) || name.starts_with(LOOKS))
 }
@@ -123,7 +120,8 @@ pub fn require_again(root: &mut json::Root, required: Vec<String>) {
 }
 
 /// Whether an extension is supported, or does not affect the light.
-fn is_understood(name: &str) -> bool {
+#[must_use]
+pub fn is_understood(name: &str) -> bool {
     UNDERSTOOD.contains(&name) || IMAGE_EXTENSIONS.contains(&name)
 }
 

@@ -46,6 +46,8 @@ pub struct Pattern {
     pub dimming: Option<Layer>,
     /// What a transmission texture leaves to diffuse reflection.
     pub transmitting: Option<Layer>,
+    /// True where that has all of `reflecting` in it already, texel by texel.
+    pub transmitting_has_colour: bool,
     /// Emission without its factor.
     pub emitting: Option<Layer>,
     /// True where the emission has the opacity in it already.
@@ -67,11 +69,13 @@ impl Pattern {
     }
 
     /// Reflectance and opacity, given what would be reflected if nothing were transmitted, with the opacity `alpha` in it, and the
-    /// transmitted part. That takes on the colour of the surface; as one opacity counts for all channels, it is their mean.
-    pub(crate) fn with_transmission(&self, diffuse: DVec3, alpha: f64, transmission: f64) -> (DVec3, f64) {
-        let passing = transmission * diffuse.min(DVec3::ONE).element_sum() / 3.0;
+    /// part `left` of it. The rest passes; as one opacity counts for all channels, it is their mean.
+    pub(crate) fn with_transmission(&self, diffuse: DVec3, left: DVec3, alpha: f64) -> (DVec3, f64) {
+        // Colours above 1 would make light.
+        let diffuse = diffuse.min(DVec3::splat(alpha));
+        let passing = (diffuse * (DVec3::ONE - left)).element_sum() / 3.0;
         let least = if self.exitance == DVec3::ZERO { 0.0 } else { LEAST_OF_GLOWING.min(alpha) };
-        let reflectance = (diffuse * (1.0 - transmission)).min(DVec3::splat(MAX_REFLECTANCE));
+        let reflectance = (diffuse * left).min(DVec3::splat(MAX_REFLECTANCE));
         (reflectance, (alpha - passing).max(least))
     }
 }
@@ -166,9 +170,15 @@ impl Appearance {
         let rest = pattern.dimming.as_ref().map_or(DVec3::ONE, |layer| place.mean(layer).truncate());
         // The image's texels have their opacity in them; what the vertices bring is known apart from it.
         let diffuse = pattern.reflectance * *colour * rest * opacity.of_vertices;
-        let of_texture = |layer: &Layer| 1.0 - place.mean(layer).x;
-        let transmission = pattern.transmitting.as_ref().map_or(pattern.transmission, of_texture);
-        pattern.with_transmission(diffuse, opacity.all(), transmission)
+        let left = match (&pattern.transmitting, &pattern.reflecting) {
+            (None, _) => DVec3::splat(1.0 - pattern.transmission),
+            (Some(layer), Some(whole)) if pattern.transmitting_has_colour => {
+                let (left, whole) = (place.mean(layer).truncate(), place.mean(whole).truncate());
+                DVec3::select(whole.cmpgt(DVec3::ZERO), left / whole, DVec3::ONE)
+            }
+            (Some(layer), _) => place.mean(layer).truncate(),
+        };
+        pattern.with_transmission(diffuse, left, opacity.all())
     }
 
     fn exitance_at(&self, place: &Place, opacity: impl FnOnce() -> MeanOpacity) -> DVec3 {

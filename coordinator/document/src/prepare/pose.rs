@@ -51,7 +51,7 @@ pub(super) fn find(
     let placed = walk(document)?;
     let world = world_matrices(document);
     for placed in placed {
-        let Some(mesh) = placed.node.mesh() else { continue };
+        let Some(mesh) = placed.node.mesh().filter(|_| placed.is_visible) else { continue };
         let label = node_label(&placed.node);
         let weights = placed.node.weights().or(mesh.weights()).unwrap_or_default();
         let weights: Vec<f64> = weights.iter().map(|&weight| f64::from(weight)).collect();

@@ -149,7 +149,7 @@ impl<'a> Assembler<'a> {
         let material = source.material().index().and_then(|index| scene.source.root.materials.get(index));
         let show = Show {
             exposure: self.exposure,
-            diffuse: materials::diffuse_part(material, glows),
+            diffuse: materials::diffuse_part(material, glows, source.get(&Semantic::Colors(0)).is_some()),
             domain: self.domain,
         };
         let refined = refine(surface, triangles, self.lit, &self.parts, &placement, show, &attributes)?;
@@ -201,7 +201,8 @@ impl<'a> Assembler<'a> {
             original.material
         } else {
             let stays = glows || self.keeps_materials;
-            Some(self.materials.lit(&mut self.draft.root, original.material, one_side, stays)?)
+            let has_colours = original.attributes.contains_key(&Valid(Semantic::Colors(0)));
+            Some(self.materials.lit(&mut self.draft.root, original.material, one_side, stays, has_colours)?)
         };
         Ok(self.store(refined, Primitive { material, ..original.clone() }))
     }

@@ -15,8 +15,8 @@ use bake::lit::{LitMesh, LitTriangle};
 use document::Glass;
 use scene::Surface;
 
-/// Material of the input, whether for one side only, and whether it glows.
-type Key = (Option<usize>, bool, bool);
+/// Material of the input, whether for one side only, whether it glows, and whether it is shown as glass.
+type Key = (Option<usize>, bool, bool, bool);
 
 /// Makes the lit counterparts of the document's materials, each once, and adds them to the document.
 #[derive(Debug, Default)]
@@ -29,15 +29,17 @@ impl LitMaterials {
     ///
     /// A primitive without one gets a white one: glTF's default material is a white metal, whose own grey no viewer
     /// shows either. `one_side` says that the primitive is one side of a `doubleSided` one; `glows`
-    /// that it must show its emission.
+    /// that it must show its emission, `has_colours` that its vertices have colours of their own.
     pub(super) fn lit(
         &mut self,
         root: &mut Root,
         material: Option<Index<Material>>,
         one_side: bool,
         glows: bool,
+        has_colours: bool,
     ) -> Result<Index<Material>, ExportError> {
-        let key = (material.map(|index| index.value()), one_side, glows);
+        let glass = material.and_then(|index| root.get(index)).and_then(Glass::of).filter(|_| !has_colours);
+        let key = (material.map(|index| index.value()), one_side, glows, glass.is_some());
         if let Some(&made) = self.made.get(&key) {
             return Ok(made);
         }
@@ -46,7 +48,7 @@ impl LitMaterials {
             lit.double_sided = false;
         }
         if !glows {
-            make_unlit(&mut lit)?;
+            make_unlit(&mut lit, glass)?;
         }
         let made = root.push(lit);
         self.made.insert(key, made);
@@ -62,8 +64,7 @@ impl LitMaterials {
 /// Makes viewers show base colour x `COLOR_0` and nothing else.
 ///
 /// An unlit material may have no other extension: what they say goes to `extras.halflight.extensions`.
-fn make_unlit(material: &mut Material) -> Result<(), ExportError> {
-    let glass = Glass::of(material);
+fn make_unlit(material: &mut Material, glass: Option<Glass>) -> Result<(), ExportError> {
     let mut others = match serde_json::to_value(&material.extensions)? {
         Value::Object(extensions) => extensions,
         _ => Map::new(),
@@ -82,7 +83,7 @@ fn make_unlit(material: &mut Material) -> Result<(), ExportError> {
     }
     if let Some(glass) = glass {
         material.alpha_mode = Checked::Valid(AlphaMode::Blend);
-        material.pbr_metallic_roughness.base_color_factor.0[3] *= glass.opacity;
+        material.pbr_metallic_roughness.base_color_factor.0[3] = glass.alpha;
     }
     if !others.is_empty() {
         extensions::note(&mut material.extras, Map::from_iter([("extensions".to_owned(), others.into())]))?;
@@ -145,9 +146,9 @@ pub(super) fn glows(
 }
 
 /// The part of a base colour that reflects diffusely, where one number says it; all of it where the input is unlit.
-pub(super) fn diffuse_part(material: Option<&Material>, glows: bool) -> f64 {
+pub(super) fn diffuse_part(material: Option<&Material>, glows: bool, has_colours: bool) -> f64 {
     let Some(material) = material.filter(|_| !glows) else { return 1.0 };
-    let seen = Glass::of(material).map_or(1.0, |glass| f64::from(glass.diffuse));
+    let seen = Glass::of(material).filter(|_| !has_colours).map_or(1.0, |glass| f64::from(glass.diffuse));
     let pbr = &material.pbr_metallic_roughness;
     let extensions = material.extensions.as_ref();
     let has_no_metal = extensions

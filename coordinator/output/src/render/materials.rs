@@ -89,10 +89,11 @@ impl Appearance {
         let diffuse = if is_default || is_textured { 1.0 } else { 1.0 - part(specular) };
         let glass = material.index().and_then(|index| Glass::of(document.as_json().materials.get(index)?));
         let [red, green, blue, alpha] = base;
-        let base = [red, green, blue, alpha * glass.map_or(1.0, |glass| glass.opacity)];
+        let base = [red, green, blue, glass.map_or(alpha, |glass| glass.alpha)];
         let diffuse = diffuse * glass.map_or(1.0, |glass| glass.diffuse);
         let strength = positive(material.emissive_strength().unwrap_or(1.0));
         let emission = material.emissive_factor().map(|value| positive(positive(value) * strength));
+        let emission = emission.map(|value| positive(value * glass.map_or(1.0, |glass| glass.glow)));
         let mut mapped = |texture: &gltf::Texture, mapping: Mapping, encoding: Encoding| {
             let image = images.index(texture, encoding)?;
             let wrap = |wrap| match wrap {

@@ -72,6 +72,7 @@ fn layers(pattern: &Pattern) -> [Option<&Layer>; 4] {
 fn uniform(pattern: &Pattern, colour: DVec4) -> AveragedMaterial {
     let alpha = pattern.opacity.of(colour.w);
     let diffuse = pattern.reflectance * colour.truncate() * alpha;
-    let (reflectance, opacity) = pattern.with_transmission(diffuse, alpha, pattern.transmission);
+    let (reflectance, opacity) =
+        pattern.with_transmission(diffuse, DVec3::splat(1.0 - pattern.transmission), alpha);
     AveragedMaterial { reflectance, exitance: pattern.exitance * alpha, opacity, appearance: None }
 }

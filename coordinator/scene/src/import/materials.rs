@@ -181,37 +181,48 @@ impl Materials {
             (dimming, _) => (dimming, None),
         };
         let mapping = base_mapping.or(joined.as_ref().map(|(_, mapping)| *mapping));
-        let reflecting = mapping.map(|mapping| {
-            let composed = Composed {
-                colour: base.as_ref().map(|(image, _)| image.clone()),
-                dimming: joined.map(|(dimming, _)| dimming),
-                opacity: with_alpha(&base_alpha),
-                alpha: base_alpha.clone(),
+        let whole = mapping.map(|_| Composed {
+            colour: base.as_ref().map(|(image, _)| image.clone()),
+            dimming: joined.into_iter().map(|(dimming, _)| dimming).collect(),
+            opacity: with_alpha(&base_alpha),
+            alpha: base_alpha.clone(),
+        });
+        let alone = |dimming: Dimming| Composed {
+            colour: None,
+            dimming: vec![dimming],
+            alpha: None,
+            opacity: Opacity::Opaque,
+        };
+        let dimming = apart.map(|(dimming, mapping)| Layer { image: self.means(alone(dimming)), mapping });
+        let mut transmitting_has_colour = false;
+        let transmitting = transmission.map(|(image, own)| {
+            let dimming = Dimming::Transmission(image, factors.transmission);
+            let composed = match &whole {
+                Some(whole) if mapping == Some(own) => {
+                    transmitting_has_colour = true;
+                    let mut composed = whole.clone();
+                    composed.dimming.push(dimming);
+                    composed
+                }
+                _ => alone(dimming),
             };
-            Layer { image: self.means(composed), mapping }
+            Layer { image: self.means(composed), mapping: own }
         });
-        let dimming = apart.map(|(dimming, mapping)| {
-            let composed =
-                Composed { colour: None, dimming: Some(dimming), alpha: None, opacity: Opacity::Opaque };
-            Layer { image: self.means(composed), mapping }
-        });
-        let transmitting = transmission.map(|(image, mapping)| {
-            let dimming = Some(Dimming::Transmission(image, factors.transmission));
-            let composed = Composed { colour: None, dimming, alpha: None, opacity: Opacity::Opaque };
-            Layer { image: self.means(composed), mapping }
-        });
+        let reflecting =
+            whole.zip(mapping).map(|(whole, mapping)| Layer { image: self.means(whole), mapping });
         let mut emitting_has_opacity = false;
         let emitting = emission.map(|(image, mapping)| {
             let alpha = base_alpha.filter(|_| base_mapping == Some(mapping));
             emitting_has_opacity = alpha.is_some();
             let composed =
-                Composed { colour: Some(image), dimming: None, opacity: with_alpha(&alpha), alpha };
+                Composed { colour: Some(image), dimming: vec![], opacity: with_alpha(&alpha), alpha };
             Layer { image: self.means(composed), mapping }
         });
         let pattern = Pattern {
             reflecting,
             dimming,
             transmitting,
+            transmitting_has_colour,
             emitting,
             emitting_has_opacity,
             reflectance: factors.base * rest,
@@ -236,6 +247,7 @@ impl Materials {
 fn without_constants(mut pattern: Pattern) -> Pattern {
     let constant = |layer: &Option<Layer>| layer.as_ref().and_then(|layer| layer.image.constant());
     if pattern.opacity == Opacity::Opaque
+        && !pattern.transmitting_has_colour
         && let Some(colour) = constant(&pattern.reflecting)
     {
         pattern.reflectance *= colour.truncate();
@@ -245,7 +257,9 @@ fn without_constants(mut pattern: Pattern) -> Pattern {
         pattern.reflectance *= colour.truncate();
         pattern.dimming = None;
     }
-    if let Some(left) = constant(&pattern.transmitting) {
+    if !pattern.transmitting_has_colour
+        && let Some(left) = constant(&pattern.transmitting)
+    {
         pattern.transmission = 1.0 - left.x;
         pattern.transmitting = None;
     }

@@ -89,8 +89,8 @@ impl Dimming {
 pub struct Composed {
     /// In sRGB; white where there is none.
     pub colour: Option<Arc<Image>>,
-    /// Reduces the colour.
-    pub dimming: Option<Dimming>,
+    /// Each reduces the colour.
+    pub dimming: Vec<Dimming>,
     /// Its alpha is that of the surface; 1 where there is none.
     pub alpha: Option<Arc<Image>>,
     /// Meaning of alpha.
@@ -105,10 +105,8 @@ impl Composed {
             (Some(a), Some(b)) => Arc::ptr_eq(a, b),
             (a, b) => a.is_none() && b.is_none(),
         };
-        let same_dimming = match (&self.dimming, &other.dimming) {
-            (Some(a), Some(b)) => a.is(b),
-            (a, b) => a.is_none() && b.is_none(),
-        };
+        let same_dimming = self.dimming.len() == other.dimming.len()
+            && self.dimming.iter().zip(&other.dimming).all(|(a, b)| a.is(b));
         same(&self.colour, &other.colour)
             && same(&self.alpha, &other.alpha)
             && same_dimming
@@ -141,7 +139,7 @@ impl Raster for Composed {
             let [red, green, blue, _] = stored(image);
             DVec3::from_array([red, green, blue].map(|stored| Encoding::Srgb.decode(stored)))
         });
-        let rest = self.dimming.as_ref().map_or(1.0, |dimming| dimming.rest(stored(dimming.image())));
+        let rest: f64 = self.dimming.iter().map(|dimming| dimming.rest(stored(dimming.image()))).product();
         let alpha = self.alpha.as_deref().map_or(1.0, |image| Encoding::Linear.decode(stored(image)[3]));
         let opacity = self.opacity.of(alpha);
         (colour * (rest * opacity)).extend(opacity)
@@ -161,7 +159,7 @@ mod tests {
         // White where it is metal, black where it is not: nothing is left of either.
         let colour = image(2, &[[255, 255, 255, 255], [0, 0, 0, 255]]);
         let metal = image(2, &[[0, 0, 255, 255], [0, 0, 0, 255]]);
-        let dimming = Some(Dimming::Metal(metal, 1.0));
+        let dimming = vec![Dimming::Metal(metal, 1.0)];
         let composed = Composed { colour: Some(colour), dimming, alpha: None, opacity: Opacity::Opaque };
         assert_eq!([0, 1].map(|column| composed.texel(column, 0)), [DVec4::W, DVec4::W]);
     }
@@ -170,7 +168,7 @@ mod tests {
     fn smaller_images_are_stretched() {
         let colour = image(1, &[[255, 0, 0, 255]]);
         let metal = image(4, &[[0, 0, 0, 0], [0, 0, 51, 0], [0, 0, 102, 0], [0, 0, 255, 0]]);
-        let dimming = Some(Dimming::Metal(metal, 1.0));
+        let dimming = vec![Dimming::Metal(metal, 1.0)];
         let composed = Composed { colour: Some(colour), dimming, alpha: None, opacity: Opacity::Opaque };
         assert_eq!(composed.size(), [4, 1]);
         let reds = [0, 1, 2, 3].map(|column| composed.texel(column, 0).x);
@@ -183,7 +181,7 @@ mod tests {
         let opacities = |opacity| {
             let composed = Composed {
                 colour: Some(colour.clone()),
-                dimming: None,
+                dimming: vec![],
                 alpha: Some(colour.clone()),
                 opacity,
             };
@@ -200,7 +198,7 @@ mod tests {
     #[test]
     fn specular_colour_takes_its_largest_channel() {
         let specular = image(1, &[[255, 0, 0, 255]]);
-        let dimming = Some(Dimming::Specular(specular, DVec3::new(0.25, 1.0, 1.0)));
+        let dimming = vec![Dimming::Specular(specular, DVec3::new(0.25, 1.0, 1.0))];
         let composed = Composed { colour: None, dimming, alpha: None, opacity: Opacity::Opaque };
         assert_eq!(composed.texel(0, 0), DVec4::new(0.75, 0.75, 0.75, 1.0));
     }

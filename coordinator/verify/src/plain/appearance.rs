@@ -16,8 +16,8 @@ use document::texture::{Encoding, Image, Mapping, Sampler, decode};
 /// Largest reflectance, as in the bake: at 1, a closed scene would never absorb its light.
 pub(super) const MAX_REFLECTANCE: f64 = 0.999;
 
-/// Least part of glass that is there: it may glow.
-const LEAST_LEFT: f64 = 1e-6;
+/// Least part of glass that is there: it may glow, and rays must meet it.
+const LEAST_LEFT: f64 = 1.0 / 1024.0;
 
 /// The material of a primitive, or of a point of it; linear RGB.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -138,7 +138,7 @@ impl PlainAppearance {
         if transmitted == 0.0 || there == 0.0 {
             return unparted;
         }
-        // Of what is there, a grey part passes. The rest, which all of the reflection and the glow come from, is that much denser.
+        // A grey part of what is there passes. All of the reflection and the glow come from the rest.
         let through = transmitted * diffuse.clamp(DVec3::ZERO, DVec3::ONE).element_sum() / 3.0;
         let left = (1.0 - through).max(LEAST_LEFT);
         PlainMaterial {

@@ -11,7 +11,7 @@ use super::appearance::{Appearances, MAX_REFLECTANCE, PlainAppearance, PlainMate
 use super::source::{Geometry, PlainDocument, has_triangles, label};
 use super::{PlainError, PlainLight};
 use document::EXT_LIGHTS_AREA;
-use document::sky::{EXT_LIGHTS_IMAGE_BASED, SkyImage};
+use document::sky::SkyImage;
 use document::{ImportError, ImportProblem, LightUnit, ReadOptions};
 
 /// Height over longest edge below which a triangle has no area to speak of.
@@ -207,12 +207,8 @@ fn check(
 }
 
 fn warn_unmodelled(document: &PlainDocument, warnings: &mut BTreeSet<String>) {
-    let understood = |name: &String| {
-        [EXT_LIGHTS_AREA, EXT_LIGHTS_IMAGE_BASED].contains(&name.as_str())
-            || gltf::json::extensions::ENABLED_EXTENSIONS.contains(&name.as_str())
-    };
     let ignored: Vec<&str> =
-        document.document.extensions_used().filter(|name| !understood(&(*name).to_owned())).collect();
+        document.document.extensions_used().filter(|name| !document::is_understood(name)).collect();
     if !ignored.is_empty() {
         warnings.insert(format!("extensions ignored: {}", ignored.join(", ")));
     }

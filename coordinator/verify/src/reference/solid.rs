@@ -114,9 +114,9 @@ impl<'a> Solid<'a> {
         self.scene.material_at(&source, point)
     }
 
-    /// The exitance of a triangle where its texture is brightest.
+    /// The exitance of a triangle where its texture is brightest, as far as it is there.
     pub(super) fn emitted(&self, triangle: &Triangle) -> DVec3 {
-        triangle.material.exitance
+        triangle.material.exitance * triangle.material.opacity
     }
 
     /// Whether a triangle, met at this distance, lets a ray pass.

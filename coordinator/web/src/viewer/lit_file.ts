@@ -29,7 +29,7 @@ export interface LitFile {
   triangles: number;
 }
 
-// KTX2 images are white: their decoder is WebAssembly. What they colour shows its light and its factor.
+// KTX2 images are white: their decoder is WebAssembly. Surfaces show light and colour factors alone.
 const whiteImages = {
   isKTX2Loader: true,
   parse: (_: ArrayBuffer, loaded: (texture: DataTexture) => void) => {

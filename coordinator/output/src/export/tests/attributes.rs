@@ -116,12 +116,13 @@ fn the_colour_of_a_vertex_is_light_times_its_own_colour_with_its_alpha() {
 fn glass_is_shown_by_alpha_where_one_number_says_it() {
     let texture = json!({"baseColorTexture": {"index": 0}, "metallicFactor": 0.0});
     let factors = json!({"baseColorFactor": [0.5, 1.0, 0.75, 0.5], "metallicFactor": 0.0});
-    // Of the light .6 x .75 passes, and .4 of the colour is seen of the .55 that stay.
+    // .6 x .75 of the light passes, and .4 of the colour is seen of the .55 that stay.
     for (mode, pbr, mode_shown, alpha, diffuse) in [
-        ("OPAQUE", factors.clone(), AlphaMode::Blend, 0.5 * 0.55, 0.4 / 0.55),
+        ("OPAQUE", factors.clone(), AlphaMode::Blend, 0.55, 0.4 / 0.55),
         ("BLEND", factors.clone(), AlphaMode::Blend, 0.5 * 0.55, 0.4 / 0.55),
         ("MASK", factors, AlphaMode::Mask, 0.5, 1.0),
-        ("OPAQUE", texture, AlphaMode::Opaque, 1.0, 1.0),
+        ("OPAQUE", texture.clone(), AlphaMode::Opaque, 1.0, 1.0),
+        ("BLEND", texture, AlphaMode::Blend, 1.0, 1.0),
     ] {
         let mut builder = Builder::default();
         let mut square = builder.square();

@@ -87,8 +87,11 @@ fn a_lightmap_lights_the_diffuse_part_of_any_material() {
     glowing["emissiveFactor"] = json!([1.0, 1.0, 1.0]);
     let mut glass = plain(json!({ "metallicFactor": 0.0, "baseColorFactor": [0.4, 0.4, 0.4, 1.0] }));
     glass["extensions"] = json!({ "KHR_materials_transmission": { "transmissionFactor": 0.25 } });
+    let mut bulb = glass.clone();
+    bulb["emissiveFactor"] = json!([1.0, 1.0, 1.0]);
     for (name, material, expected) in [
         ("glass, three quarters of whose colour is seen before black", glass, 0.15),
+        ("all of its glow", bulb, 1.15),
         ("metal", plain(json!({ "metallicFactor": 0.25 })), 0.375),
         ("unlit", unlit, 0.4),
         ("glossy", of_gloss(glossy), 0.2),

@@ -454,6 +454,37 @@ fn transmission_lets_the_surface_s_colour_through() {
     assert!(opacity > 0.0 && opacity < 0.01, "{opacity}");
 }
 
+/// A dark frame and its clear glass on one image, in one polygon: means would let half of the light through the frame.
+#[test]
+fn transmission_and_colour_are_multiplied_texel_by_texel() {
+    let mut textured = Textured::new();
+    let base = textured.texture(2, &[[63, 63, 63, 255], WHITE]);
+    let texture = textured.texture(2, &[[0, 255, 255, 255], [255, 0, 0, 255]]);
+    let scene = textured.scene(json!({
+        "pbrMetallicRoughness": { "baseColorTexture": base },
+        "extensions": { "KHR_materials_transmission": {
+            "transmissionFactor": 1.0, "transmissionTexture": texture,
+        } },
+    }));
+    let frame = document::texture::srgb_to_linear(63.0 / 255.0);
+    assert_near(cloth(&scene).reflectance, DVec3::splat(frame / 2.0));
+    assert!((cloth(&scene).opacity - 0.5).abs() < 1e-7, "{}", cloth(&scene).opacity);
+}
+
+#[test]
+fn no_colour_makes_light_of_what_passes() {
+    for (mode, alpha) in [("OPAQUE", 1.0), ("BLEND", 0.5)] {
+        let scene = Textured::new().scene(json!({
+            "alphaMode": mode,
+            "pbrMetallicRoughness": { "baseColorFactor": [2.0, 0.5, 0.0, alpha] },
+            "extensions": { "KHR_materials_transmission": { "transmissionFactor": 0.5 } },
+        }));
+        let cloth = cloth(&scene);
+        assert!(cloth.reflectance.max_element() <= cloth.opacity, "{mode}: {cloth:?}");
+        assert_near(cloth.reflectance, DVec3::new(alpha, 0.5 * alpha, 0.0) / 2.0);
+    }
+}
+
 #[test]
 fn transmission_textures_say_where_light_passes() {
     let mut textured = Textured::new();
