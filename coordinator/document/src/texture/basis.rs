@@ -10,7 +10,7 @@ use basisu::{DecodeFlags, TargetFormat, Transcoder};
 use ktx2::{ColorModel, Header, LevelIndex, SupercompressionScheme};
 use ruzstd::decoding::StreamingDecoder;
 
-use super::image::DecodeError;
+use super::error::DecodeError;
 
 /// First bytes of a KTX2 file.
 const SIGNATURE: &[u8] = b"\xabKTX 20\xbb\r\n\x1a\n";
@@ -118,8 +118,8 @@ fn damaged(why: &str) -> DecodeError {
 
 #[cfg(test)]
 mod tests {
-    use super::super::image::{decode, dimensions};
     use super::*;
+    use crate::texture::{decode, dimensions};
 
     /// Both encodings of ten by seven texels.
     const UASTC: &[u8] = include_bytes!("../../../../tests/fuzz/seeds/images/uastc.ktx2");

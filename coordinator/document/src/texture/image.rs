@@ -6,6 +6,7 @@ use std::io::Cursor;
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 
 use super::basis;
+use super::error::DecodeError;
 
 /// Most texels of an image along each side: what graphics processors take.
 const MOST_ALONG_SIDE: u32 = 16_384;
@@ -62,28 +63,6 @@ impl fmt::Debug for Image {
     fn fmt(&self, formatter: &mut fmt::Formatter) -> fmt::Result {
         write!(formatter, "Image({} x {})", self.width, self.height)
     }
-}
-
-/// Why an image cannot be decoded.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum DecodeError {
-    /// Another format, or none.
-    #[error("it is neither PNG, JPEG, WebP nor KTX2 of ETC1S or UASTC; convert it to PNG")]
-    Format,
-    /// Too wide, too high, or too much of both.
-    #[error(
-        "it has {width} x {height} texels, more than can be taken; scale it down to {most} x {most} or less",
-        most = 8192
-    )]
-    TooLarge {
-        /// Texels of a row.
-        width: u32,
-        /// Number of rows.
-        height: u32,
-    },
-    /// The decoder gave up.
-    #[error("it is damaged: {0}; export it again")]
-    Damaged(String),
 }
 
 /// Width and height of a PNG, JPEG, WebP or KTX2 image, without decoding it.

@@ -5,6 +5,7 @@
 //! | `image` | PNG, JPEG, WebP and KTX2 to texels, within bounds of size and memory |
 //! | `basis` | the encodings of KTX2 that glTF has |
 //! | `encoding` | sRGB to linear |
+//! | `error` | why an image cannot be read |
 //! | `sampler` | wrapping and filtering |
 //! | `mapping` | texture coordinates to places on the image |
 //!
@@ -12,12 +13,14 @@
 
 mod basis;
 mod encoding;
+mod error;
 mod image;
 mod mapping;
 mod sampler;
 
 pub use encoding::{Encoding, srgb_to_linear};
-pub use image::{DecodeError, Image, MOST_BYTES, decode, dimensions};
+pub use error::DecodeError;
+pub use image::{Image, MOST_BYTES, decode, dimensions};
 pub use mapping::Mapping;
 pub(crate) use mapping::check_transforms;
 pub use sampler::{Filter, Sampler, Wrap};

@@ -35,6 +35,20 @@ fn morph_targets_count_by_the_weights_of_the_node_or_else_of_the_mesh() {
 }
 
 #[test]
+fn hidden_nodes_keep_their_targets() {
+    let mut document = morphing();
+    document.root["meshes"][0]["weights"] = json!([0.5, 0.25]);
+    document.root["nodes"][0]["extensions"] = json!({ "KHR_node_visibility": { "visible": false } });
+    document.root_node(json!({ "name": "seen", "mesh": 0, "translation": [0, 0, 20] }));
+    let scene = document.scene();
+    let nodes = &scene.source.root.nodes;
+    assert_eq!([0, 1].map(|node: usize| nodes[node].mesh.unwrap().value()), [0, 1]);
+    assert!(scene.source.root.meshes[0].primitives[0].targets.is_some());
+    assert_eq!(first_triangles(&scene)[0].1[0][2], 23.0);
+    assert!(scene.warnings.iter().all(|warning| !warning.contains("thing")), "{:?}", scene.warnings);
+}
+
+#[test]
 fn sparse_displacements() {
     let mut document = morphing();
     let values = document.root["accessors"][2]["bufferView"].clone();
