@@ -4,6 +4,9 @@ use gltf::json::Material;
 use gltf::json::material::AlphaMode;
 use gltf::json::validation::Checked;
 
+/// Least part of the light that glass stops, where it may glow: what is not there at all would not be seen to.
+pub const LEAST_OF_GLASS: f64 = 1.0 / 1024.0;
+
 /// A transmitting material as one of alpha.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Glass {
@@ -39,8 +42,7 @@ impl Glass {
         }
         let [red, green, blue, _] = pbr.base_color_factor.0.map(|value| value.clamp(0.0, 1.0));
         let passing = factor * (1.0 - metal.clamp(0.0, 1.0)) * (red + green + blue) / 3.0;
-        // It may glow, and must be seen to then.
-        let opacity = (1.0 - passing).max(1.0 / 1024.0);
+        let opacity = (1.0 - passing).max(LEAST_OF_GLASS as f32);
         Some(Self { alpha: there * opacity, diffuse: (1.0 - factor) / opacity, glow: opacity.recip() })
     }
 }

@@ -50,7 +50,7 @@ use serde::Serialize;
 pub use beside::{Folder, files_beside, files_beside_file};
 pub use buffers::read_uri;
 pub use error::{ImportError, ImportProblem};
-pub use glass::Glass;
+pub use glass::{Glass, LEAST_OF_GLASS};
 pub use lightmap::{LightmapLink, MOZ_LIGHTMAP};
 use parse::Parsed;
 pub use parse::{EXT_LIGHTS_AREA, is_understood, require_again, warn_ignored_extensions};

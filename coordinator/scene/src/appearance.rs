@@ -14,6 +14,7 @@ use kernel::geometry::area_vector;
 
 use crate::facet::{Facet, SourceTriangle};
 use crate::means::{AreaMeans, Composed, Opacity};
+use document::LEAST_OF_GLASS;
 use document::texture::Mapping;
 
 /// Largest reflectance. At 1 light would never be absorbed and nothing would converge in a closed scene.
@@ -24,9 +25,6 @@ const SAMPLES_ALONG_SIDE: usize = 4;
 
 /// Places on an image closer than this, in widths of the image, are one.
 const ONE_PLACE: f64 = 1e-9;
-
-/// Least opacity of glass that glows: what is not there at all would not be seen to.
-const LEAST_OF_GLOWING: f64 = 1.0 / 1024.0;
 
 /// An image and how it lies on surfaces.
 #[derive(Clone)]
@@ -63,9 +61,9 @@ pub struct Pattern {
 }
 
 impl Pattern {
-    /// Whether light passes nowhere.
-    fn is_opaque(&self) -> bool {
-        self.opacity == Opacity::Opaque && self.transmission == 0.0 && self.transmitting.is_none()
+    /// Whether light passes through what is there.
+    fn transmits(&self) -> bool {
+        self.transmission != 0.0 || self.transmitting.is_some()
     }
 
     /// Reflectance and opacity, given what would be reflected if nothing were transmitted, with the opacity `alpha` in it, and the
@@ -74,7 +72,7 @@ impl Pattern {
         // Colours above 1 would make light.
         let diffuse = diffuse.min(DVec3::splat(alpha));
         let passing = (diffuse * (DVec3::ONE - left)).element_sum() / 3.0;
-        let least = if self.exitance == DVec3::ZERO { 0.0 } else { LEAST_OF_GLOWING.min(alpha) };
+        let least = if self.exitance == DVec3::ZERO { 0.0 } else { LEAST_OF_GLASS.min(alpha) };
         let reflectance = (diffuse * left).min(DVec3::splat(MAX_REFLECTANCE));
         (reflectance, (alpha - passing).max(least))
     }
@@ -145,11 +143,14 @@ impl Appearance {
     /// Mean opacity over a polygon of a facet.
     #[must_use]
     pub fn opacity(&self, index: u32, facet: &Facet, polygon: &[DVec3]) -> f64 {
-        if self.pattern.is_opaque() {
+        let transmits = self.pattern.transmits();
+        if self.pattern.opacity == Opacity::Opaque && !transmits {
             return 1.0;
         }
-        let opacity = |place| self.reflectance_and_opacity(&place, &self.colour_and_opacity(&place)).1;
-        self.place(index, facet, polygon).map_or(1.0, opacity)
+        let Some(place) = self.place(index, facet, polygon) else { return 1.0 };
+        let known = self.colour_and_opacity(&place);
+        // Without transmission colours do not count.
+        if transmits { self.reflectance_and_opacity(&place, &known).1 } else { known.1.all() }
     }
 
     /// All three of them, for little more than one: reflectance, exitance and opacity.

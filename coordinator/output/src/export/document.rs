@@ -21,6 +21,7 @@ use super::{
     Domain, ExportError, ExportSettings, Materials, Unshared, attributes, extensions, layers, materials,
 };
 use bake::lit::LitMesh;
+use document::Glass;
 use document::placement::world_matrices;
 use scene::{Scene, Side};
 
@@ -84,6 +85,7 @@ fn lit_nodes(scene: &Scene, lit: &LitMesh) -> Result<BTreeMap<usize, LitPrimitiv
 struct LitSide {
     refined: RefinedPrimitive,
     glows: bool,
+    glass: Option<Glass>,
 }
 
 struct Assembler<'a> {
@@ -147,13 +149,16 @@ impl<'a> Assembler<'a> {
         let triangles = &self.lit.surfaces[surface_index];
         let glows = materials::glows(self.lit, surface, triangles)?;
         let material = source.material().index().and_then(|index| scene.source.root.materials.get(index));
+        // Colours of vertices would tint what passes from vertex to vertex.
+        let has_colours = source.get(&Semantic::Colors(0)).is_some();
+        let glass = material.and_then(Glass::of).filter(|_| !has_colours);
         let show = Show {
             exposure: self.exposure,
-            diffuse: materials::diffuse_part(material, glows, source.get(&Semantic::Colors(0)).is_some()),
+            diffuse: materials::diffuse_part(material, glows, glass),
             domain: self.domain,
         };
         let refined = refine(surface, triangles, self.lit, &self.parts, &placement, show, &attributes)?;
-        Ok(LitSide { refined, glows })
+        Ok(LitSide { refined, glows, glass })
     }
 
     /// Gives the node a mesh of its own, with its light. Returns the input's.
@@ -190,7 +195,7 @@ impl<'a> Assembler<'a> {
         original: &Primitive,
     ) -> Result<Primitive, ExportError> {
         let surface = &self.draft.scene.surfaces[surface_index];
-        let LitSide { refined, glows } = self
+        let LitSide { refined, glows, glass } = self
             .sides
             .remove(&surface_index)
             .ok_or_else(|| ExportError::Mismatch(format!("{} is shown twice", surface.name)))?;
@@ -201,8 +206,7 @@ impl<'a> Assembler<'a> {
             original.material
         } else {
             let stays = glows || self.keeps_materials;
-            let has_colours = original.attributes.contains_key(&Valid(Semantic::Colors(0)));
-            Some(self.materials.lit(&mut self.draft.root, original.material, one_side, stays, has_colours)?)
+            Some(self.materials.lit(&mut self.draft.root, original.material, one_side, stays, glass)?)
         };
         Ok(self.store(refined, Primitive { material, ..original.clone() }))
     }

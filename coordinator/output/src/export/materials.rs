@@ -29,16 +29,15 @@ impl LitMaterials {
     ///
     /// A primitive without one gets a white one: glTF's default material is a white metal, whose own grey no viewer
     /// shows either. `one_side` says that the primitive is one side of a `doubleSided` one; `glows`
-    /// that it must show its emission, `has_colours` that its vertices have colours of their own.
+    /// that it must show its emission, `glass` how it is shown where it is glass.
     pub(super) fn lit(
         &mut self,
         root: &mut Root,
         material: Option<Index<Material>>,
         one_side: bool,
         glows: bool,
-        has_colours: bool,
+        glass: Option<Glass>,
     ) -> Result<Index<Material>, ExportError> {
-        let glass = material.and_then(|index| root.get(index)).and_then(Glass::of).filter(|_| !has_colours);
         let key = (material.map(|index| index.value()), one_side, glows, glass.is_some());
         if let Some(&made) = self.made.get(&key) {
             return Ok(made);
@@ -146,9 +145,9 @@ pub(super) fn glows(
 }
 
 /// The part of a base colour that reflects diffusely, where one number says it; all of it where the input is unlit.
-pub(super) fn diffuse_part(material: Option<&Material>, glows: bool, has_colours: bool) -> f64 {
+pub(super) fn diffuse_part(material: Option<&Material>, glows: bool, glass: Option<Glass>) -> f64 {
     let Some(material) = material.filter(|_| !glows) else { return 1.0 };
-    let seen = Glass::of(material).filter(|_| !has_colours).map_or(1.0, |glass| f64::from(glass.diffuse));
+    let seen = glass.map_or(1.0, |glass| f64::from(glass.diffuse));
     let pbr = &material.pbr_metallic_roughness;
     let extensions = material.extensions.as_ref();
     let has_no_metal = extensions

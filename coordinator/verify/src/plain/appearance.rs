@@ -11,13 +11,12 @@ use gltf::{Material, Node, Primitive, Semantic, Texture};
 
 use super::PlainError;
 use super::source::PlainDocument;
+use document::LEAST_OF_GLASS;
+use document::images::image_of;
 use document::texture::{Encoding, Image, Mapping, Sampler, decode};
 
 /// Largest reflectance, as in the bake: at 1, a closed scene would never absorb its light.
 pub(super) const MAX_REFLECTANCE: f64 = 0.999;
-
-/// Least part of glass that is there: it may glow, and rays must meet it.
-const LEAST_LEFT: f64 = 1.0 / 1024.0;
 
 /// The material of a primitive, or of a point of it; linear RGB.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -140,7 +139,7 @@ impl PlainAppearance {
         }
         // A grey part of what is there passes. All of the reflection and the glow come from the rest.
         let through = transmitted * diffuse.clamp(DVec3::ZERO, DVec3::ONE).element_sum() / 3.0;
-        let left = (1.0 - through).max(LEAST_LEFT);
+        let left = (1.0 - through).max(LEAST_OF_GLASS);
         PlainMaterial {
             reflectance: (diffuse * ((1.0 - transmitted) / left)).clamp(DVec3::ZERO, most),
             exitance: unparted.exitance / left,
@@ -263,10 +262,7 @@ impl Appearances {
     }
 
     fn image(&mut self, document: &PlainDocument, texture: &Texture<'_>) -> Option<Arc<Image>> {
-        let of_extension = |name| texture.extensions()?.get(name)?.get("source")?.as_u64()?.try_into().ok();
-        let own = || texture.source().map(|image| image.index());
-        let index =
-            of_extension("EXT_texture_webp").or_else(|| of_extension("KHR_texture_basisu")).or_else(own)?;
+        let index = image_of(texture)?;
         let image = document.document.images().nth(index)?;
         let read = || Some(Arc::new(decode(&document.image_bytes(&image)?).ok()?));
         self.images.entry(index).or_insert_with(read).clone()
