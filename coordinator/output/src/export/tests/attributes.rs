@@ -124,19 +124,12 @@ fn glass_is_shown_by_alpha_where_one_number_says_it() {
         ("OPAQUE", texture.clone(), AlphaMode::Opaque, 1.0, 1.0),
         ("BLEND", texture, AlphaMode::Blend, 1.0, 1.0),
     ] {
-        let mut builder = Builder::default();
-        let mut square = builder.square();
-        square["material"] = 0.into();
-        let scene = in_one_node(
-            builder,
-            json!([square]),
-            json!({
-                "images": [{"uri": "data:image/png;base64,AA=="}],
-                "textures": [{"source": 0}],
-                "materials": [{"alphaMode": mode, "pbrMetallicRoughness": pbr,
-                    "extensions": {"KHR_materials_transmission": {"transmissionFactor": 0.6}}}],
-            }),
-        );
+        let scene = square_of(json!({
+            "images": [{"uri": "data:image/png;base64,AA=="}],
+            "textures": [{"source": 0}],
+            "materials": [{"alphaMode": mode, "pbrMetallicRoughness": pbr,
+                "extensions": {"KHR_materials_transmission": {"transmissionFactor": 0.6}}}],
+        }));
         let (_, gltf) = round_trip(&scene, &light(&scene, 0, |_| DVec3::ONE));
         let primitive = first_primitive(&gltf, 0);
         let material = primitive.material();
@@ -150,18 +143,11 @@ fn glass_is_shown_by_alpha_where_one_number_says_it() {
 
 #[test]
 fn where_a_texture_says_what_is_metal_base_colour_is_shown_whole() {
-    let mut builder = Builder::default();
-    let mut square = builder.square();
-    square["material"] = 0.into();
-    let scene = in_one_node(
-        builder,
-        json!([square]),
-        json!({
-            "images": [{"uri": "data:image/png;base64,AA=="}],
-            "textures": [{"source": 0}],
-            "materials": [{"pbrMetallicRoughness": {"metallicRoughnessTexture": {"index": 0}}}],
-        }),
-    );
+    let scene = square_of(json!({
+        "images": [{"uri": "data:image/png;base64,AA=="}],
+        "textures": [{"source": 0}],
+        "materials": [{"pbrMetallicRoughness": {"metallicRoughnessTexture": {"index": 0}}}],
+    }));
     let (_, gltf) = round_trip(&scene, &light(&scene, 0, |_| DVec3::ONE));
     let colours = attribute(&gltf, &first_primitive(&gltf, 0), &Semantic::Colors(0));
     assert_eq!(colours, vec![[0.5; 3]; 4]);
@@ -286,17 +272,10 @@ fn covered_vertices_show_the_light_beside_them() {
 /// Without a metallic factor glTF's is 1: of an unlit material it means nothing.
 #[test]
 fn an_unlit_material_of_the_input_reflects_all_of_its_colour() {
-    let mut builder = Builder::default();
-    let mut square = builder.square();
-    square["material"] = 0.into();
-    let scene = in_one_node(
-        builder,
-        json!([square]),
-        json!({
-            "materials": [{"extensions": {"KHR_materials_unlit": {}},
-                "pbrMetallicRoughness": {"baseColorFactor": [0.5, 0.5, 0.5, 1]}}],
-        }),
-    );
+    let scene = square_of(json!({
+        "materials": [{"extensions": {"KHR_materials_unlit": {}},
+            "pbrMetallicRoughness": {"baseColorFactor": [0.5, 0.5, 0.5, 1]}}],
+    }));
     let lit = light(&scene, 1, |_| DVec3::ONE);
     let (_, gltf) = round_trip(&scene, &lit);
     let primitive = first_primitive(&gltf, 0);

@@ -113,19 +113,12 @@ fn emissive_materials_stay_as_they_are() {
 
 #[test]
 fn what_glows_less_than_it_reflects_becomes_unlit() {
-    let mut builder = Builder::default();
-    let mut square = builder.square();
-    square["material"] = 0.into();
-    let scene = in_one_node(
-        builder,
-        json!([square]),
-        json!({
-            "extensionsUsed": ["KHR_materials_emissive_strength"],
-            "materials": [{"emissiveFactor": [0.5, 0.5, 0.5],
-                "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 2.0}},
-                "pbrMetallicRoughness": {"metallicFactor": 0, "baseColorFactor": [0.5, 0.5, 0.5, 1]}}],
-        }),
-    );
+    let scene = square_of(json!({
+        "extensionsUsed": ["KHR_materials_emissive_strength"],
+        "materials": [{"emissiveFactor": [0.5, 0.5, 0.5],
+            "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 2.0}},
+            "pbrMetallicRoughness": {"metallicFactor": 0, "baseColorFactor": [0.5, 0.5, 0.5, 1]}}],
+    }));
     let emitted = scene.surfaces[0].exitance.x / scene.surfaces[0].reflectance.x;
     for (irradiance, unlit) in [(0.99 * emitted, false), (1.01 * emitted, true)] {
         let (_, gltf) = round_trip(&scene, &light(&scene, 0, |_| DVec3::splat(irradiance)));

@@ -25,6 +25,14 @@ fn in_one_node(builder: Builder, primitives: Value, mut document: Value) -> Scen
     builder.import(document)
 }
 
+/// A square of the first material of a document.
+fn square_of(document: Value) -> Scene {
+    let mut builder = Builder::default();
+    let mut square = builder.square();
+    square["material"] = 0.into();
+    in_one_node(builder, json!([square]), document)
+}
+
 fn settings() -> ExportSettings {
     ExportSettings {
         exposure: Some(0.5),

@@ -13,6 +13,9 @@ use crate::import::test_document::{SQUARE, TestDocument};
 use crate::import::{ImportOptions, import, import_slice};
 use crate::model::{Scene, Surface};
 
+mod glass;
+mod images;
+
 const BLACK: [u8; 4] = [0, 0, 0, 255];
 const WHITE: [u8; 4] = [255, 255, 255, 255];
 
@@ -288,91 +291,6 @@ fn transforms_choose_set_and_place() {
     assert_near(cloth(&scene).reflectance, DVec3::splat(0.999));
 }
 
-/// A scene whose texture has no image but that of an extension, which the file requires, and so does the output.
-fn required(extension: &str, format: &str, bytes: &[u8]) -> Scene {
-    let mut textured = Textured::new();
-    let view = textured.view(bytes);
-    let image = textured.document.push("images", json!({ "bufferView": view, "mimeType": format }));
-    let texture = json!({ "sampler": 0, "extensions": { extension: { "source": image } } });
-    let texture = textured.document.push("textures", texture);
-    textured.document.root["extensionsUsed"] = json!([extension]);
-    textured.document.root["extensionsRequired"] = json!([extension]);
-    let scene = textured
-        .scene(json!({ "pbrMetallicRoughness": { "baseColorTexture": json!({ "index": texture }) } }));
-    assert_eq!(scene.source.root.extensions_required, [extension]);
-    scene
-}
-
-/// Four by four texels of each of six colours in two rows, the last ones cut, as UASTC without loss.
-#[test]
-fn ktx2_counts_as_a_png_of_its_texels_does() {
-    let squares = [
-        [[255, 0, 0, 255], [0, 255, 0, 255], [0, 0, 255, 255]],
-        [[200, 120, 40, 255], [90, 90, 90, 128], [255, 255, 255, 0]],
-    ];
-    let texels: Vec<[u8; 4]> =
-        (0..7).flat_map(|row| (0..10).map(move |column| squares[row / 4][column / 4])).collect();
-    let mut textured = Textured::new();
-    let texture = textured.texture(10, &texels);
-    let png = textured.scene(json!({ "pbrMetallicRoughness": { "baseColorTexture": texture } }));
-    let ktx2 = required(
-        "KHR_texture_basisu",
-        "image/ktx2",
-        include_bytes!("../../../../../tests/fuzz/seeds/images/uastc.ktx2"),
-    );
-    assert!(ktx2.warnings.is_empty(), "{:?}", ktx2.warnings);
-    let mean = |scene: &Scene| cloth(scene).mean_reflectance(0, &part(scene, [0.1, 0.2], [0.9, 0.7]));
-    assert!(mean(&png).min_element() > 0.01);
-    assert_near(mean(&ktx2), mean(&png));
-}
-
-#[test]
-fn images_come_from_data_uris_files_and_extensions() {
-    let texels = [BLACK, WHITE];
-    let material = |texture: Value| json!({ "pbrMetallicRoughness": { "baseColorTexture": texture } });
-    let half = |scene: Scene| {
-        assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
-        assert_near(cloth(&scene).reflectance, DVec3::splat(0.5));
-    };
-    let mut textured = Textured::new();
-    let data = STANDARD.encode(encoded(2, &texels, ImageFormat::Png));
-    let texture = textured.texture_of(json!({ "uri": format!("data:image/png;base64,{data}") }));
-    half(textured.scene(material(texture)));
-
-    half(required("EXT_texture_webp", "image/webp", &encoded(2, &texels, ImageFormat::WebP)));
-
-    let folder = tempfile::tempdir().unwrap();
-    std::fs::write(folder.path().join("a picture.png"), encoded(2, &texels, ImageFormat::Png)).unwrap();
-    let mut textured = Textured::new();
-    let texture = textured.texture_of(json!({ "uri": "a%20picture.png" }));
-    let path = folder.path().join("scene.glb");
-    std::fs::write(&path, textured.document(material(texture)).glb()).unwrap();
-    half(import(&path, &ImportOptions::default()).unwrap());
-}
-
-#[test]
-fn unreadable_images_leave_the_factor_and_a_warning() {
-    let good = encoded(2, &[BLACK, WHITE], ImageFormat::Png);
-    let data = |bytes: &[u8]| format!("data:image/png;base64,{}", STANDARD.encode(bytes));
-    let images = [
-        (json!({ "uri": data(b"GIF89a"), "name": "icon" }), "image \"icon\" is not read: it is neither PNG"),
-        (json!({ "uri": data(&good[..40]) }), "image 0 is not read: it is damaged"),
-        (json!({ "uri": "beside.png" }), "may not refer to files"),
-        (json!({ "uri": "data:image/png,xyz" }), "only base64 data URIs are read"),
-        (json!({ "bufferView": 0, "mimeType": "image/png" }), "it is neither PNG"),
-    ];
-    for (image, expected) in images {
-        let mut textured = Textured::new();
-        let texture = textured.texture_of(image);
-        let scene = textured.scene(json!({
-            "pbrMetallicRoughness": { "baseColorTexture": texture, "baseColorFactor": [0.5, 0.5, 0.5, 1.0] },
-        }));
-        assert_eq!(cloth(&scene).reflectance, DVec3::splat(0.5));
-        assert!(scene.warnings[0].contains(expected), "{expected}: {:?}", scene.warnings);
-        assert!(scene.warnings[0].contains("the factors alone count"));
-    }
-}
-
 #[test]
 fn broken_references_are_errors_or_warnings() {
     let mut textured = Textured::new();
@@ -424,93 +342,6 @@ fn what_counts_and_what_does_not_is_told() {
             "1 occlusion texture",
             "1 material with KHR_materials_specular",
             "1 material with KHR_materials_volume"
-        ]
-    );
-}
-
-#[test]
-fn transmission_lets_the_surface_s_colour_through() {
-    let glass = |pbr: Value, transmission: Value| {
-        let extensions = json!({ "KHR_materials_transmission": transmission });
-        let scene = Textured::new().scene(json!({
-            "pbrMetallicRoughness": pbr, "emissiveFactor": [0.1, 0.1, 0.1], "extensions": extensions,
-        }));
-        assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
-        let cloth = cloth(&scene);
-        assert_near(cloth.exitance, DVec3::splat(f64::from(0.1_f32) * PI));
-        (cloth.reflectance, cloth.opacity)
-    };
-    let half = json!({ "transmissionFactor": 0.5 });
-    let (reflectance, opacity) = glass(json!({ "baseColorFactor": [0.75, 0.5, 0.25, 1.0] }), half.clone());
-    assert_near(reflectance, DVec3::new(0.375, 0.25, 0.125));
-    assert!((opacity - 0.75).abs() < 1e-12, "{opacity}");
-    // Metal lets nothing through, and reflects none of it.
-    let (reflectance, opacity) = glass(json!({ "metallicFactor": 0.5 }), half);
-    assert_near(reflectance, DVec3::splat(0.25));
-    assert!((opacity - 0.75).abs() < 1e-12, "{opacity}");
-    // Clear glass reflects nothing, and its glow is seen though it hides nothing.
-    let (reflectance, opacity) = glass(json!({}), json!({ "transmissionFactor": 1.0 }));
-    assert_eq!(reflectance, DVec3::ZERO);
-    assert!(opacity > 0.0 && opacity < 0.01, "{opacity}");
-}
-
-/// A dark frame and its clear glass on one image, in one polygon: means would let half of the light through the frame.
-#[test]
-fn transmission_and_colour_are_multiplied_texel_by_texel() {
-    let mut textured = Textured::new();
-    let base = textured.texture(2, &[[63, 63, 63, 255], WHITE]);
-    let texture = textured.texture(2, &[[0, 255, 255, 255], [255, 0, 0, 255]]);
-    let scene = textured.scene(json!({
-        "pbrMetallicRoughness": { "baseColorTexture": base },
-        "extensions": { "KHR_materials_transmission": {
-            "transmissionFactor": 1.0, "transmissionTexture": texture,
-        } },
-    }));
-    let frame = document::texture::srgb_to_linear(63.0 / 255.0);
-    assert_near(cloth(&scene).reflectance, DVec3::splat(frame / 2.0));
-    assert!((cloth(&scene).opacity - 0.5).abs() < 1e-7, "{}", cloth(&scene).opacity);
-}
-
-#[test]
-fn no_colour_makes_light_of_what_passes() {
-    for (mode, alpha) in [("OPAQUE", 1.0), ("BLEND", 0.5)] {
-        let scene = Textured::new().scene(json!({
-            "alphaMode": mode,
-            "pbrMetallicRoughness": { "baseColorFactor": [2.0, 0.5, 0.0, alpha] },
-            "extensions": { "KHR_materials_transmission": { "transmissionFactor": 0.5 } },
-        }));
-        let cloth = cloth(&scene);
-        assert!(cloth.reflectance.max_element() <= cloth.opacity, "{mode}: {cloth:?}");
-        assert_near(cloth.reflectance, DVec3::new(alpha, 0.5 * alpha, 0.0) / 2.0);
-    }
-}
-
-#[test]
-fn transmission_textures_say_where_light_passes() {
-    let mut textured = Textured::new();
-    let base = textured.texture(1, &[[188, 188, 188, 255]]);
-    let texture = textured.texture(2, &[[255, 0, 0, 255], [0, 255, 255, 255]]);
-    let scene = textured.scene(json!({
-        "pbrMetallicRoughness": { "baseColorTexture": base, "baseColorFactor": [1.0, 0.5, 0.5, 1.0] },
-        "extensions": { "KHR_materials_transmission": {
-            "transmissionFactor": 0.75, "transmissionTexture": texture,
-        } },
-    }));
-    assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
-    let colour = document::texture::srgb_to_linear(188.0 / 255.0) * DVec3::new(1.0, 0.5, 0.5);
-    for (low, transmitted) in [(0.0, 0.75), (0.5, 0.0)] {
-        let half = part(&scene, [low, 0.0], [low + 0.5, 1.0]);
-        let (reflectance, _, opacity) = cloth(&scene).mean_material(0, &half);
-        assert_near(reflectance, colour * (1.0 - transmitted));
-        assert!((opacity - (1.0 - transmitted * colour.element_sum() / 3.0)).abs() < 1e-7, "{opacity}");
-    }
-    assert_eq!(
-        scene.import_report.modelled,
-        [
-            "1 base colour texture",
-            "1 transmission texture",
-            "1 material with transmission",
-            "1 emissive surface"
         ]
     );
 }
