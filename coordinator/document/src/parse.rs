@@ -72,8 +72,8 @@ pub(crate) fn parse(bytes: &[u8]) -> Result<Parsed<'_>, ImportProblem> {
     Ok(Parsed { root, json, blob })
 }
 
-/// Parses a document that the crate refuses: of another version, or with a scene without `nodes`, which the specification
-/// allows.
+/// Parses a document that the crate refuses: of another version, with a scene without `nodes`, which the specification allows,
+/// or with [texture coordinates below 0](first_coordinates).
 fn read_otherwise(json: &[u8], error: serde_json::Error) -> Result<json::Root, ImportProblem> {
     #[derive(Deserialize)]
     struct Asset {
@@ -92,8 +92,24 @@ fn read_otherwise(json: &[u8], error: serde_json::Error) -> Result<json::Root, I
     for scene in scenes.filter_map(Value::as_object_mut) {
         scene.entry("nodes").or_insert_with(|| Value::Array(vec![]));
     }
+    document.get_mut("materials").into_iter().for_each(first_coordinates);
     // As text, which the crate has its parser for. The first error tells the place in the file.
     serde_json::to_vec(&document).and_then(|json| json::Root::from_slice(&json)).map_err(|_| failed())
+}
+
+/// Makes texture coordinates of set -1 those of the first set, as viewers do: exporters write it for materials whose image
+/// names no coordinates.
+fn first_coordinates(value: &mut Value) {
+    match value {
+        Value::Array(values) => values.iter_mut().for_each(first_coordinates),
+        Value::Object(members) => {
+            if members.get("texCoord").and_then(Value::as_i64).is_some_and(|set| set < 0) {
+                members.remove("texCoord");
+            }
+            members.values_mut().for_each(first_coordinates);
+        }
+        _ => {}
+    }
 }
 
 /// Validates a document and makes `scene` its default scene.

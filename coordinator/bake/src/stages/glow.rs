@@ -16,8 +16,8 @@ use crate::error_budget::INTERPOLATED_NOISE;
 use crate::rows::{Radiosity, Rows, ShareMesh};
 use crate::solver::cache::SetId;
 
-/// Largest exitance of what glows, relative to the mean irradiance: brighter things would leave spots in dark places.
-const BRIGHTEST: f64 = 2.0;
+/// Largest exitance of what glows, relative to the mean irradiance: brighter things would leave spots near them.
+const BRIGHTEST: f64 = 8.0;
 
 /// Rays that meet what glows from a place, at least, in the mean: of a small lamp they would tell too little to those near it.
 const LEAST_RAYS: f64 = 8.0;
@@ -78,13 +78,15 @@ impl Emissions {
     }
 
     /// The surfaces that glow, where all others give a mean irradiance of `level` to a scene of this area: as many of the dimmest as
-    /// stay under [`BRIGHTEST`], which this number of rays meets often enough for the asked error.
+    /// stay under [`BRIGHTEST`], which this number of rays meets often enough for the asked error; and those so faint that their noise
+    /// is small wherever they are seen from.
     pub fn glowing(&self, level: f64, area: f64, rays: u32, error: f64) -> HashSet<usize> {
         let mut dimmest: Vec<(usize, &Emission)> =
             self.0.iter().map(|(surface, own)| (*surface, own)).collect();
         dimmest.sort_by(|a, b| a.1.largest.max_element().total_cmp(&b.1.largest.max_element()));
         let all: DVec3 = self.0.values().map(|own| own.flux).sum();
         let level = level + (all / area).element_sum() / 3.0;
+        let allowed = (PART_OF_ERROR * error * level).powi(2);
         let (mut flux, mut square, mut emitting, mut count) = (DVec3::ZERO, DVec3::ZERO, 0.0, 0);
         for (index, (_, own)) in dimmest.iter().enumerate() {
             flux += own.flux;
@@ -92,10 +94,14 @@ impl Emissions {
             emitting += own.area.max_element();
             // Of rays that meet a surface as often as its part of the area is.
             let mean = flux / area;
-            let variance = (square / area - mean * mean).max_element() / f64::from(rays) * INTERPOLATED_NOISE;
-            let is_dim = own.largest.max_element() <= BRIGHTEST * level;
+            let noise = |variance: f64| variance / f64::from(rays) * INTERPOLATED_NOISE;
+            let largest = own.largest.max_element();
+            let is_dim = largest <= BRIGHTEST * level;
             let is_met = emitting / area * f64::from(rays) >= LEAST_RAYS;
-            if is_dim && is_met && variance <= (PART_OF_ERROR * error * level).powi(2) {
+            let is_even = noise((square / area - mean * mean).max_element()) <= allowed;
+            // Most where it fills half of what is seen.
+            let is_faint = noise((largest / 2.0).powi(2)) <= allowed;
+            if is_faint || is_dim && is_met && is_even {
                 count = index + 1;
             }
         }
@@ -189,10 +195,13 @@ mod tests {
         assert_eq!(glowing(&[dim.clone(), bright.clone()], 1.0), [0]);
         assert_eq!(glowing(&[bright], 1.0), [0; 0]);
         assert_eq!(glowing(&[dim], 10.0), [0]);
-        // Few rays meet what is small.
-        let small = [(); 3].map(|()| squares(0, 100, 0.1));
-        assert_eq!(glowing(&small.clone(), 1.0), [0]);
-        assert_eq!(Emissions::of_many(&small).glowing(1.0, 100.0 * AREA, 256, 0.1), HashSet::new());
+        // Few rays meet what is small: it must be faint.
+        let small = |exitance: f64| [(); 3].map(|()| squares(0, 100, exitance));
+        let in_large_scene =
+            |exitance: f64| Emissions::of_many(&small(exitance)).glowing(1.0, 100.0 * AREA, 256, 0.1);
+        assert_eq!(glowing(&small(3.0), 1.0), [0]);
+        assert_eq!(in_large_scene(3.0), HashSet::new());
+        assert_eq!(in_large_scene(2.0), HashSet::from([0]));
         // Alone in the dark, a part of the scene that rays seldom meet is no even light.
         assert_eq!(glowing(&[squares(0, 300, 1.0)], 0.0), [0; 0]);
         assert_eq!(glowing(&[squares(0, 3500, 1.0)], 0.0), [0]);

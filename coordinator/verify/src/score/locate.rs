@@ -9,6 +9,9 @@ const DISTANCE: f64 = 1e-4;
 /// How far outside a triangle, in barycentric coordinates, still counts as inside: a shared edge belongs to both sides.
 const EDGE: f64 = 1e-6;
 
+/// Part of that distance by which surfaces lie at one place: the two sides of a sheet whose vertices were rounded.
+const SAME_PLACE: f64 = 0.2;
+
 /// Most cells along an axis.
 const MOST_CELLS: f64 = 64.0;
 
@@ -60,7 +63,7 @@ impl<'a> TriangleGrid<'a> {
     }
 
     /// The triangle at a point and the point's barycentric coordinates in it: the one nearest along the normal, since another surface
-    /// may come close, as a roof does to the wall that it rests on; of several at one place the one whose front faces up.
+    /// may come close, as a roof does to the wall that it rests on; of several at one place the nearest whose front faces up.
     pub(super) fn locate(&self, point: DVec3, normal: DVec3) -> Option<(usize, DVec3)> {
         let cell = self.cell_of(point);
         if cell.cmpge(self.counts).any() {
@@ -72,8 +75,8 @@ impl<'a> TriangleGrid<'a> {
             .collect();
         let off = |hit: &Hit| (hit.depth - self.distance).abs();
         let nearest = hits.iter().map(off).reduce(f64::min)?;
-        let same_place = |hit: &&Hit| off(hit) - nearest < 0.01 * self.distance;
-        let hit = hits.iter().filter(same_place).max_by_key(|hit| hit.front)?;
+        let at_one_place = hits.iter().filter(|hit| off(hit) - nearest < SAME_PLACE * self.distance);
+        let hit = at_one_place.min_by(|a, b| b.front.cmp(&a.front).then(off(a).total_cmp(&off(b))))?;
         Some((hit.triangle, barycentric(&self.triangles[hit.triangle], point)))
     }
 

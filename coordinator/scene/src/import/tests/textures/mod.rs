@@ -291,6 +291,20 @@ fn transforms_choose_set_and_place() {
     assert_near(cloth(&scene).reflectance, DVec3::splat(0.999));
 }
 
+/// Exporters write set -1 for images without coordinates of their own; viewers take the first set.
+#[test]
+fn coordinates_below_the_first_set_are_the_first() {
+    let mut textured = Textured::new();
+    let mut texture = textured.texture(2, &[BLACK, WHITE, BLACK, WHITE]);
+    texture["texCoord"] = (-1).into();
+    let scene = textured.scene(json!({
+        "pbrMetallicRoughness": { "baseColorTexture": texture, "baseColorFactor": [0.5, 0.5, 0.5, 1.0] },
+    }));
+    assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+    let right = cloth(&scene).mean_reflectance(0, &part(&scene, [0.5, 0.0], [1.0, 1.0]));
+    assert_near(right, DVec3::splat(0.5));
+}
+
 #[test]
 fn broken_references_are_errors_or_warnings() {
     let mut textured = Textured::new();
