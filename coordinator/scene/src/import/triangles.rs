@@ -15,8 +15,9 @@ const LEAST_HEIGHT: f64 = 1e-10;
 /// Cosine of the deviation (one degree) from which a normal of the file counts as smooth shading.
 const SMOOTH_COSINE: f64 = 0.999_847_695;
 
-/// Cosine down to which a normal of the file can be meant: beyond, it points along the surface or away from it.
-const LEAST_NORMAL_COSINE: f64 = 0.1;
+/// Cosine (31 degrees) down to which a normal of the file tells how a surface bends: those of a prism with six sides still do. Beyond,
+/// edges are smoothed that nobody takes for round, as a box's are, and the normal looks at what its facet does not see.
+const LEAST_NORMAL_COSINE: f64 = 0.86;
 
 /// Half a unit in the last place of an f32, relative: how far the file's coordinates may be off by rounding.
 const F32_ROUNDING: f64 = 1.0 / (1u64 << 24) as f64;

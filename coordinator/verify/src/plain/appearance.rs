@@ -193,25 +193,22 @@ impl Appearances {
         }
         let mut layer = |texture: Option<Mapped<'_>>, encoding| -> Result<_, PlainError> {
             let Some((texture, mapping)) = texture else { return Ok(None) };
-            let semantic = Semantic::TexCoords(mapping.set);
-            let found = primitive.get(&semantic).zip(self.image(document, &texture));
-            let Some((accessor, image)) = found else {
-                warnings.insert(format!(
-                    "{name}: a texture ignored, its image or TEXCOORD_{} is missing",
-                    mapping.set
-                ));
+            let Some(image) = self.image(document, &texture) else {
+                warnings.insert(format!("{name}: a texture ignored, its image is missing"));
                 return Ok(None);
             };
-            let shapes = [Dimensions::Vec2];
-            document.check(node, &accessor, vertices, &shapes, "TEXCOORD")?;
-            let reader = primitive.reader(|buffer| document.bytes(&buffer));
-            let places = reader.read_tex_coords(mapping.set).map(|places| {
-                places
-                    .into_f32()
-                    .map(|uv| mapping.transform.transform_point2(DVec2::from_array(uv.map(f64::from))))
-                    .collect()
-            });
-            Ok(places.map(|places| Layer { image, sampler: mapping.sampler, encoding, places }))
+            let at = |place| mapping.transform.transform_point2(place);
+            let places = if let Some(accessor) = primitive.get(&Semantic::TexCoords(mapping.set)) {
+                document.check(node, &accessor, vertices, &[Dimensions::Vec2], "TEXCOORD")?;
+                let reader = primitive.reader(|buffer| document.bytes(&buffer));
+                let places = reader.read_tex_coords(mapping.set).map(|places| places.into_f32());
+                places.into_iter().flatten().map(|uv| at(DVec2::from_array(uv.map(f64::from)))).collect()
+            } else {
+                warnings
+                    .insert(format!("{name}: without TEXCOORD_{} all is the texel at (0, 0)", mapping.set));
+                vec![at(DVec2::ZERO); vertices]
+            };
+            Ok(Some(Layer { image, sampler: mapping.sampler, encoding, places }))
         };
         let [base_texture, mirrored_texture] = textures;
         let base_texture = layer(base_texture, Encoding::Srgb)?;

@@ -148,7 +148,7 @@ fn what_is_not_modelled_is_said() {
         scene.warnings,
         [
             "extensions ignored: KHR_materials_clearcoat",
-            "material paint: a texture ignored, its image or TEXCOORD_0 is missing",
+            "material paint: a texture ignored, its image is missing",
             "material paint: reflectance clamped to 0.999",
         ]
     );
@@ -307,4 +307,15 @@ fn textures_and_colours_are_those_of_the_point() {
     let mode = |mode: &str| with_picture(|root| root["materials"][0]["alphaMode"] = json!(mode));
     assert_eq!([0.5, 1.5].map(|x| look(&mode("MASK"), x, 0.1).opacity), [1.0, 0.0]);
     assert_eq!([0.5, 1.5].map(|x| look(&mode("BLEND"), x, 0.1).opacity), [1.0, 64.0 / 255.0]);
+}
+
+#[test]
+fn a_texture_without_coordinates_is_its_first_texel() {
+    let scene = with_picture(|root| {
+        root["meshes"][0]["primitives"][0]["attributes"].as_object_mut().unwrap().remove("TEXCOORD_0");
+    });
+    let red = DVec3::new(0.8, 0.0, 0.0);
+    assert!(look(&scene, 0.5, 0.0).reflectance.abs_diff_eq(red, 1e-7));
+    assert!(look(&scene, 1.5, 0.0).reflectance.abs_diff_eq(red, 1e-7));
+    assert_eq!(scene.warnings, ["material 0: without TEXCOORD_0 all is the texel at (0, 0)"]);
 }
