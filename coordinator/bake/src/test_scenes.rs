@@ -37,6 +37,7 @@ fn surface(facets: Vec<Facet>) -> Surface {
         exitance: DVec3::ZERO,
         opacity: 1.0,
         appearance: None,
+        keeps_normals: false,
         facets,
     }
 }

@@ -104,9 +104,10 @@ fn first_coordinates(value: &mut Value) {
         Value::Array(values) => values.iter_mut().for_each(first_coordinates),
         Value::Object(members) => {
             if members.get("texCoord").and_then(Value::as_i64).is_some_and(|set| set < 0) {
-                members.remove("texCoord");
+                members.insert("texCoord".to_owned(), 0.into());
             }
-            members.values_mut().for_each(first_coordinates);
+            let read = members.iter_mut().filter(|(name, _)| *name != "extras");
+            read.for_each(|(_, member)| first_coordinates(member));
         }
         _ => {}
     }

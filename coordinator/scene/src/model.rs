@@ -107,6 +107,8 @@ pub struct Surface {
     pub opacity: f64,
     /// Its textures and vertex colours; `None` if it is uniform.
     pub appearance: Option<Arc<Appearance>>,
+    /// Whether the output takes its normals from the file: some lean further from their facets than light follows.
+    pub keeps_normals: bool,
     /// Flat convex pieces that cover the surface's triangles without overlap, but for what lies under others in their plane; empty
     /// where all of it does.
     pub facets: Vec<Facet>,

@@ -33,6 +33,9 @@ pub trait RowSource: Send {
     /// Rays of a hemisphere, where it has any.
     fn rays(&self, settings: &BakeSettings) -> u32;
 
+    /// Rays of a gather point, where it has any.
+    fn rays_of_point(&self, settings: &BakeSettings) -> u32;
+
     /// Whether light that the answer is measured by is gathered twice: it is where it comes by rays, and costs little.
     fn measures_twice(&self) -> bool;
 

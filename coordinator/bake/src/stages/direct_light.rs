@@ -87,7 +87,7 @@ impl Setup {
             let flux: DVec3 =
                 mesh.energies.iter().zip(received).map(|(share, light)| share.area * light).sum();
             let level = flux.element_sum() / 3.0 / area;
-            let rays = source.rays(cx.settings);
+            let rays = source.rays_of_point(cx.settings);
             let glowing = emissions.glowing(level, area, rays, cx.settings.asked_error());
             tracing::debug!(level, surfaces = glowing.len(), "surfaces glow");
             make_glow(&mut sources, &glowing);

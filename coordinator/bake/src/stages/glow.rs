@@ -91,17 +91,18 @@ impl Emissions {
         for (index, (_, own)) in dimmest.iter().enumerate() {
             flux += own.flux;
             square += own.square;
-            emitting += own.area.max_element();
             // Of rays that meet a surface as often as its part of the area is.
             let mean = flux / area;
             let noise = |variance: f64| variance / f64::from(rays) * INTERPOLATED_NOISE;
             let largest = own.largest.max_element();
             let is_dim = largest <= BRIGHTEST * level;
-            let is_met = emitting / area * f64::from(rays) >= LEAST_RAYS;
-            let is_even = noise((square / area - mean * mean).max_element()) <= allowed;
             // Most where it fills half of what is seen.
             let is_faint = noise((largest / 2.0).powi(2)) <= allowed;
-            if is_faint || is_dim && is_met && is_even {
+            // Rays that meet what is faint do not tell of brighter things.
+            emitting += if is_faint { 0.0 } else { own.area.max_element() };
+            let is_met = emitting / area * f64::from(rays) >= LEAST_RAYS;
+            let is_even = noise((square / area - mean * mean).max_element()) <= allowed;
+            if is_dim && (is_faint || is_met && is_even) {
                 count = index + 1;
             }
         }
@@ -202,6 +203,12 @@ mod tests {
         assert_eq!(glowing(&small(3.0), 1.0), [0]);
         assert_eq!(in_large_scene(3.0), HashSet::new());
         assert_eq!(in_large_scene(2.0), HashSet::from([0]));
+        // Rays that meet what is faint do not help it.
+        assert_eq!(glowing(&[squares(0, 3000, 1.0), squares(1, 20, 5.0)], 0.0), [0]);
+        // Large enough, it may be brighter; never very bright, whatever the error.
+        assert_eq!(glowing(&[squares(0, 350, 4.0)], 0.65), [0]);
+        let bright = squares(0, 400, 10.0);
+        assert_eq!(Emissions::of_many(&[bright]).glowing(0.0, AREA, 256, 0.5), HashSet::new());
         // Alone in the dark, a part of the scene that rays seldom meet is no even light.
         assert_eq!(glowing(&[squares(0, 300, 1.0)], 0.0), [0; 0]);
         assert_eq!(glowing(&[squares(0, 3500, 1.0)], 0.0), [0]);

@@ -35,20 +35,30 @@ pub(super) struct SourceAttribute {
     values: Vec<f64>,
 }
 
-/// Reads the attributes that the refined mesh takes over: neither those that it has of its own (`POSITION`, `NORMAL`,
-/// `_IRRADIANCE` and what begins like it, `_UNSHOT`, `_OCCLUSION`) nor those that belong to an undone pose (`JOINTS`, `WEIGHTS`). `COLOR_0`, which the
-/// light is multiplied by, is also kept by itself, as [`TINT`], unless it `keeps_colours` as they are.
+/// What the refined mesh keeps as the input has it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Keeps {
+    /// `COLOR_0`, without light.
+    pub(super) colours: bool,
+    /// `NORMAL`, though light has others.
+    pub(super) normals: bool,
+}
+
+/// Reads the attributes that the refined mesh takes over: neither those that it has of its own (`POSITION`, `NORMAL` unless it
+/// [keeps](Keeps) it, `_IRRADIANCE` and what begins like it, `_UNSHOT`, `_OCCLUSION`) nor those that belong to an undone pose (`JOINTS`,
+/// `WEIGHTS`). `COLOR_0`, which the light is multiplied by, is also kept by itself, as [`TINT`], unless it is kept as it is.
 ///
 /// Matrices, which only application-specific attributes have, are left out.
 pub(super) fn read(
     primitive: &gltf::Primitive<'_>,
     buffers: &[Vec<u8>],
-    keeps_colours: bool,
+    keeps: Keeps,
 ) -> Result<Vec<SourceAttribute>, ExportError> {
     let mut attributes = Vec::new();
     for (semantic, accessor) in primitive.attributes() {
         let own = match &semantic {
-            Semantic::Positions | Semantic::Normals => true,
+            Semantic::Positions => true,
+            Semantic::Normals => !keeps.normals,
             Semantic::Joints(_) | Semantic::Weights(_) => true,
             Semantic::Extras(name) => {
                 [TINT, UNSHOT, OCCLUSION].contains(&name.as_str()) || name.starts_with(IRRADIANCE)
@@ -61,7 +71,7 @@ pub(super) fn read(
         }
         let values = components(&accessor, buffers)
             .ok_or_else(|| ExportError::Buffer(format!("attribute {}", semantic.to_string())))?;
-        let is_tint = !keeps_colours && semantic == Semantic::Colors(0) && width >= 3;
+        let is_tint = !keeps.colours && semantic == Semantic::Colors(0) && width >= 3;
         let semantic = if is_tint { Semantic::Extras(TINT.into()) } else { semantic };
         attributes.push(SourceAttribute { semantic, width, is_tint, values });
     }

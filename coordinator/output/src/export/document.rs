@@ -11,7 +11,7 @@ use gltf::json::{Index, Material, Mesh, Root};
 use rayon::prelude::*;
 use serde_json::{Map, Value, json};
 
-use super::attributes::IRRADIANCE;
+use super::attributes::{IRRADIANCE, Keeps};
 use super::buffer;
 use super::draft::{Assembled, Draft, posed, source_primitive};
 use super::layers::Parts;
@@ -145,7 +145,8 @@ impl<'a> Assembler<'a> {
         let source = source_primitive(&self.draft.document, mesh, surface)?;
         let placement = Placement::new(scene.frame, self.world[surface.node])
             .ok_or_else(|| ExportError::SingularNode(surface.name.clone()))?;
-        let attributes = attributes::read(&source, &scene.source.buffers, self.keeps_materials)?;
+        let keeps = Keeps { colours: self.keeps_materials, normals: surface.keeps_normals };
+        let attributes = attributes::read(&source, &scene.source.buffers, keeps)?;
         let triangles = &self.lit.surfaces[surface_index];
         let glows = materials::glows(self.lit, surface, triangles)?;
         let material = source.material().index().and_then(|index| scene.source.root.materials.get(index));

@@ -10,7 +10,7 @@ use super::exposure::{corners, display_colour};
 use super::layers::Parts;
 use super::{Domain, ExportError};
 use bake::lit::{LitMesh, LitTriangle, LitVertex};
-use scene::{Frame, Surface};
+use scene::{Frame, Side, Surface};
 
 /// Geometry in a node's coordinates.
 #[derive(Debug, Default)]
@@ -92,7 +92,11 @@ pub(super) fn refine(
     let tint = tint.unwrap_or(0..0);
     let mut refined = RefinedPrimitive {
         parts: vec![vec![]; parts.len()],
-        further: source.iter().map(|a| (a.semantic.clone(), a.kept_width(), Vec::new())).collect(),
+        further: source
+            .iter()
+            .filter(|attribute| attribute.semantic != Semantic::Normals)
+            .map(|attribute| (attribute.semantic.clone(), attribute.kept_width(), Vec::new()))
+            .collect(),
         ..RefinedPrimitive::default()
     };
     let mut known: HashMap<(u32, SmallVec<[u32; 8]>), u32> = HashMap::new();
@@ -150,20 +154,29 @@ impl RefinedPrimitive {
             .filter(|&index| index < u32::MAX)
             .ok_or(ExportError::TooLarge(usize::MAX))?;
         let position = placement.from_world.transform_point3(placement.frame.to_world(vertex.position));
-        let normal = (placement.normal * vertex.normal).normalize();
+        let mut normal = (placement.normal * vertex.normal).normalize();
         self.positions.push(finite(surface, position, "position")?);
-        self.normals.push(finite(surface, normal, "normal")?);
+        let mut kept = self.further.iter_mut();
         let mut rest = further;
-        for ((semantic, width, values), source) in self.further.iter_mut().zip(source) {
+        for source in source {
             let (own, others) = rest.split_at(source.width);
+            rest = others;
+            if source.semantic == Semantic::Normals {
+                normal = normal_of_source(surface.side, own)
+                    .filter(|own| is_meant(*own, normal))
+                    .unwrap_or(normal);
+                continue;
+            }
+            let Some((semantic, width, values)) = kept.next() else { break };
             if !own.iter().all(|value| value.is_finite()) {
                 return Err(not_finite(surface, &semantic.to_string()));
             }
             values.extend_from_slice(&own[..*width]);
-            rest = others;
         }
+        self.normals.push(finite(surface, normal, "normal")?);
         Ok(index)
     }
+
     /// Adds the light of the vertex that was added last. `tint` is the input's `COLOR_0` there; empty where it has none.
     fn push_light(
         &mut self,
@@ -193,6 +206,17 @@ impl RefinedPrimitive {
         }
         Ok(())
     }
+}
+
+/// The unit normal of the input on this side, in the node's coordinates; `None` where it has none.
+fn normal_of_source(side: Side, components: &[f32]) -> Option<DVec3> {
+    let front = DVec3::from_array(<[f32; 3]>::try_from(components).ok()?.map(f64::from));
+    front.try_normalize().map(|front| if side == Side::Front { front } else { -front })
+}
+
+/// Whether a normal of the input points away from the surface, as the one that its light has does.
+fn is_meant(source: DVec3, normal: DVec3) -> bool {
+    source.dot(normal) > 0.0
 }
 
 fn finite(surface: &Surface, value: DVec3, quantity: &str) -> Result<[f32; 3], ExportError> {

@@ -44,8 +44,8 @@ impl FlatPrimitive {
         let welded = placed.welded.as_deref().zip(weld);
         let mesh = TriangleMesh::new(&placed.geometry, &placed.world, frame, welded);
         let facets = facets::build(&mesh, &placed.geometry.attributes);
-        let TriangleMesh { rounding, degenerate, duplicates, .. } = mesh;
-        let surfaces = if facets.is_empty() { Vec::new() } else { placed.surfaces(facets) };
+        let TriangleMesh { rounding, leans_far, degenerate, duplicates, .. } = mesh;
+        let surfaces = if facets.is_empty() { Vec::new() } else { placed.surfaces(facets, leans_far) };
         let is_squeezed = placed.world.matrix3.determinant() == 0.0;
         Self { name: placed.name, surfaces, is_squeezed, rounding, degenerate, duplicates }
     }
@@ -62,7 +62,7 @@ impl PlacedPrimitive {
     }
 
     /// The surface of these front facets, and that of their backs if the material is double sided.
-    fn surfaces(&self, front: Vec<Facet>) -> Vec<Surface> {
+    fn surfaces(&self, front: Vec<Facet>, keeps_normals: bool) -> Vec<Surface> {
         let material = averaged::averaged(&self.pattern, &self.geometry, &front);
         let surface = |side, facets| Surface {
             node: self.node,
@@ -73,6 +73,7 @@ impl PlacedPrimitive {
             exitance: material.exitance,
             opacity: material.opacity,
             appearance: material.appearance.clone(),
+            keeps_normals,
             facets,
         };
         let back = self.double_sided.then(|| front.iter().map(facets::turn).collect());

@@ -17,7 +17,10 @@ const SMOOTH_COSINE: f64 = 0.999_847_695;
 
 /// Cosine (31 degrees) down to which a normal of the file tells how a surface bends: those of a prism with six sides still do. Beyond,
 /// edges are smoothed that nobody takes for round, as a box's are, and the normal looks at what its facet does not see.
-const LEAST_NORMAL_COSINE: f64 = 0.86;
+const LEAST_NORMAL_COSINE: f64 = 0.857_167_3;
+
+/// Cosine down to which a normal of the file can be meant: beyond, it points along the surface or away from it.
+const LEAST_MEANT_COSINE: f64 = 0.1;
 
 /// Half a unit in the last place of an f32, relative: how far the file's coordinates may be off by rounding.
 const F32_ROUNDING: f64 = 1.0 / (1u64 << 24) as f64;
@@ -54,6 +57,8 @@ pub(super) struct TriangleMesh {
     pub(super) triangles: Vec<Triangle>,
     /// How far the rounding of the file's coordinates may have moved a point, frame units.
     pub(super) rounding: f64,
+    /// Whether normals of the file lean further from their triangles than light follows, and may yet be meant.
+    pub(super) leans_far: bool,
     /// Number of triangles dropped because they have no area.
     pub(super) degenerate: usize,
     /// Number of triangles dropped because another has the same positions and winding.
@@ -77,6 +82,7 @@ impl TriangleMesh {
             points: Vec::new(),
             triangles: Vec::with_capacity(geometry.triangles.len()),
             rounding: (rounding(geometry, &world.matrix3) + moved) / frame.scale + FRAME_ROUNDING,
+            leans_far: false,
             degenerate: 0,
             duplicates: 0,
         };
@@ -95,7 +101,9 @@ impl TriangleMesh {
                 continue;
             }
             let normal = area_vector.normalize();
-            let smooth_normals = vertices.map(|vertex| smooth_normal(normal, *normals.get(vertex as usize)?));
+            let file_normals = vertices.map(|vertex| normals.get(vertex as usize).copied());
+            mesh.leans_far |= file_normals.into_iter().flatten().any(|own| leans_far(normal, own));
+            let smooth_normals = file_normals.map(|own| smooth_normal(normal, own?));
             mesh.triangles.push(Triangle { vertices, points, area_vector, smooth_normals });
         }
         mesh
@@ -155,6 +163,12 @@ fn transformed_normals(geometry: &Geometry, matrix: DMat3) -> Vec<DVec3> {
 fn smooth_normal(normal: DVec3, file_normal: DVec3) -> Option<DVec3> {
     let cosine = normal.dot(file_normal);
     (cosine > LEAST_NORMAL_COSINE && cosine < SMOOTH_COSINE).then_some(file_normal)
+}
+
+/// Whether the file's normal leans too far for light, though not along the triangle.
+fn leans_far(normal: DVec3, file_normal: DVec3) -> bool {
+    let cosine = normal.dot(file_normal);
+    cosine > LEAST_MEANT_COSINE && cosine <= LEAST_NORMAL_COSINE
 }
 
 /// Area vector from the two shorter edges, whose cross product suffers least from rounding; `None` without an area.

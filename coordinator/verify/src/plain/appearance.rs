@@ -201,11 +201,13 @@ impl Appearances {
             let places = if let Some(accessor) = primitive.get(&Semantic::TexCoords(mapping.set)) {
                 document.check(node, &accessor, vertices, &[Dimensions::Vec2], "TEXCOORD")?;
                 let reader = primitive.reader(|buffer| document.bytes(&buffer));
-                let places = reader.read_tex_coords(mapping.set).map(|places| places.into_f32());
-                places.into_iter().flatten().map(|uv| at(DVec2::from_array(uv.map(f64::from)))).collect()
+                let Some(places) = reader.read_tex_coords(mapping.set) else { return Ok(None) };
+                places.into_f32().map(|uv| at(DVec2::from_array(uv.map(f64::from)))).collect()
             } else {
-                warnings
-                    .insert(format!("{name}: without TEXCOORD_{} all is the texel at (0, 0)", mapping.set));
+                warnings.insert(format!(
+                    "{name}: a primitive has no TEXCOORD_{}, which a texture needs: it shows the texel at (0, 0) everywhere",
+                    mapping.set
+                ));
                 vec![at(DVec2::ZERO); vertices]
             };
             Ok(Some(Layer { image, sampler: mapping.sampler, encoding, places }))

@@ -20,6 +20,9 @@ const LEAST_HEIGHT: f64 = 1e-10;
 /// Cosine of the deviation (one degree) from which a normal of the file is smooth shading.
 const SMOOTH_COSINE: f64 = 0.999_847_695;
 
+/// Cosine (31 degrees) down to which a bake follows it.
+const LEAST_NORMAL_COSINE: f64 = 0.857_167_3;
+
 /// A scene as plain triangles.
 #[derive(Debug, Clone, Default)]
 pub struct PlainScene {
@@ -246,7 +249,7 @@ fn is_smooth(positions: &[DVec3], normals: &[DVec3], triangles: &[[usize; 3]]) -
         let deviates = |corner: usize| {
             // Mirrored nodes have their triangles turned round, not their normals.
             let cosine = normals.get(corner).map_or(1.0, |normal| normal.normalize_or_zero().dot(flat).abs());
-            cosine > 0.1 && cosine < SMOOTH_COSINE
+            cosine > LEAST_NORMAL_COSINE && cosine < SMOOTH_COSINE
         };
         triangle.iter().any(|&corner| deviates(corner))
     })

@@ -311,11 +311,21 @@ fn textures_and_colours_are_those_of_the_point() {
 
 #[test]
 fn a_texture_without_coordinates_is_its_first_texel() {
-    let scene = with_picture(|root| {
-        root["meshes"][0]["primitives"][0]["attributes"].as_object_mut().unwrap().remove("TEXCOORD_0");
-    });
-    let red = DVec3::new(0.8, 0.0, 0.0);
-    assert!(look(&scene, 0.5, 0.0).reflectance.abs_diff_eq(red, 1e-7));
-    assert!(look(&scene, 1.5, 0.0).reflectance.abs_diff_eq(red, 1e-7));
-    assert_eq!(scene.warnings, ["material 0: without TEXCOORD_0 all is the texel at (0, 0)"]);
+    let without = |transform: Value| {
+        with_picture(|root| {
+            root["meshes"][0]["primitives"][0]["attributes"].as_object_mut().unwrap().remove("TEXCOORD_0");
+            root["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"]["extensions"] =
+                json!({ "KHR_texture_transform": transform });
+        })
+    };
+    for (transform, colour) in
+        [(json!({}), [0.8, 0.0, 0.0]), (json!({ "offset": [0.6, 0.0] }), [0.8, 0.5, 0.25])]
+    {
+        let scene = without(transform);
+        for x in [0.5, 1.5] {
+            assert!(look(&scene, x, 0.0).reflectance.abs_diff_eq(DVec3::from_array(colour), 1e-7));
+        }
+        let [warning] = &scene.warnings[..] else { panic!("{:?}", scene.warnings) };
+        assert!(warning.contains("has no TEXCOORD_0"), "{warning}");
+    }
 }

@@ -129,6 +129,25 @@ fn of_two_sheets_at_one_place_the_one_that_faces_the_point_counts() {
     assert!(score.max < 1e-6 && score.uncovered == 0, "{score:?}");
 }
 
+#[test]
+fn of_two_sheets_a_rounding_apart_the_one_that_faces_the_point_counts() {
+    // The bottom of the tall block has sunk into it by a tenth of the distance that points look over: the floor is nearer.
+    let scene = open("cornell.glb");
+    let mut lit = light(&scene, 1, |_| DVec3::ZERO);
+    let tall = scene.surfaces.iter().position(|surface| surface.name.starts_with("tall")).unwrap();
+    for triangle in lit.surfaces[tall].clone() {
+        for &vertex in &triangle.vertices {
+            let vertex = &mut lit.vertices[vertex as usize];
+            vertex.irradiance = DVec3::ONE;
+            if scene.frame.to_world(vertex.position).y < 1e-3 {
+                vertex.position.y = scene.frame.to_frame(DVec3::Y * 5e-5).y;
+            }
+        }
+    }
+    let score = Files::new(&scene, &lit, &["1.8,0,1.8,0,-1,0,8,.73,.73,.73,0,0,0"]).score().unwrap();
+    assert!(score.max < 1e-6 && score.uncovered == 0, "{score:?}");
+}
+
 /// Its points have no extent; that of the scene says how near is near.
 #[test]
 fn reference_of_a_single_point_is_found() {

@@ -125,6 +125,10 @@ impl RowSource for GatherRows {
         rays::of_receiver(settings)
     }
 
+    fn rays_of_point(&self, settings: &BakeSettings) -> u32 {
+        rays::of_point(settings)
+    }
+
     fn measures_twice(&self) -> bool {
         true
     }

@@ -47,6 +47,37 @@ fn every_node_of_a_shared_mesh_gets_its_own_light() {
     }
 }
 
+/// A node twice as wide as high stretches what lies along x, not its normals: the file's go back into its coordinates as they were.
+#[test]
+fn normals_that_lean_too_far_for_light_are_the_inputs() {
+    let mut builder = Builder::default();
+    let mut square = builder.square();
+    let leaning = [[1.0, 0.0, 1.0], [1.0, 0.0, 1.0], [0.0; 3], [0.0, 0.0, -1.0]];
+    square["attributes"]["NORMAL"] = builder.floats(&leaning).into();
+    let mut scene = builder.import(json!({
+        "meshes": [{ "primitives": [square] }],
+        "materials": [{ "doubleSided": true }],
+        "nodes": [{ "mesh": 0, "scale": [2, 1, 1] }],
+        "scenes": [{ "nodes": [0] }],
+    }));
+    for keeps_normals in [false, true] {
+        scene.surfaces.iter_mut().for_each(|surface| surface.keeps_normals = keeps_normals);
+        let lit = light(&scene, 0, |_| DVec3::ONE);
+        let (_, gltf) = round_trip(&scene, &lit);
+        let mesh = gltf.meshes().next().unwrap();
+        for (primitive, side) in mesh.primitives().zip([1.0, -1.0]) {
+            let positions = attribute(&gltf, &primitive, &Semantic::Positions);
+            let normals = attribute(&gltf, &primitive, &Semantic::Normals);
+            for (position, normal) in positions.iter().map(|row| point(row)).zip(&normals) {
+                // Zero, and what points away from the front, is no normal.
+                let leans = keeps_normals && position.y < 0.5;
+                let expected = if leans { DVec3::new(1.0, 0.0, 1.0).normalize() } else { DVec3::Z };
+                assert!(point(normal).distance(side * expected) < 1e-6, "{position}: {normal:?}");
+            }
+        }
+    }
+}
+
 #[test]
 fn triangles_are_counter_clockwise_where_nodes_mirror_too() {
     let mut builder = Builder::default();

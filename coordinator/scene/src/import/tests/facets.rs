@@ -32,12 +32,15 @@ fn normals_within_a_degree_are_the_facets() {
 
 #[test]
 fn smooth_normals_are_kept_and_keep_triangles_apart() {
-    let scene = square_with_normals([tilted(1.1); 4]).scene();
-    assert_eq!(scene.surfaces[0].facets.len(), 2);
-    for facet in &scene.surfaces[0].facets {
-        assert_eq!(facet.normal, DVec3::Z);
-        for normal in normals(facet) {
-            assert!(normal.distance(Vec3::from_array(tilted(1.1)).as_dvec3().normalize()) < 1e-12);
+    for degrees in [1.1, 30.9] {
+        let scene = square_with_normals([tilted(degrees); 4]).scene();
+        assert_eq!(scene.surfaces[0].facets.len(), 2);
+        assert!(!scene.surfaces[0].keeps_normals);
+        for facet in &scene.surfaces[0].facets {
+            assert_eq!(facet.normal, DVec3::Z);
+            for normal in normals(facet) {
+                assert!(normal.distance(Vec3::from_array(tilted(degrees)).as_dvec3().normalize()) < 1e-12);
+            }
         }
     }
 }
@@ -54,11 +57,12 @@ fn smooth_normals_off_the_shared_edge_do_not_keep_triangles_apart() {
 #[test]
 fn meaningless_normals_fall_back_to_the_facets() {
     for normal in
-        [[0.0; 3], [f32::NAN; 3], [f32::INFINITY, 0.0, 0.0], tilted(90.0), tilted(180.0), tilted(31.0)]
+        [[0.0; 3], [f32::NAN; 3], [f32::INFINITY, 0.0, 0.0], tilted(90.0), tilted(180.0), tilted(31.1)]
     {
         let scene = square_with_normals([normal; 4]).scene();
         let [facet] = &scene.surfaces[0].facets[..] else { panic!("{normal:?} not joined") };
         assert_eq!(normals(facet), [DVec3::Z; 4], "{normal:?}");
+        assert_eq!(scene.surfaces[0].keeps_normals, normal == tilted(31.1), "{normal:?}");
     }
 }
 

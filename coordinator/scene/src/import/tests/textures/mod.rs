@@ -296,7 +296,9 @@ fn transforms_choose_set_and_place() {
 fn coordinates_below_the_first_set_are_the_first() {
     let mut textured = Textured::new();
     let mut texture = textured.texture(2, &[BLACK, WHITE, BLACK, WHITE]);
-    texture["texCoord"] = (-1).into();
+    // That of a transform stands above the texture's own.
+    texture["texCoord"] = 1.into();
+    texture["extensions"] = json!({ "KHR_texture_transform": { "texCoord": -1 } });
     let scene = textured.scene(json!({
         "pbrMetallicRoughness": { "baseColorTexture": texture, "baseColorFactor": [0.5, 0.5, 0.5, 1.0] },
     }));
