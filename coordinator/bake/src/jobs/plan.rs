@@ -16,16 +16,18 @@ const MOST_RANGE: usize = 1 << 14;
 /// Parts that are enough for all threads.
 const ENOUGH_PARTS: usize = 1 << 10;
 
-/// Size of a part where a shooter has many polygons, or is a sky, in receivers times their cost.
-const RANGE_OF_MANY: usize = 12 << 10;
+/// Bounds of the size of a part where a shooter has many polygons, or is a sky, in receivers times their cost.
+const LEAST_SIZE_OF_MANY: usize = 12 << 10;
+const MOST_SIZE_OF_MANY: usize = 96 << 10;
 
 /// Rays, and form factors of polygons, that make a cost of 1.
 const RAYS_PER_COST: usize = 4;
-const POLYGONS_PER_COST: usize = 16;
+const POLYGONS_PER_COST: usize = 128;
 
-/// Bounds of the receivers then: a message has all polygons of the shooter.
+/// Bounds of the receivers then: a message has all polygons of the shooter, and a job prepares them.
+const POLYGONS_PER_RECEIVER: usize = 4;
 const LEAST_RANGE_OF_MANY: usize = 1 << 6;
-const MOST_RANGE_OF_MANY: usize = 1 << 10;
+const MOST_RANGE_OF_MANY: usize = 1 << 12;
 
 /// From this number of rows on, all threads have work without any row being cut.
 const FEW_ROWS: usize = 64;
@@ -104,10 +106,13 @@ impl Plan {
         let pairs = shooters.len() * set.count;
         let few_polygons =
             (pairs / ENOUGH_PARTS).clamp(LEAST_RANGE, MOST_RANGE).next_multiple_of(LEAST_RANGE_OF_MANY);
+        let cost_of_all = shooters.iter().filter_map(cost_of_many).sum::<usize>() * set.count;
+        let size_of_many = (cost_of_all / ENOUGH_PARTS).clamp(LEAST_SIZE_OF_MANY, MOST_SIZE_OF_MANY);
         // Most receivers of a piece.
         let range = |shooter: &Shooter| match cost_of_many(shooter) {
             Some(cost) => {
-                let range = (RANGE_OF_MANY / cost).clamp(LEAST_RANGE_OF_MANY, MOST_RANGE_OF_MANY);
+                let least = LEAST_RANGE_OF_MANY.max(shooter.shape.polygons() / POLYGONS_PER_RECEIVER);
+                let range = (size_of_many / cost).clamp(least, MOST_RANGE_OF_MANY);
                 range / LEAST_RANGE_OF_MANY * LEAST_RANGE_OF_MANY
             }
             None => few_polygons,

@@ -103,7 +103,7 @@ fn rows_of_few_lamps_are_cut() {
     let (taken, asked_ahead) = rows_over(&counts);
     let rows = (0..2).flat_map(|set| (0..3).map(move |row| (set, row, counts[set] as f64)));
     assert_eq!(taken, rows.collect::<Vec<_>>());
-    let of_many = 2500_usize.div_ceil(512);
+    let of_many = 2500_usize.div_ceil(704);
     assert_eq!(asked_ahead, 3 + of_many + 3 + 1, "a point and a sun in three pieces each");
 }
 

@@ -91,7 +91,7 @@ impl Setup {
             let glowing = emissions.glowing(level, area, rays, cx.settings.asked_error());
             tracing::debug!(level, surfaces = glowing.len(), "surfaces glow");
             make_glow(&mut sources, &glowing);
-            if let Some(pooled) = pool(&sources) {
+            if let Some(pooled) = pool(&sources, flux) {
                 apart = Some(std::mem::replace(&mut sources, pooled));
             }
             let is_new = |source: &&LightSource| emissions.has(source) || source.origin == Origin::Lamps;

@@ -7,8 +7,8 @@
 use std::collections::{BTreeMap, HashSet};
 
 use glam::DVec3;
+use kernel::visibility::MANY_POLYGONS;
 
-use super::joint::MANY_EMITTERS;
 use super::light_source::{LightSource, Origin};
 use crate::context::Context;
 use crate::error::Result;
@@ -64,7 +64,7 @@ impl Emissions {
         }
         // A surface of many colours has a row, and its polygons, for each channel.
         let polygons: usize = surfaces.values().filter_map(|own| own.polygons.into_iter().max()).sum();
-        Self(if polygons > MANY_EMITTERS { surfaces } else { BTreeMap::new() })
+        Self(if polygons > MANY_POLYGONS { surfaces } else { BTreeMap::new() })
     }
 
     /// Whether there is none.
@@ -213,9 +213,9 @@ mod tests {
         assert_eq!(glowing(&[squares(0, 300, 1.0)], 0.0), [0; 0]);
         assert_eq!(glowing(&[squares(0, 3500, 1.0)], 0.0), [0]);
         // A few sources are no reason.
-        assert_eq!(glowing(&[squares(0, MANY_EMITTERS, 1.0)], 10.0), [0; 0]);
+        assert_eq!(glowing(&[squares(0, MANY_POLYGONS, 1.0)], 10.0), [0; 0]);
         let in_channels = [DVec3::X, DVec3::Y, DVec3::Z]
-            .map(|strength| LightSource { strength, ..squares(0, MANY_EMITTERS, 1.0) });
+            .map(|strength| LightSource { strength, ..squares(0, MANY_POLYGONS, 1.0) });
         assert_eq!(glowing(&in_channels, 10.0), [0; 0]);
     }
 

@@ -11,7 +11,7 @@ use super::emitters::{Emitter, weighted};
 use super::light_source::{LightSource, Origin};
 
 /// Most polygons of a joint light source: its row must fit a job.
-const MOST_JOINED: usize = 1024;
+const MOST_JOINED: usize = 4096;
 
 /// Emitters of a scene beyond which those of a surface are joined from [`FEW_POLYGONS`] on: an exact row for each takes too long.
 pub const MANY_EMITTERS: usize = 256;
@@ -25,8 +25,12 @@ const CHANNELS: usize = 3;
 /// Exact rows that take about as long as one of a joint light source.
 const ROWS_OF_JOINT: usize = 32;
 
-/// Lamps that give this part of the light of all of them keep rows of their own: their shadows are looked at.
+/// Lamps that give this part of all light keep rows of their own: their shadows are looked at.
 const LARGE_PART: f64 = 1.0 / 32.0;
+
+/// Lamps that together give no more than this part of all light are pooled where they are fewer, too: what their few rays leave of
+/// noise is then below 1 % of all.
+const FAINT_PART: f64 = 1.0 / 8.0;
 
 /// A shape that shines, its exitance and where it comes from.
 pub type Shining = (Shape, DVec3, Origin);
@@ -63,29 +67,34 @@ pub fn join(emitters: Vec<Emitter>) -> Vec<Shining> {
     joined
 }
 
-/// The light sources with small lamps taken together; `None` where rows for each lamp take no longer. A lamp is all of a surface that
-/// emits.
-pub fn pool(sources: &[LightSource]) -> Option<Vec<LightSource>> {
+/// The light sources with small lamps taken together; `None` where rows for each lamp take no longer, or where they are few and give
+/// much of the light. A lamp is all of a surface that emits; `others` is the flux that the scene receives from all else.
+pub fn pool(sources: &[LightSource], others: DVec3) -> Option<Vec<LightSource>> {
     let cost = |source: &LightSource| match (source.origin, &source.shooter) {
         (Origin::Surface(_), Some(shooter)) if shooter.shape.polygons() > 1 => ROWS_OF_JOINT,
         (Origin::Surface(_), Some(_)) => 1,
         _ => 0,
     };
-    if sources.iter().map(cost).sum::<usize>() <= MANY_EMITTERS {
-        return None;
-    }
     let lamps: Vec<Vec<Emitter>> = sources.iter().map(emitters_of).collect();
     let mut flux: BTreeMap<usize, DVec3> = BTreeMap::new();
     for Emitter { surface, polygon, exitance } in lamps.iter().flatten() {
         *flux.entry(*surface).or_default() += polygon.area() * *exitance;
     }
-    let large = LARGE_PART * flux.values().sum::<DVec3>();
-    let is_small = |own: &Vec<Emitter>| own.first().is_some_and(|one| flux[&one.surface].cmple(large).all());
-    let (small, others): (Vec<_>, Vec<_>) = sources.iter().zip(lamps).partition(|(_, own)| is_small(own));
-    let rows = small.len();
-    let colours = by_colours(small.into_iter().flat_map(|(_, own)| own).collect());
+    let all = flux.values().sum::<DVec3>() + others;
+    let is_small =
+        |own: &Vec<Emitter>| own.first().is_some_and(|one| flux[&one.surface].cmple(LARGE_PART * all).all());
+    let (small, large): (Vec<_>, Vec<_>) = sources.iter().zip(lamps).partition(|(_, own)| is_small(own));
+    let cost_of =
+        |some: &[(&LightSource, Vec<Emitter>)]| some.iter().map(|(one, _)| cost(one)).sum::<usize>();
+    let (cost, cost_of_large) = (cost_of(&small), cost_of(&large));
+    let emitters: Vec<Emitter> = small.into_iter().flat_map(|(_, own)| own).collect();
+    let flux: DVec3 = emitters.iter().map(|one| one.polygon.area() * one.exitance).sum();
+    if cost + cost_of_large <= MANY_EMITTERS && flux.cmpgt(FAINT_PART * all).any() {
+        return None;
+    }
+    let colours = by_colours(emitters);
     let pools: Vec<_> = colours.iter().flat_map(|one| parts_of(one)).flat_map(by_colour).collect();
-    if pools.len() >= rows {
+    if cost <= pools.len() * ROWS_OF_JOINT {
         return None;
     }
     let keys = sources.iter().filter_map(|source| Some(source.shooter.as_ref()?.key));
@@ -96,7 +105,7 @@ pub fn pool(sources: &[LightSource]) -> Option<Vec<LightSource>> {
         origin: Origin::Lamps,
         is_outside: false,
     });
-    Some(others.into_iter().map(|(source, _)| source.clone()).chain(pooled).collect())
+    Some(large.into_iter().map(|(source, _)| source.clone()).chain(pooled).collect())
 }
 
 /// The polygons of a light source that has a row, with what they emit.
@@ -213,7 +222,7 @@ mod tests {
             (0..20).map(|index| emitter(index, DVec3::splat(f64::from(index + 1)))).collect();
         assert!(join(few).iter().all(|(shape, ..)| matches!(shape, Shape::Polygons(one) if one.len() == 1)));
         let many: Vec<Emitter> =
-            (0..3000).map(|index| emitter(index, DVec3::splat(f64::from(index % 9 + 1)))).collect();
+            (0..12_000).map(|index| emitter(index, DVec3::splat(f64::from(index % 9 + 1)))).collect();
         let joined = join(many.clone());
         assert_eq!(joined.len(), 3);
         assert!(joined.iter().all(|(shape, ..)| shape.polygons() <= MOST_JOINED));
@@ -240,7 +249,13 @@ mod tests {
     #[test]
     fn small_lamps_are_pooled_where_all_are_many_and_keep_their_flux() {
         let few: Vec<LightSource> = (0..MANY_EMITTERS).map(|index| lamp(index, DVec3::ONE)).collect();
-        assert!(pool(&few).is_none());
+        assert!(pool(&few, DVec3::ZERO).is_none());
+        // Unless they are faint beside other light.
+        let others = flux(&shining(&few)) * (1.0 / FAINT_PART - 1.0);
+        assert!(pool(&few, 0.9 * others).is_none());
+        assert_eq!(pool(&few, 1.1 * others).map(|pooled| pooled.len()), Some(1));
+        // No more than a shared row takes.
+        assert!(pool(&few[..ROWS_OF_JOINT], 1.1 * others).is_none());
 
         // Rows for each channel would be more than those of lamps that are large enough to fill one.
         let fine = |surface: usize| {
@@ -249,7 +264,7 @@ mod tests {
             source(surface, join(own.collect()).pop().unwrap())
         };
         let fine: Vec<LightSource> = (0..80).map(fine).collect();
-        assert!(pool(&fine).is_none());
+        assert!(pool(&fine, DVec3::ZERO).is_none());
 
         // One is large; the others are of one colour, of two or of many.
         let colours: [fn(usize) -> DVec3; 3] = [
@@ -260,7 +275,7 @@ mod tests {
         for (colour, rows) in colours.into_iter().zip([1, 2, 3]) {
             let mut lamps: Vec<LightSource> = (0..400).map(|index| lamp(index, colour(index))).collect();
             lamps[7].strength *= 1000.0;
-            let pooled = pool(&lamps).unwrap();
+            let pooled = pool(&lamps, DVec3::ZERO).unwrap();
             let (joint, own): (Vec<_>, Vec<_>) =
                 pooled.iter().partition(|source| source.origin == Origin::Lamps);
             assert_eq!((joint.len(), own.len()), (rows, 1));

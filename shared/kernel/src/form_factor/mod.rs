@@ -12,7 +12,7 @@
 //! | `contour` | a point to a polygon, exactly: Lambert's contour sum |
 //! | `edges` | edges of a polygon, prepared |
 //! | `prepared` | many points to one polygon, fast |
-//! | `lanes` | the same in wide vectors, many points at once |
+//! | `lanes` | the same in wide vectors, many points at once, and to polygons that count as one |
 //! | `polygon_to_polygon` | a polygon to a polygon |
 
 mod contour;
@@ -24,7 +24,7 @@ mod prepared;
 use glam::DVec3;
 
 pub use contour::{contour, point_to_polygon, point_to_polygon_limit};
-pub use lanes::{LANES, Lanes, ReceiverLanes, ViewLanes};
+pub use lanes::{ClusterLanes, LANES, Lanes, PolygonCluster, ReceiverLanes, ViewLanes};
 pub use polygon_to_polygon::{AreaPoint, area_points, between_areas, exchange_area, polygon_to_polygon};
 pub use prepared::{PreparedPolygon, View};
 

@@ -104,6 +104,12 @@ impl PreparedPolygon {
         self.normal
     }
 
+    /// Area.
+    #[must_use]
+    pub fn area(&self) -> f64 {
+        self.doubled_area.length() / 2.0
+    }
+
     /// Mean of the corners.
     #[must_use]
     pub fn centre(&self) -> DVec3 {

@@ -258,15 +258,25 @@ fn as_one_with_rays(
     occluders: &[ConvexPolygon],
     polygons: &[ConvexPolygon],
     receivers: &[Receiver],
-    (rays_per_hemisphere, seeds): (u32, impl Fn(usize) -> u32),
+    draw: (u32, impl Fn(usize) -> u32),
 ) -> (Vec<f64>, u64) {
+    let (factors, statistics) = of_shape(occluders, &Shape::Polygons(polygons.to_vec()), receivers, draw);
+    (factors, statistics.rays)
+}
+
+/// The same of any shape, with all that is told of its rows.
+fn of_shape(
+    occluders: &[ConvexPolygon],
+    shape: &Shape,
+    receivers: &[Receiver],
+    (rays_per_hemisphere, seeds): (u32, impl Fn(usize) -> u32),
+) -> (Vec<f64>, RowStatistics) {
     let occluder = Occluder::new(occluders);
     let precision = Precision { rays_per_hemisphere, ..Precision::DEFAULT };
-    let shape = Shape::Polygons(polygons.to_vec());
-    let mut many = ManyPolygons::new(&shape, &occluder, None, &precision);
+    let mut many = ManyPolygons::new(shape, &occluder, None, &precision);
     let groups = ReceiverGroups::new(receivers.to_vec());
     let mut statistics = RowStatistics::default();
-    (many.factors(&groups, seeds, &|| false, &mut statistics), statistics.rays)
+    (many.factors(&groups, seeds, &|| false, &mut statistics), statistics)
 }
 
 /// Where few rays are asked for, those that all arrive are fewer still, and tell a little too much; where many are, and where little
@@ -352,4 +362,32 @@ fn what_is_far_counts_as_points_within_a_thousandth() {
         let one = as_one(&[], &tiles(), &[receiver], (256, |_| 0))[0];
         assert!((one / exact - 1.0).abs() <= 5e-4, "{one}, not {exact}");
     }
+}
+
+/// Two lamps side by side, of tiles that are the brighter the farther along x; far away they are few places.
+#[test]
+fn rays_to_polygons_that_count_as_one_know_which_are_bright() {
+    let weight = |tile: &ConvexPolygon| (0.5 + 5.0 * tile.corner_mean().x).clamp(0.0, 1.0);
+    let lamps = [DVec3::ZERO, DVec3::new(0.3, 0.0, 2.5)].into_iter().flat_map(|by| {
+        let moved = move |tile: ConvexPolygon| ConvexPolygon {
+            corners: tile.corners.iter().map(|corner| *corner + by + DVec3::Z * 2.5).collect(),
+            ..tile
+        };
+        tiles().into_iter().map(moved)
+    });
+    let lamps: Vec<(ConvexPolygon, f64)> = lamps.map(|tile| (tile.clone(), weight(&tile))).collect();
+    let receiver = floor(0.0, 0.0);
+    // Half of the first lamp is hidden, and a little of the other.
+    let wall = [square(DVec3::new(-1.0, 0.0, 3.99), DVec3::X, DVec3::Y, 2)];
+    let sum = |walls: &[ConvexPolygon]| -> f64 {
+        lamps.iter().map(|(lamp, weight)| weight * visible(walls, &[receiver], lamp)[0]).sum()
+    };
+    let (exact, all) = (sum(&wall), sum(&[]));
+    assert!(exact > 0.5 * all && exact < 0.95 * all, "{exact} of {all}");
+    let (shape, draws) = (Shape::Weighted(lamps.clone()), 2000);
+    let draw = |seed| of_shape(&wall, &shape, &[receiver], (2048, |_| seed));
+    let mean = (0..draws).map(|seed| draw(seed).0[0]).sum::<f64>() / f64::from(draws);
+    assert!((mean / exact - 1.0).abs() <= 0.002, "{mean}, not {exact}");
+    let places = draw(0).1.factors;
+    assert!(places < 40, "{places} places of {} polygons", lamps.len());
 }

@@ -8,6 +8,7 @@
 //! Loops over lanes are written so that the compiler makes them wide, under [`crate::simd::widest`].
 
 mod angle;
+mod cluster;
 mod contour;
 mod cut;
 mod point;
@@ -24,6 +25,7 @@ use super::prepared::EDGE_ON;
 use contour::Sum;
 
 pub use crate::geometry::lanes::LANES;
+pub use cluster::{ClusterLanes, PolygonCluster};
 
 /// Below this tolerance the contour sum takes the arc tangent's full digits.
 const FULL_DIGITS: f64 = 1e-6;

@@ -1,23 +1,26 @@
 //! Shooters of very many polygons: a lamp's fine mesh, a sky that differs by direction.
 //!
-//! The unoccluded form factors are summed, each times the weight of its polygon, for groups of receivers at once. Visibility is
+//! The unoccluded form factors are summed, each times the weight of its polygon, for groups of receivers at once; polygons that lie and
+//! face together count as one from afar. Visibility is
 //! sampled for the shooter as a whole: rays choose among its polygons in proportion to their part of that sum. Where polygons lie
 //! apart, as those of many lamps do, most may be hidden from a receiver: what arrives is then told for each of these bodies.
 
-use foldhash::{HashMap, HashMapExt};
+mod bodies;
+mod tree;
+
 use sobol_burley::sample_4d;
 
-use super::ratio::RayRatio;
 use super::{ReceiverGroups, Stop, TransparentOccluders, faces_away};
-use crate::disjoint_sets::DisjointSets;
-use crate::form_factor::{PreparedPolygon, kernel};
+use crate::form_factor::{Lanes, ViewLanes, kernel};
 use crate::geometry::lanes::LANES;
-use crate::geometry::{ConvexPolygon, position_bits, uniform_point};
+use crate::geometry::uniform_point;
 use crate::messages::RowStatistics;
 use crate::occluder::Occluder;
 use crate::replica::Receiver;
 use crate::row::{Precision, Shape};
 use crate::simd::widest;
+use bodies::{Body, visible_of};
+use tree::{Place, PolygonTree, Sight};
 
 /// A shooter of this many polygons or more is treated as a whole.
 pub const MANY_POLYGONS: usize = 32;
@@ -30,12 +33,6 @@ const PART: f64 = 0.5;
 const LEAST_RAYS: u32 = 64;
 const MOST_RAYS: u32 = 4096;
 
-/// Most rays that a receiver sends for the number of bodies: one to each, else.
-const MOST_FOR_BODIES: u32 = 256;
-
-/// Rays that are enough to tell of a body by itself, in the mean.
-const ENOUGH_RAYS: f64 = 2.0;
-
 /// A single body that covers so little that no more rays than this would be its part gets no more if all of these arrive. A lamp a
 /// seventeenth of which is hidden may then seem 2 % too bright: less than noise where few rays are asked for. Where none arrives they
 /// go on: the little light that comes through a grille may be all that there is.
@@ -47,17 +44,12 @@ const NO_PROBE: u32 = 1024;
 /// Relative error that the form factor of one polygon may have: less than what rays leave of the sum.
 const TOLERANCE: f64 = 1e-3;
 
-/// A polygon of a shooter.
-struct Part {
-    polygon: PreparedPolygon,
-    area: f64,
-    weight: f64,
-    body: usize,
-}
+/// The same of polygons that count as one: the bound is for the worst of directions, eight times what is found in the mean.
+const TOLERANCE_AS_ONE: f64 = 3e-3;
 
 /// The polygons of one shooter.
 pub struct ManyPolygons<'a> {
-    polygons: Vec<Part>,
+    tree: PolygonTree,
     occluder: &'a Occluder,
     transparent: Option<&'a TransparentOccluders>,
     precision: &'a Precision,
@@ -68,25 +60,16 @@ pub struct ManyPolygons<'a> {
     bodies: Vec<Body>,
 }
 
-/// Polygons that share corners, as the receiver at hand sees them.
-#[derive(Clone, Default)]
-struct Body {
-    /// Sum of weighted form factors.
-    all: f64,
-    /// What its rays told.
-    ratio: RayRatio,
-}
-
 /// The view of some receivers before occlusion.
 #[derive(Default)]
 struct Faced {
-    /// The polygons that any of them sees.
-    polygons: Vec<usize>,
+    /// What any of them sees.
+    places: Vec<Place>,
     /// Sum of weighted form factors up to each, for each receiver.
     ends: Vec<[f64; LANES]>,
     /// Sum of form factors of each receiver.
     covered: [f64; LANES],
-    /// Number of polygons that each receiver sees.
+    /// Number of places that each receiver sees.
     counts: [u32; LANES],
 }
 
@@ -99,18 +82,11 @@ impl<'a> ManyPolygons<'a> {
         transparent: Option<&'a TransparentOccluders>,
         precision: &'a Precision,
     ) -> Self {
-        let part = |(polygon, weight): (&ConvexPolygon, f64)| Part {
-            polygon: PreparedPolygon::new(polygon),
-            area: polygon.area(),
-            weight,
-            body: 0,
-        };
-        let seen = shape.weighted_polygons().filter(|(_, weight)| *weight > 0.0);
-        let mut polygons: Vec<Part> = seen.map(part).collect();
-        let bodies = vec![Body::default(); find_bodies(&mut polygons)];
+        let tree = PolygonTree::new(shape.weighted_polygons().filter(|(_, weight)| *weight > 0.0));
+        let bodies = vec![Body::default(); tree.bodies()];
         let probe = PROBE.max(precision.rays_per_hemisphere / (NO_PROBE / LEAST_RAYS));
         Self {
-            polygons,
+            tree,
             occluder,
             transparent,
             precision,
@@ -131,7 +107,7 @@ impl<'a> ManyPolygons<'a> {
         statistics: &mut RowStatistics,
     ) -> Vec<f64> {
         let mut factors = vec![0.0; groups.receivers().len()];
-        statistics.pairs += (self.polygons.len() * factors.len()) as u64;
+        statistics.pairs += (self.tree.len() * factors.len()) as u64;
         for (group, (factors, receivers)) in
             factors.chunks_mut(LANES).zip(groups.receivers().chunks(LANES)).enumerate()
         {
@@ -148,34 +124,48 @@ impl<'a> ManyPolygons<'a> {
 
     /// Finds what the receivers of a group see of the polygons before occlusion.
     fn look(&mut self, groups: &ReceiverGroups, group: usize, statistics: &mut RowStatistics) {
-        let Self { polygons, precision, faced, .. } = self;
+        let Self { tree, precision, faced, .. } = self;
         let lanes = groups.lanes(group);
-        faced.polygons.clear();
+        let around = groups.node(0, group);
+        faced.places.clear();
         faced.ends.clear();
         (faced.covered, faced.counts) = ([0.0; LANES], [0; LANES]);
         let tolerance = precision.form_factor_error.max(TOLERANCE);
         let mut all = [0.0; LANES];
+        let mut add = |place: Place, factors: &Lanes, weighted: &Lanes, errors: &Lanes| {
+            for (lane, all) in all.iter_mut().enumerate() {
+                *all += weighted[lane];
+                faced.covered[lane] += factors[lane];
+                faced.counts[lane] += u32::from(factors[lane] > 0.0);
+                statistics.factor_sum += factors[lane];
+                statistics.factor_error_sum += errors[lane];
+            }
+            faced.places.push(place);
+            faced.ends.push(all);
+        };
         widest(
             #[inline(always)]
             || {
-                for (index, part) in polygons.iter().enumerate() {
-                    if groups.node(0, group).is_some_and(|node| faces_away(node, &part.polygon)) {
-                        continue;
-                    }
-                    let view = lanes.view(&part.polygon, tolerance);
-                    if view.factors == [0.0; LANES] {
-                        continue;
-                    }
-                    for (lane, all) in all.iter_mut().enumerate() {
-                        *all += view.factors[lane] * part.weight;
-                        faced.covered[lane] += view.factors[lane];
-                        faced.counts[lane] += u32::from(view.factors[lane] > 0.0);
-                        statistics.factor_sum += view.factors[lane];
-                        statistics.factor_error_sum += view.errors[lane];
-                    }
-                    faced.polygons.push(index);
-                    faced.ends.push(all);
-                }
+                tree.look(
+                    &lanes.seeing,
+                    TOLERANCE_AS_ONE,
+                    #[inline(always)]
+                    |place, sight| match sight {
+                        Sight::AsOne(view) => add(place, &view.factors, &view.weighted, &view.errors),
+                        Sight::Alone(polygon, weight, looking) => {
+                            if around.is_some_and(|around| faces_away(around, polygon)) {
+                                return;
+                            }
+                            let ViewLanes { mut factors, mut errors, .. } = lanes.view(polygon, tolerance);
+                            for lane in (0..LANES).filter(|lane| looking >> lane & 1 == 0) {
+                                (factors[lane], errors[lane]) = (0.0, 0.0);
+                            }
+                            if factors != [0.0; LANES] {
+                                add(place, &factors, &factors.map(|factor| factor * weight), &errors);
+                            }
+                        }
+                    },
+                );
             },
         );
         statistics.factors += faced.counts.iter().map(|count| u64::from(*count)).sum::<u64>();
@@ -189,16 +179,16 @@ impl<'a> ManyPolygons<'a> {
         seed: u32,
         statistics: &mut RowStatistics,
     ) -> f64 {
-        let Self { polygons, occluder, transparent, precision, least_rays, probe, faced, bodies } = self;
+        let Self { tree, occluder, transparent, precision, least_rays, probe, faced, bodies } = self;
         let ends = &faced.ends;
         let all = ends.last().map_or(0.0, |ends| ends[lane]);
         if all == 0.0 || (occluder.is_empty() && transparent.is_none()) {
             return all;
         }
-        let before = |place: usize| if place == 0 { 0.0 } else { ends[place - 1][lane] };
+        let before = |index: usize| if index == 0 { 0.0 } else { ends[index - 1][lane] };
         bodies.fill(Body::default());
-        for (place, polygon) in faced.polygons.iter().enumerate() {
-            bodies[polygons[*polygon].body].all += ends[place][lane] - before(place);
+        for (index, place) in faced.places.iter().enumerate() {
+            bodies[place.body].all += ends[index][lane] - before(index);
         }
         let wanted = PART * faced.covered[lane] * f64::from(precision.rays_per_hemisphere);
         let rays = (wanted as u32).next_power_of_two().clamp(*least_rays, MOST_RAYS);
@@ -206,12 +196,13 @@ impl<'a> ManyPolygons<'a> {
         let mut cast = 0;
         for ray in 0..rays {
             let [choice, x, y, _] = sample_4d(ray, 0, seed).map(f64::from);
-            let place = ends.partition_point(|ends| ends[lane] <= choice * all).min(ends.len() - 1);
-            let own = ends[place][lane] - before(place);
-            let Part { polygon, area, weight, body } = &polygons[faced.polygons[place]];
+            let index = ends.partition_point(|ends| ends[lane] <= choice * all).min(ends.len() - 1);
+            let own = ends[index][lane] - before(index);
+            let Place { range, body } = &faced.places[index];
+            let polygon = tree.choose(range, ((choice * all - before(index)) / own).clamp(0.0, 1.0));
             let target = uniform_point(polygon.corners(), x, y);
-            // Polygons are chosen by their form factors and weights, points on them by area.
-            let weight = kernel(*normal, polygon.normal(), target - *position) * area * weight / own;
+            // Places are chosen by their form factors and weights, polygons and points of them by area and weight.
+            let weight = kernel(*normal, polygon.normal(), target - *position) * tree.shining(range) / own;
             cast += 1;
             if weight > 0.0 && own > 0.0 {
                 let planes = [*plane, polygon.plane()];
@@ -241,62 +232,5 @@ impl<'a> ManyPolygons<'a> {
 /// Rays that a receiver sends to a shooter of this many bodies, at least.
 #[must_use]
 pub fn least_rays(bodies: usize) -> u32 {
-    (bodies.min(MOST_FOR_BODIES as usize) as u32).next_power_of_two().max(LEAST_RAYS)
-}
-
-/// The part of all bodies that arrives: rays tell of those that get enough of them one by one, and of all others together. And the difference
-/// of what the one half of the rays tells and the other.
-fn visible_of(bodies: &[Body], rays: u32) -> (f64, f64) {
-    let all: f64 = bodies.iter().map(|body| body.all).sum();
-    let enough = all * ENOUGH_RAYS / f64::from(rays);
-    let (mut others, mut halved) = (Body::default(), Body::default());
-    let (mut visible, mut told, mut difference) = (0.0, 0.0, 0.0);
-    let mut tell = |Body { all, ratio }: &Body| {
-        let (arrived, cast) = ratio.sums();
-        // Rays to bodies that are barely over the horizon may all end under it.
-        if cast > 0.0 {
-            visible += all * (arrived / cast);
-            told += all;
-        }
-        match ratio.estimate() {
-            Some((_, own)) => difference += all * own,
-            // With rays in one half only: their difference is that of all such.
-            None => halved.add(*all, *ratio),
-        }
-    };
-    for body in bodies {
-        if body.all >= enough {
-            tell(body);
-        } else {
-            others.add(body.all, body.ratio);
-        }
-    }
-    tell(&others);
-    difference += halved.ratio.estimate().map_or(0.0, |(_, own)| halved.all * own);
-    (if told > 0.0 { visible * (all / told) } else { all }, difference)
-}
-
-impl Body {
-    fn add(&mut self, all: f64, ratio: RayRatio) {
-        self.all += all;
-        self.ratio += ratio;
-    }
-}
-
-/// Numbers the bodies of polygons, which share corners, and counts them.
-fn find_bodies(polygons: &mut [Part]) -> usize {
-    let mut sets = DisjointSets::new(polygons.len());
-    let mut owners: HashMap<[u64; 3], usize> = HashMap::new();
-    for (index, part) in polygons.iter().enumerate() {
-        for corner in part.polygon.corners() {
-            let owner = *owners.entry(position_bits(*corner)).or_insert(index);
-            sets.join(owner, index);
-        }
-    }
-    let mut numbers: HashMap<usize, usize> = HashMap::new();
-    for (index, part) in polygons.iter_mut().enumerate() {
-        let next = numbers.len();
-        part.body = *numbers.entry(sets.representative(index)).or_insert(next);
-    }
-    numbers.len()
+    bodies::rays_for(bodies, LEAST_RAYS)
 }

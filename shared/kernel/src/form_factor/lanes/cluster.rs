@@ -1,0 +1,248 @@
+//! Polygons that lie and face together: from afar they count as one.
+
+use std::f64::consts::PI;
+
+use glam::DVec3;
+
+use super::{LANES, Lanes, Mask, ReceiverLanes, bits, keep, mask};
+use crate::form_factor::PreparedPolygon;
+use crate::form_factor::prepared::MEAN_POINT_RULE_ERROR;
+
+/// Cosine of the angle that the normals of polygons which count as one may have to their axis: 15 degrees. Which of them lie nearer
+/// depends little on how they face then.
+const NARROW: f64 = 0.965_925_826_289;
+
+/// How far the centre of what is seen of a round cap lies from that of its area, in reaches, times the tangent of the angle that it is seen at
+/// and the sine of the largest angle between normals and axis: half of that of a shallow cap, as it is so seldom along what changes most.
+const SHIFT: f64 = 0.125;
+
+/// Rounding of distances, relative to them.
+const ROUNDING: f64 = 1e-9;
+
+/// Some polygons, each with a weight, by what their form factors are together.
+#[derive(Debug, Clone)]
+pub struct PolygonCluster {
+    /// Centre of gravity of their areas times weights, and how far corners are from it at most.
+    centre: DVec3,
+    reach: f64,
+    /// Around the normals; the sine and cosine of the largest angle to them, 1 and 0 where they differ by more than a right one.
+    axis: DVec3,
+    sine: f64,
+    cosine: f64,
+    whole: Area,
+    weighted: Area,
+}
+
+/// What light leaves from.
+#[derive(Debug, Clone, Copy, Default)]
+struct Area {
+    /// Sum of the area vectors.
+    vector: DVec3,
+    /// Sum of their products with the ways from the centre to the centres of gravity of the polygons.
+    moment: f64,
+}
+
+/// What [`LANES`] receivers see of a cluster when nothing is between.
+#[derive(Debug, Clone, PartialEq)]
+#[repr(align(64))]
+pub struct ClusterLanes {
+    /// The sum of the form factors of its polygons; 0 where it does not count as one.
+    pub factors: Lanes,
+    /// The sum of them, each times the weight of its polygon.
+    pub weighted: Lanes,
+    /// Mean error of each of `factors`.
+    pub errors: Lanes,
+    /// Receivers that it counts as one to, a bit each.
+    pub as_one: u32,
+    /// Receivers that it does not count as one to and that may see it, a bit each.
+    pub open: u32,
+}
+
+impl PolygonCluster {
+    /// The cluster of some polygons, at least one, with weights over 0.
+    #[must_use]
+    pub fn new<'a>(polygons: impl Iterator<Item = (&'a PreparedPolygon, f64)> + Clone) -> Self {
+        let shining: f64 = polygons.clone().map(|(polygon, weight)| polygon.area() * weight).sum();
+        let pull =
+            |(polygon, weight): (&PreparedPolygon, f64)| polygon.area() * weight / shining * polygon.centroid;
+        let centre: DVec3 = polygons.clone().map(pull).sum();
+        let corners = polygons.clone().flat_map(|(polygon, _)| polygon.corners());
+        let reach = corners.map(|corner| corner.distance_squared(centre)).fold(0.0, f64::max).sqrt();
+        let (mut whole, mut weighted) = (Area::default(), Area::default());
+        for (polygon, weight) in polygons.clone() {
+            let vector = polygon.doubled_area / 2.0;
+            let moment = vector.dot(polygon.centroid - centre);
+            whole.add(vector, moment);
+            weighted.add(weight * vector, weight * moment);
+        }
+        let axis = whole.vector.normalize_or_zero();
+        let cosine = polygons.map(|(polygon, _)| polygon.normal.dot(axis)).fold(1.0, f64::min);
+        let cosine = if cosine > 0.0 { cosine } else { 0.0 };
+        let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
+        Self { centre, reach, axis, sine, cosine, whole, weighted }
+    }
+
+    /// Whether the polygons face together; else they never count as one.
+    #[must_use]
+    pub fn is_narrow(&self) -> bool {
+        self.cosine >= NARROW
+    }
+
+    /// What each receiver that has a bit in `looking` sees of the cluster. It counts as one where all of its polygons face the receiver,
+    /// wholly above its horizon, from so far that the weighted sum is that of a point within the relative error `tolerance`, or twice
+    /// that where they face different ways.
+    ///
+    /// The cosine at the polygons is exact, as the area vector's product with the way to a place is linear in the place; the rest is that
+    /// of the centre. To be called under [`crate::simd::widest`].
+    #[inline(always)]
+    #[must_use]
+    pub fn view_lanes(&self, receivers: &ReceiverLanes, tolerance: f64, looking: u32) -> ClusterLanes {
+        let squared_reach = self.reach * self.reach;
+        let narrow = mask(self.is_narrow());
+        let (mut as_one, mut open): (Mask, Mask) = ([0; LANES], [0; LANES]);
+        let (mut factors, mut weighted, mut errors) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+        for lane in 0..LANES {
+            let (position, normal) = (receivers.position(lane), receivers.normal(lane));
+            let to_centre = self.centre - position;
+            let squared = to_centre.length_squared();
+            let distance = squared.sqrt();
+            let margin = self.reach + ROUNDING * distance;
+            // Height of the receiver over the planes through the centre that look as the polygons do.
+            let along = -self.axis.dot(to_centre);
+            let across = (squared - along * along).max(0.0).sqrt();
+            let before = along * self.cosine - across * self.sine > margin;
+            let behind = along * self.cosine + across * self.sine < -margin;
+            let height = normal.dot(to_centre);
+            let (above, below) = (height > margin, height < -margin);
+            // The bound of a polygon's point rule, times height and squared distance.
+            let bound = squared_reach * (10.0 / 3.0 * height + 4.0 / 3.0 * distance);
+            // Of polygons that face different ways more is seen of some: their centre lies nearer to these.
+            let shift = SHIFT * self.reach * self.sine * across * (squared + 4.0 * height * distance);
+            let far = bound * along + shift <= tolerance * squared * height * along;
+            let looks = mask(looking >> lane & 1 == 1);
+            let counts = mask(before & above & far) & narrow & looks;
+            let reciprocal = 1.0 / squared;
+            let rest = height * (reciprocal * reciprocal) * (1.0 / PI);
+            let factor = rest * self.whole.seen(to_centre);
+            factors[lane] = keep(counts, factor);
+            weighted[lane] = keep(counts, rest * self.weighted.seen(to_centre));
+            errors[lane] = keep(counts, factor * (MEAN_POINT_RULE_ERROR * squared_reach * reciprocal));
+            as_one[lane] = counts;
+            open[lane] = looks & !(counts | mask(behind | below));
+        }
+        ClusterLanes { factors, weighted, errors, as_one: bits(&as_one), open: bits(&open) }
+    }
+}
+
+impl Area {
+    fn add(&mut self, vector: DVec3, moment: f64) {
+        self.vector += vector;
+        self.moment += moment;
+    }
+
+    /// The area times the cosine at it and the distance, as seen from a place with this way to the centre.
+    #[inline(always)]
+    fn seen(&self, to_centre: DVec3) -> f64 {
+        -(self.vector.dot(to_centre) + self.moment)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::TAU;
+
+    use super::*;
+    use crate::geometry::{ConvexPolygon, PlaneId};
+
+    /// A cap of a ball of radius 1, cut into rings of quadrilaterals; the weights rise along x.
+    fn cap(angle: f64) -> Vec<(PreparedPolygon, f64)> {
+        const RINGS: u32 = 8;
+        const AROUND: u32 = 16;
+        let corner = |(ring, step): (u32, u32)| {
+            let (from_pole, around) =
+                (angle * f64::from(ring) / f64::from(RINGS), TAU * f64::from(step) / f64::from(AROUND));
+            let (sine, cosine) = from_pole.sin_cos();
+            DVec3::new(sine * around.cos(), sine * around.sin(), cosine)
+        };
+        let tile = |index: u32| {
+            let (ring, step) = (1 + index / AROUND, index % AROUND);
+            let corners =
+                [(ring, step), (ring + 1, step), (ring + 1, step + 1), (ring, step + 1)].map(corner);
+            let polygon = ConvexPolygon { plane: PlaneId(index), corners: corners.to_vec() };
+            (PreparedPolygon::new(&polygon), 0.6 + 0.4 * corners[0].x)
+        };
+        (0..AROUND * (RINGS - 1)).map(tile).collect()
+    }
+
+    fn cluster(polygons: &[(PreparedPolygon, f64)]) -> PolygonCluster {
+        PolygonCluster::new(polygons.iter().map(|(polygon, weight)| (polygon, *weight)))
+    }
+
+    /// Receivers all around at some distances, looking all ways.
+    fn receivers() -> Vec<(DVec3, DVec3)> {
+        let direction = |z: f64, turn: f64| {
+            let across = (1.0 - z * z).sqrt();
+            DVec3::new(across * (turn * TAU).cos(), across * (turn * TAU).sin(), z)
+        };
+        let place = |index: u32| {
+            let at = |step: f64| (f64::from(index) * step).fract();
+            let way = direction(2.0 * at(0.618) - 1.0, at(0.755));
+            let looking = direction(2.0 * at(0.570) - 1.0, at(0.324));
+            let normal = if index.is_multiple_of(3) { -way } else { looking };
+            (way * (1.2 + 60.0 * at(0.811).powi(3)), normal)
+        };
+        (0..20_000).map(place).collect()
+    }
+
+    /// What counts as one has the sums of its polygons; what sees nothing sees none of them; all else is left open.
+    #[test]
+    fn polygons_count_as_one_where_their_sum_is_that_of_all() {
+        const TOLERANCE: f64 = 5e-3;
+        let polygons = cap(0.2);
+        let cluster = cluster(&polygons);
+        let (mut one, mut dark, mut open, mut squares) = (0, 0, 0, 0.0);
+        for some in receivers().chunks(LANES) {
+            let view = cluster.view_lanes(&ReceiverLanes::new(some.iter().copied()), TOLERANCE, u32::MAX);
+            for (lane, (position, normal)) in some.iter().enumerate() {
+                let (mut sum, mut weighted) = (0.0, 0.0);
+                for (polygon, weight) in &polygons {
+                    let factor = polygon.view(*position, *normal, 0.0).map_or(0.0, |view| view.factor);
+                    sum += factor;
+                    weighted += weight * factor;
+                }
+                let is = |bits: u32| bits >> lane & 1 == 1;
+                assert!(!(is(view.as_one) && is(view.open)));
+                if is(view.as_one) {
+                    one += 1;
+                    let error = view.weighted[lane] / weighted - 1.0;
+                    // As much again as on a plane, as the nearer ones face another way.
+                    assert!(error.abs() <= 2.0 * TOLERANCE, "{position} {normal}: {error}");
+                    squares += error * error;
+                    // The centre is that of the light, not of the area.
+                    let error = view.factors[lane] / sum - 1.0;
+                    assert!(error.abs() <= 4.0 * TOLERANCE, "{position} {normal}: {error}");
+                } else {
+                    assert_eq!((view.factors[lane], view.weighted[lane], view.errors[lane]), (0.0, 0.0, 0.0));
+                    open += u32::from(is(view.open));
+                    dark += u32::from(!is(view.open));
+                    assert!(is(view.open) || sum == 0.0, "{position} {normal}: {sum}");
+                }
+            }
+        }
+        assert!(one > 1000 && open > 1000 && dark > 1000, "{one} as one, {open} open, {dark} dark");
+        let mean = (squares / f64::from(one)).sqrt();
+        assert!(mean <= TOLERANCE / 2.0, "{mean}");
+    }
+
+    #[test]
+    fn polygons_that_face_apart_never_count_as_one() {
+        let far = ReceiverLanes::new([(DVec3::Z * 1e6, DVec3::NEG_Z), (DVec3::NEG_Z * 1e6, DVec3::Z)]);
+        for (angle, is_narrow, dark) in [(0.25, true, 0b10), (0.4, false, 0b10), (3.1, false, 0)] {
+            let cluster = cluster(&cap(angle));
+            assert_eq!(cluster.is_narrow(), is_narrow, "{angle}");
+            let view = cluster.view_lanes(&far, 1e-3, 0b11);
+            assert_eq!(view.as_one, u32::from(is_narrow), "{angle}");
+            assert_eq!(!view.open & !view.as_one & 0b11, dark, "{angle}");
+        }
+    }
+}
