@@ -50,10 +50,6 @@ impl RowSource for ExactRows {
         settings.rays_per_hemisphere
     }
 
-    fn rays_of_point(&self, settings: &BakeSettings) -> u32 {
-        self.rays(settings)
-    }
-
     fn measures_twice(&self) -> bool {
         false
     }

@@ -34,7 +34,9 @@ pub trait RowSource: Send {
     fn rays(&self, settings: &BakeSettings) -> u32;
 
     /// Rays of a gather point, where it has any.
-    fn rays_of_point(&self, settings: &BakeSettings) -> u32;
+    fn rays_of_point(&self, settings: &BakeSettings) -> u32 {
+        self.rays(settings)
+    }
 
     /// Whether light that the answer is measured by is gathered twice: it is where it comes by rays, and costs little.
     fn measures_twice(&self) -> bool;

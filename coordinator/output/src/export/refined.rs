@@ -165,13 +165,12 @@ impl RefinedPrimitive {
                 normal = normal_of_source(surface.side, own)
                     .filter(|own| is_meant(*own, normal))
                     .unwrap_or(normal);
-                continue;
+            } else if let Some((semantic, width, values)) = kept.next() {
+                if !own.iter().all(|value| value.is_finite()) {
+                    return Err(not_finite(surface, &semantic.to_string()));
+                }
+                values.extend_from_slice(&own[..*width]);
             }
-            let Some((semantic, width, values)) = kept.next() else { break };
-            if !own.iter().all(|value| value.is_finite()) {
-                return Err(not_finite(surface, &semantic.to_string()));
-            }
-            values.extend_from_slice(&own[..*width]);
         }
         self.normals.push(finite(surface, normal, "normal")?);
         Ok(index)
