@@ -18,14 +18,16 @@ const ENOUGH_PARTS: usize = 1 << 10;
 
 /// Bounds of the size of a part where a shooter has many polygons, or is a sky, in receivers times their cost.
 const LEAST_SIZE_OF_MANY: usize = 12 << 10;
-const MOST_SIZE_OF_MANY: usize = 96 << 10;
+const MOST_SIZE_OF_MANY: usize = 48 << 10;
 
 /// Rays, and form factors of polygons, that make a cost of 1.
 const RAYS_PER_COST: usize = 4;
-const POLYGONS_PER_COST: usize = 128;
+const POLYGONS_PER_COST: usize = 64;
 
-/// Bounds of the receivers then: a message has all polygons of the shooter, and a job prepares them.
+/// A message has all polygons of the shooter, and a job prepares them: no more for each receiver.
 const POLYGONS_PER_RECEIVER: usize = 4;
+
+/// Bounds of the receivers of such a part.
 const LEAST_RANGE_OF_MANY: usize = 1 << 6;
 const MOST_RANGE_OF_MANY: usize = 1 << 12;
 
@@ -111,7 +113,8 @@ impl Plan {
         // Most receivers of a piece.
         let range = |shooter: &Shooter| match cost_of_many(shooter) {
             Some(cost) => {
-                let least = LEAST_RANGE_OF_MANY.max(shooter.shape.polygons() / POLYGONS_PER_RECEIVER);
+                let least = shooter.shape.polygons() / POLYGONS_PER_RECEIVER;
+                let least = least.clamp(LEAST_RANGE_OF_MANY, MOST_RANGE_OF_MANY);
                 let range = (size_of_many / cost).clamp(least, MOST_RANGE_OF_MANY);
                 range / LEAST_RANGE_OF_MANY * LEAST_RANGE_OF_MANY
             }

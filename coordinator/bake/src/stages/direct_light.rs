@@ -16,6 +16,7 @@ use crate::jobs::ReceiverSet;
 use crate::observer::Phase;
 use crate::refinement::SamplePoints;
 use crate::rows::{COARSE, Rows, ShareMesh};
+use crate::solver::ShareEnergy;
 
 /// A bake with direct light.
 pub struct Lit {
@@ -85,13 +86,13 @@ impl Setup {
             let received = values.of(&mesh.energies, &vertices.of_coarse(light[of_vertices].all.clone()));
             let area: f64 = mesh.energies.iter().map(|share| share.area).sum();
             let flux: DVec3 =
-                mesh.energies.iter().zip(received).map(|(share, light)| share.area * light).sum();
+                mesh.energies.iter().zip(&received).map(|(share, light)| share.area * *light).sum();
             let level = flux.element_sum() / 3.0 / area;
-            let rays = source.rays_of_point(cx.settings);
-            let glowing = emissions.glowing(level, area, rays, cx.settings.asked_error());
+            let (rays, error) = (source.rays_of_point(cx.settings), cx.settings.asked_error());
+            let glowing = emissions.glowing(level, area, rays, error);
             tracing::debug!(level, surfaces = glowing.len(), "surfaces glow");
             make_glow(&mut sources, &glowing);
-            if let Some(pooled) = pool(&sources, flux) {
+            if let Some(pooled) = pool(&sources, area * median(&mesh.energies, &received), error) {
                 apart = Some(std::mem::replace(&mut sources, pooled));
             }
             let is_new = |source: &&LightSource| emissions.has(source) || source.origin == Origin::Lamps;
@@ -118,5 +119,37 @@ impl Setup {
         let variances = sources.iter().map(variance).collect();
         let sources = Sources { all: sources, apart, variances };
         Ok(Lit { mesh, rows, sources, samples, middles, direct })
+    }
+}
+
+/// The irradiance that half of the area gets no more than: a sun out of doors does not count within a house.
+fn median(energies: &[ShareEnergy], received: &[DVec3]) -> DVec3 {
+    let mut shares: Vec<(DVec3, f64)> =
+        received.iter().zip(energies).map(|(light, share)| (*light, share.area)).collect();
+    shares.sort_by(|a, b| a.0.element_sum().total_cmp(&b.0.element_sum()));
+    let mut left = shares.iter().map(|(_, area)| area).sum::<f64>() / 2.0;
+    let middle = shares.iter().find(|(_, area)| {
+        left -= area;
+        left <= 0.0
+    });
+    middle.map_or(DVec3::ZERO, |(light, _)| *light)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_median_is_by_area() {
+        let share = |area: f64| ShareEnergy { receiver: 0, area, reflectance: DVec3::ZERO };
+        let light = |light: f64| DVec3::new(0.0, light, 0.0);
+        let of = |areas: &[f64], lights: &[f64]| {
+            let energies: Vec<ShareEnergy> = areas.iter().map(|area| share(*area)).collect();
+            median(&energies, &lights.iter().map(|own| light(*own)).collect::<Vec<_>>())
+        };
+        assert_eq!(of(&[], &[]), DVec3::ZERO);
+        assert_eq!(of(&[1.0, 1.0, 1.0], &[9.0, 0.0, 2.0]), light(2.0));
+        assert_eq!(of(&[5.0, 1.0, 1.0], &[9.0, 0.0, 2.0]), light(9.0));
+        assert_eq!(of(&[1.0, 4.0, 1.0], &[9.0, 0.0, 2.0]), light(0.0));
     }
 }

@@ -7,14 +7,17 @@
 use std::collections::{BTreeMap, HashSet};
 
 use glam::DVec3;
-use kernel::visibility::MANY_POLYGONS;
 
+use super::joint::MANY_EMITTERS;
 use super::light_source::{LightSource, Origin};
 use crate::context::Context;
 use crate::error::Result;
 use crate::error_budget::INTERPOLATED_NOISE;
 use crate::rows::{Radiosity, Rows, ShareMesh};
 use crate::solver::cache::SetId;
+
+/// Emitting polygons that are not worth to be looked at together.
+const FEW_POLYGONS: usize = 32;
 
 /// Largest exitance of what glows, relative to the mean irradiance: brighter things would leave spots near them.
 const BRIGHTEST: f64 = 8.0;
@@ -40,7 +43,11 @@ struct Emission {
 
 /// The emitting surfaces of sources.
 #[derive(Default)]
-pub struct Emissions(BTreeMap<usize, Emission>);
+pub struct Emissions {
+    surfaces: BTreeMap<usize, Emission>,
+    /// Polygons of all of them.
+    polygons: usize,
+}
 
 impl Emissions {
     /// Of surfaces that have rows; none unless their polygons are many.
@@ -64,27 +71,30 @@ impl Emissions {
         }
         // A surface of many colours has a row, and its polygons, for each channel.
         let polygons: usize = surfaces.values().filter_map(|own| own.polygons.into_iter().max()).sum();
-        Self(if polygons > MANY_POLYGONS { surfaces } else { BTreeMap::new() })
+        if polygons > FEW_POLYGONS { Self { surfaces, polygons } } else { Self::default() }
     }
 
     /// Whether there is none.
     pub fn is_empty(&self) -> bool {
-        self.0.is_empty()
+        self.surfaces.is_empty()
     }
 
     /// Whether one of these surfaces is the source.
     pub fn has(&self, source: &LightSource) -> bool {
-        matches!(source.origin, Origin::Surface(surface) if self.0.contains_key(&surface))
+        matches!(source.origin, Origin::Surface(surface) if self.surfaces.contains_key(&surface))
     }
 
     /// The surfaces that glow, where all others give a mean irradiance of `level` to a scene of this area: as many of the dimmest as
     /// stay under [`BRIGHTEST`], which this number of rays meets often enough for the asked error; and those so faint that their noise
-    /// is small wherever they are seen from.
+    /// is small wherever they are seen from. None where rows take no long time.
     pub fn glowing(&self, level: f64, area: f64, rays: u32, error: f64) -> HashSet<usize> {
+        if self.polygons <= MANY_EMITTERS {
+            return HashSet::new();
+        }
         let mut dimmest: Vec<(usize, &Emission)> =
-            self.0.iter().map(|(surface, own)| (*surface, own)).collect();
+            self.surfaces.iter().map(|(surface, own)| (*surface, own)).collect();
         dimmest.sort_by(|a, b| a.1.largest.max_element().total_cmp(&b.1.largest.max_element()));
-        let all: DVec3 = self.0.values().map(|own| own.flux).sum();
+        let all: DVec3 = self.surfaces.values().map(|own| own.flux).sum();
         let level = level + (all / area).element_sum() / 3.0;
         let allowed = (PART_OF_ERROR * error * level).powi(2);
         let (mut flux, mut square, mut emitting, mut count) = (DVec3::ZERO, DVec3::ZERO, 0.0, 0);
@@ -213,9 +223,9 @@ mod tests {
         assert_eq!(glowing(&[squares(0, 300, 1.0)], 0.0), [0; 0]);
         assert_eq!(glowing(&[squares(0, 3500, 1.0)], 0.0), [0]);
         // A few sources are no reason.
-        assert_eq!(glowing(&[squares(0, MANY_POLYGONS, 1.0)], 10.0), [0; 0]);
+        assert_eq!(glowing(&[squares(0, MANY_EMITTERS, 1.0)], 10.0), [0; 0]);
         let in_channels = [DVec3::X, DVec3::Y, DVec3::Z]
-            .map(|strength| LightSource { strength, ..squares(0, MANY_POLYGONS, 1.0) });
+            .map(|strength| LightSource { strength, ..squares(0, MANY_EMITTERS, 1.0) });
         assert_eq!(glowing(&in_channels, 10.0), [0; 0]);
     }
 

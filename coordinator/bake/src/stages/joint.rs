@@ -28,9 +28,9 @@ const ROWS_OF_JOINT: usize = 32;
 /// Lamps that give this part of all light keep rows of their own: their shadows are looked at.
 const LARGE_PART: f64 = 1.0 / 32.0;
 
-/// Lamps that together give no more than this part of all light are pooled where they are fewer, too: what their few rays leave of
-/// noise is then below 1 % of all.
-const FAINT_PART: f64 = 1.0 / 8.0;
+/// Lamps that together give no more than this part of all light, in errors asked for, are pooled where they are fewer, too: of their own
+/// light the noise of few rays is about a tenth.
+const FAINT_PART: f64 = 2.5;
 
 /// A shape that shines, its exitance and where it comes from.
 pub type Shining = (Shape, DVec3, Origin);
@@ -68,8 +68,9 @@ pub fn join(emitters: Vec<Emitter>) -> Vec<Shining> {
 }
 
 /// The light sources with small lamps taken together; `None` where rows for each lamp take no longer, or where they are few and give
-/// much of the light. A lamp is all of a surface that emits; `others` is the flux that the scene receives from all else.
-pub fn pool(sources: &[LightSource], others: DVec3) -> Option<Vec<LightSource>> {
+/// much of the light. A lamp is all of a surface that emits and has rows; `others` is the flux that half of the scene would make all
+/// of it receive from what had rows before, and `error` the one asked for.
+pub fn pool(sources: &[LightSource], others: DVec3, error: f64) -> Option<Vec<LightSource>> {
     let cost = |source: &LightSource| match (source.origin, &source.shooter) {
         (Origin::Surface(_), Some(shooter)) if shooter.shape.polygons() > 1 => ROWS_OF_JOINT,
         (Origin::Surface(_), Some(_)) => 1,
@@ -89,7 +90,7 @@ pub fn pool(sources: &[LightSource], others: DVec3) -> Option<Vec<LightSource>> 
     let (cost, cost_of_large) = (cost_of(&small), cost_of(&large));
     let emitters: Vec<Emitter> = small.into_iter().flat_map(|(_, own)| own).collect();
     let flux: DVec3 = emitters.iter().map(|one| one.polygon.area() * one.exitance).sum();
-    if cost + cost_of_large <= MANY_EMITTERS && flux.cmpgt(FAINT_PART * all).any() {
+    if cost + cost_of_large <= MANY_EMITTERS && flux.cmpgt(FAINT_PART * error * all).any() {
         return None;
     }
     let colours = by_colours(emitters);
@@ -249,13 +250,14 @@ mod tests {
     #[test]
     fn small_lamps_are_pooled_where_all_are_many_and_keep_their_flux() {
         let few: Vec<LightSource> = (0..MANY_EMITTERS).map(|index| lamp(index, DVec3::ONE)).collect();
-        assert!(pool(&few, DVec3::ZERO).is_none());
+        assert!(pool(&few, DVec3::ZERO, 0.05).is_none());
         // Unless they are faint beside other light.
-        let others = flux(&shining(&few)) * (1.0 / FAINT_PART - 1.0);
-        assert!(pool(&few, 0.9 * others).is_none());
-        assert_eq!(pool(&few, 1.1 * others).map(|pooled| pooled.len()), Some(1));
+        let others = flux(&shining(&few)) * (1.0 / (FAINT_PART * 0.05) - 1.0);
+        assert!(pool(&few, 0.9 * others, 0.05).is_none());
+        assert_eq!(pool(&few, 1.1 * others, 0.05).map(|pooled| pooled.len()), Some(1));
+        assert!(pool(&few, 1.1 * others, 0.04).is_none());
         // No more than a shared row takes.
-        assert!(pool(&few[..ROWS_OF_JOINT], 1.1 * others).is_none());
+        assert!(pool(&few[..ROWS_OF_JOINT], 1.1 * others, 0.05).is_none());
 
         // Rows for each channel would be more than those of lamps that are large enough to fill one.
         let fine = |surface: usize| {
@@ -264,7 +266,7 @@ mod tests {
             source(surface, join(own.collect()).pop().unwrap())
         };
         let fine: Vec<LightSource> = (0..80).map(fine).collect();
-        assert!(pool(&fine, DVec3::ZERO).is_none());
+        assert!(pool(&fine, DVec3::ZERO, 0.05).is_none());
 
         // One is large; the others are of one colour, of two or of many.
         let colours: [fn(usize) -> DVec3; 3] = [
@@ -275,7 +277,7 @@ mod tests {
         for (colour, rows) in colours.into_iter().zip([1, 2, 3]) {
             let mut lamps: Vec<LightSource> = (0..400).map(|index| lamp(index, colour(index))).collect();
             lamps[7].strength *= 1000.0;
-            let pooled = pool(&lamps, DVec3::ZERO).unwrap();
+            let pooled = pool(&lamps, DVec3::ZERO, 0.05).unwrap();
             let (joint, own): (Vec<_>, Vec<_>) =
                 pooled.iter().partition(|source| source.origin == Origin::Lamps);
             assert_eq!((joint.len(), own.len()), (rows, 1));

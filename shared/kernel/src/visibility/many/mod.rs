@@ -1,9 +1,8 @@
 //! Shooters of very many polygons: a lamp's fine mesh, a sky that differs by direction.
 //!
-//! The unoccluded form factors are summed, each times the weight of its polygon, for groups of receivers at once; polygons that lie and
-//! face together count as one from afar. Visibility is
-//! sampled for the shooter as a whole: rays choose among its polygons in proportion to their part of that sum. Where polygons lie
-//! apart, as those of many lamps do, most may be hidden from a receiver: what arrives is then told for each of these bodies.
+//! The unoccluded form factors are summed, each times the weight of its polygon, for groups of receivers at once; polygons that lie
+//! and face together count as one from afar. Visibility is sampled for the shooter as a whole: rays choose among its polygons in
+//! proportion to their part of that sum. Where polygons lie apart, as those of many lamps do, most may be hidden from a receiver: what arrives is then told for each of these bodies.
 
 mod bodies;
 mod tree;
@@ -44,7 +43,7 @@ const NO_PROBE: u32 = 1024;
 /// Relative error that the form factor of one polygon may have: less than what rays leave of the sum.
 const TOLERANCE: f64 = 1e-3;
 
-/// The same of polygons that count as one: the bound is for the worst of directions, eight times what is found in the mean.
+/// The same of polygons that count as one. The bound is for the worst of directions: some times what is found in the mean.
 const TOLERANCE_AS_ONE: f64 = 3e-3;
 
 /// The polygons of one shooter.
@@ -63,13 +62,13 @@ pub struct ManyPolygons<'a> {
 /// The view of some receivers before occlusion.
 #[derive(Default)]
 struct Faced {
-    /// What any of them sees.
+    /// The places that any of them sees.
     places: Vec<Place>,
     /// Sum of weighted form factors up to each, for each receiver.
     ends: Vec<[f64; LANES]>,
     /// Sum of form factors of each receiver.
     covered: [f64; LANES],
-    /// Number of places that each receiver sees.
+    /// Number of polygons that each receiver sees.
     counts: [u32; LANES],
 }
 
@@ -127,6 +126,7 @@ impl<'a> ManyPolygons<'a> {
         let Self { tree, precision, faced, .. } = self;
         let lanes = groups.lanes(group);
         let around = groups.node(0, group);
+        let receivers = LANES.min(groups.receivers().len() - group * LANES);
         faced.places.clear();
         faced.ends.clear();
         (faced.covered, faced.counts) = ([0.0; LANES], [0; LANES]);
@@ -136,7 +136,7 @@ impl<'a> ManyPolygons<'a> {
             for (lane, all) in all.iter_mut().enumerate() {
                 *all += weighted[lane];
                 faced.covered[lane] += factors[lane];
-                faced.counts[lane] += u32::from(factors[lane] > 0.0);
+                faced.counts[lane] += u32::from(factors[lane] > 0.0) * place.range.len() as u32;
                 statistics.factor_sum += factors[lane];
                 statistics.factor_error_sum += errors[lane];
             }
@@ -147,8 +147,8 @@ impl<'a> ManyPolygons<'a> {
             #[inline(always)]
             || {
                 tree.look(
-                    &lanes.seeing,
-                    TOLERANCE_AS_ONE,
+                    (&lanes.seeing, receivers),
+                    precision.form_factor_error.max(TOLERANCE_AS_ONE),
                     #[inline(always)]
                     |place, sight| match sight {
                         Sight::AsOne(view) => add(place, &view.factors, &view.weighted, &view.errors),
@@ -198,11 +198,11 @@ impl<'a> ManyPolygons<'a> {
             let [choice, x, y, _] = sample_4d(ray, 0, seed).map(f64::from);
             let index = ends.partition_point(|ends| ends[lane] <= choice * all).min(ends.len() - 1);
             let own = ends[index][lane] - before(index);
-            let Place { range, body } = &faced.places[index];
+            let Place { range, body, shining } = &faced.places[index];
             let polygon = tree.choose(range, ((choice * all - before(index)) / own).clamp(0.0, 1.0));
             let target = uniform_point(polygon.corners(), x, y);
             // Places are chosen by their form factors and weights, polygons and points of them by area and weight.
-            let weight = kernel(*normal, polygon.normal(), target - *position) * tree.shining(range) / own;
+            let weight = kernel(*normal, polygon.normal(), target - *position) * shining / own;
             cast += 1;
             if weight > 0.0 && own > 0.0 {
                 let planes = [*plane, polygon.plane()];
