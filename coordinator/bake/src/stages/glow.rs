@@ -16,8 +16,8 @@ use crate::error_budget::INTERPOLATED_NOISE;
 use crate::rows::{Radiosity, Rows, ShareMesh};
 use crate::solver::cache::SetId;
 
-/// Emitting polygons that are not worth to be looked at together.
-const FEW_POLYGONS: usize = 32;
+/// Emitting polygons whose rows take so little time that they neither glow nor share rows.
+const FEW_EMITTERS: usize = 32;
 
 /// Largest exitance of what glows, relative to the mean irradiance: brighter things would leave spots near them.
 const BRIGHTEST: f64 = 8.0;
@@ -71,7 +71,7 @@ impl Emissions {
         }
         // A surface of many colours has a row, and its polygons, for each channel.
         let polygons: usize = surfaces.values().filter_map(|own| own.polygons.into_iter().max()).sum();
-        if polygons > FEW_POLYGONS { Self { surfaces, polygons } } else { Self::default() }
+        if polygons > FEW_EMITTERS { Self { surfaces, polygons } } else { Self::default() }
     }
 
     /// Whether there is none.

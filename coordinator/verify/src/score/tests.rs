@@ -111,15 +111,21 @@ fn every_point_of_a_reference_is_found_and_interpolated_linearly() {
     assert_near(score.energy_ratio, 1.0);
 }
 
+/// Only the tall block of Cornell's box is lit, evenly; and the vertices of its triangles. Its bottom and the floor coincide.
+fn lit_block(scene: &Scene) -> (LitMesh, Vec<usize>) {
+    let mut lit = light(scene, 1, |_| DVec3::ZERO);
+    let tall = scene.surfaces.iter().position(|surface| surface.name.starts_with("tall")).unwrap();
+    let triangles = lit.surfaces[tall].iter();
+    let vertices: Vec<usize> =
+        triangles.flat_map(|triangle| triangle.vertices).map(|vertex| vertex as usize).collect();
+    vertices.iter().for_each(|vertex| lit.vertices[*vertex].irradiance = DVec3::ONE);
+    (lit, vertices)
+}
+
 #[test]
 fn of_two_sheets_at_one_place_the_one_that_faces_the_point_counts() {
-    // The tall block stands on the floor: its bottom and the floor coincide.
     let scene = open("cornell.glb");
-    let mut lit = light(&scene, 1, |_| DVec3::ZERO);
-    let tall = scene.surfaces.iter().position(|surface| surface.name.starts_with("tall")).unwrap();
-    for triangle in lit.surfaces[tall].clone() {
-        triangle.vertices.iter().for_each(|&v| lit.vertices[v as usize].irradiance = DVec3::ONE);
-    }
+    let (lit, _) = lit_block(&scene);
     let rows = [
         "1.8,0,1.8,0,-1,0,8,.73,.73,.73,0,0,0",
         "1.8,0,1.8,0,1,0,0,0,0,0,0,0,0",
@@ -133,15 +139,11 @@ fn of_two_sheets_at_one_place_the_one_that_faces_the_point_counts() {
 fn of_two_sheets_a_rounding_apart_the_one_that_faces_the_point_counts() {
     // The bottom of the tall block has sunk into it by a tenth of the distance that points look over: the floor is nearer.
     let scene = open("cornell.glb");
-    let mut lit = light(&scene, 1, |_| DVec3::ZERO);
-    let tall = scene.surfaces.iter().position(|surface| surface.name.starts_with("tall")).unwrap();
-    for triangle in lit.surfaces[tall].clone() {
-        for &vertex in &triangle.vertices {
-            let vertex = &mut lit.vertices[vertex as usize];
-            vertex.irradiance = DVec3::ONE;
-            if scene.frame.to_world(vertex.position).y < 1e-3 {
-                vertex.position.y = scene.frame.to_frame(DVec3::Y * 5e-5).y;
-            }
+    let (mut lit, vertices) = lit_block(&scene);
+    for vertex in vertices {
+        let position = &mut lit.vertices[vertex].position;
+        if scene.frame.to_world(*position).y < 1e-3 {
+            position.y = scene.frame.to_frame(DVec3::Y * 5e-5).y;
         }
     }
     let score = Files::new(&scene, &lit, &["1.8,0,1.8,0,-1,0,8,.73,.73,.73,0,0,0"]).score().unwrap();

@@ -32,7 +32,7 @@ pub struct PolygonCluster {
 }
 
 /// Polygons up to first order in their places.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy)]
 struct Area {
     /// Sum of the area vectors.
     vector: DVec3,
@@ -67,8 +67,7 @@ impl PolygonCluster {
         let centre: DVec3 = polygons.clone().map(pull).sum();
         let corners = polygons.clone().flat_map(|(polygon, _)| polygon.corners());
         let reach = corners.map(|corner| corner.distance_squared(centre)).fold(0.0, f64::max).sqrt();
-        let zero = Area { vector: DVec3::ZERO, moment: DMat3::ZERO };
-        let (mut whole, mut weighted, mut spread) = (zero, zero, 0.0);
+        let (mut whole, mut weighted, mut spread) = (Area::NONE, Area::NONE, 0.0);
         for (polygon, weight) in polygons.clone() {
             let (vector, way) = (polygon.doubled_area / 2.0, polygon.centroid - centre);
             whole.add(vector, way);
@@ -135,6 +134,9 @@ impl PolygonCluster {
 }
 
 impl Area {
+    /// That of no polygon.
+    const NONE: Self = Self { vector: DVec3::ZERO, moment: DMat3::ZERO };
+
     /// Adds a polygon with this way to it from the centre.
     fn add(&mut self, vector: DVec3, way: DVec3) {
         self.vector += vector;

@@ -6,9 +6,6 @@ use super::super::ratio::RayRatio;
 use crate::disjoint_sets::DisjointSets;
 use crate::geometry::{ConvexPolygon, position_bits};
 
-/// Most rays that a receiver sends for the number of bodies: one to each, else.
-const MOST_FOR_BODIES: u32 = 256;
-
 /// Rays that are enough to tell of a body by itself, in the mean.
 const ENOUGH_RAYS: f64 = 2.0;
 
@@ -21,13 +18,8 @@ pub(super) struct Body {
     pub(super) ratio: RayRatio,
 }
 
-/// Rays that a receiver sends to a shooter of this many bodies, at least; no fewer than `least`.
-pub(super) fn rays_for(bodies: usize, least: u32) -> u32 {
-    (bodies.min(MOST_FOR_BODIES as usize) as u32).next_power_of_two().max(least)
-}
-
-/// The part of all bodies that arrives: rays tell of those that get enough of them one by one, and of all others together. And the difference
-/// of what the one half of the rays tells and the other.
+/// The part of all bodies that arrives: rays tell of those that get enough of them one by one, and of all others together. And the
+/// difference of what the one half of the rays tells and the other.
 pub(super) fn visible_of(bodies: &[Body], rays: u32) -> (f64, f64) {
     let all: f64 = bodies.iter().map(|body| body.all).sum();
     let enough = all * ENOUGH_RAYS / f64::from(rays);

@@ -32,6 +32,9 @@ const PART: f64 = 0.5;
 const LEAST_RAYS: u32 = 64;
 const MOST_RAYS: u32 = 4096;
 
+/// Most rays that a receiver sends for the number of bodies: one to each, else.
+const MOST_FOR_BODIES: u32 = 256;
+
 /// A single body that covers so little that no more rays than this would be its part gets no more if all of these arrive. A lamp a
 /// seventeenth of which is hidden may then seem 2 % too bright: less than noise where few rays are asked for. Where none arrives they
 /// go on: the little light that comes through a grille may be all that there is.
@@ -232,5 +235,5 @@ impl<'a> ManyPolygons<'a> {
 /// Rays that a receiver sends to a shooter of this many bodies, at least.
 #[must_use]
 pub fn least_rays(bodies: usize) -> u32 {
-    bodies::rays_for(bodies, LEAST_RAYS)
+    (bodies.min(MOST_FOR_BODIES as usize) as u32).next_power_of_two().max(LEAST_RAYS)
 }

@@ -138,25 +138,23 @@ impl PolygonTree {
         let mut open: Vec<(usize, u32)> = self.roots.iter().rev().map(|root| (*root, all)).collect();
         while let Some((number, looking)) = open.pop() {
             let Node { place, cluster, halves } = &self.nodes[number];
-            if place.range.len() == 1 {
-                let Part { polygon, weight } = &self.parts[self.order[place.range.start]];
-                see(place.clone(), Sight::Alone(polygon, *weight, looking));
-                continue;
+            let mut left = looking;
+            if place.range.len() > 1 {
+                let view = cluster.view_lanes(receivers, tolerance, looking);
+                if view.as_one != 0 {
+                    see(place.clone(), Sight::AsOne(&view));
+                }
+                left = view.open;
             }
-            let view = cluster.view_lanes(receivers, tolerance, looking);
-            if view.as_one != 0 {
-                see(place.clone(), Sight::AsOne(&view));
-            }
-            if view.open == 0 {
-                continue;
-            }
-            if let Some([one, other]) = halves {
-                open.extend([(*other, view.open), (*one, view.open)]);
-            } else {
-                for at in place.range.clone() {
-                    let Part { polygon, weight } = &self.parts[self.order[at]];
-                    let alone = Place { range: at..at + 1, body: place.body, shining: self.shining(at) };
-                    see(alone, Sight::Alone(polygon, *weight, view.open));
+            match halves {
+                _ if left == 0 => {}
+                Some([one, other]) => open.extend([(*other, left), (*one, left)]),
+                None => {
+                    for at in place.range.clone() {
+                        let Part { polygon, weight } = &self.parts[self.order[at]];
+                        let alone = Place { range: at..at + 1, body: place.body, shining: self.shining(at) };
+                        see(alone, Sight::Alone(polygon, *weight, left));
+                    }
                 }
             }
         }
