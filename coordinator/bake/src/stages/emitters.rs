@@ -31,6 +31,13 @@ pub struct Emitter {
     pub exitance: DVec3,
 }
 
+impl Emitter {
+    /// The flux that leaves it.
+    pub fn flux(&self) -> DVec3 {
+        self.polygon.area() * self.exitance
+    }
+}
+
 /// The emitting polygons of a scene, surface by surface. The mesh is that of the shares; `joined` is the error asked where emitters are
 /// joined.
 pub fn emitters(scene: &Scene, mesh: &Mesh, joined: Option<f64>) -> Vec<Emitter> {

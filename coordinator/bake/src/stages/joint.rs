@@ -7,6 +7,7 @@ use kernel::geometry::ConvexPolygon;
 use kernel::row::{Shape, Shooter};
 use kernel::visibility::MANY_POLYGONS;
 
+use super::colours::colours_of;
 use super::emitters::{Emitter, weighted};
 use super::light_source::{LightSource, Origin};
 
@@ -16,11 +17,6 @@ const MOST_JOINED: usize = 4096;
 /// Emitters of a scene beyond which those of a surface are joined from [`FEW_POLYGONS`] on: an exact row for each takes too long.
 pub const MANY_EMITTERS: usize = 256;
 const FEW_POLYGONS: usize = 8;
-
-/// Colours that differ by less than this part of their strongest channel are one.
-const ONE_COLOUR: f64 = 1.0 / 64.0;
-
-const CHANNELS: usize = 3;
 
 /// Exact rows that take about as long as one of a joint light source.
 const ROWS_OF_JOINT: usize = 32;
@@ -60,8 +56,7 @@ pub fn join(emitters: Vec<Emitter>) -> Vec<Shining> {
             joined.extend(others.into_iter().map(alone));
         } else {
             let origin = Origin::Surface(others[0].surface);
-            let shapes = parts_of(&others).flat_map(by_colour);
-            joined.extend(shapes.map(|(shape, strength)| (shape, strength, origin)));
+            joined.extend(by_colour(&others).into_iter().map(|(shape, strength)| (shape, strength, origin)));
         }
     }
     joined
@@ -78,8 +73,8 @@ pub fn pool(sources: &[LightSource], others: DVec3, error: f64) -> Option<Vec<Li
     };
     let lamps: Vec<Vec<Emitter>> = sources.iter().map(emitters_of).collect();
     let mut flux: BTreeMap<usize, DVec3> = BTreeMap::new();
-    for Emitter { surface, polygon, exitance } in lamps.iter().flatten() {
-        *flux.entry(*surface).or_default() += polygon.area() * *exitance;
+    for emitter in lamps.iter().flatten() {
+        *flux.entry(emitter.surface).or_default() += emitter.flux();
     }
     let all = flux.values().sum::<DVec3>() + others;
     let is_small =
@@ -89,12 +84,11 @@ pub fn pool(sources: &[LightSource], others: DVec3, error: f64) -> Option<Vec<Li
         |some: &[(&LightSource, Vec<Emitter>)]| some.iter().map(|(one, _)| cost(one)).sum::<usize>();
     let (cost, cost_of_large) = (cost_of(&small), cost_of(&large));
     let emitters: Vec<Emitter> = small.into_iter().flat_map(|(_, own)| own).collect();
-    let flux: DVec3 = emitters.iter().map(|one| one.polygon.area() * one.exitance).sum();
+    let flux: DVec3 = emitters.iter().map(Emitter::flux).sum();
     if cost + cost_of_large <= MANY_EMITTERS && flux.cmpgt(FAINT_PART * error * all).any() {
         return None;
     }
-    let colours = by_colours(emitters);
-    let pools: Vec<_> = colours.iter().flat_map(|one| parts_of(one)).flat_map(by_colour).collect();
+    let pools = by_colour(&emitters);
     if cost <= pools.len() * ROWS_OF_JOINT {
         return None;
     }
@@ -122,50 +116,32 @@ fn emitters_of(source: &LightSource) -> Vec<Emitter> {
     shooter.shape.weighted_polygons().filter(|(_, weight)| *weight > 0.0).map(emitter).collect()
 }
 
-/// Emitters by colour; all together where rows for each channel are fewer.
-fn by_colours(emitters: Vec<Emitter>) -> Vec<Vec<Emitter>> {
-    let colour = |emitter: &Emitter| emitter.exitance / emitter.exitance.max_element();
-    let mut colours: Vec<Vec<Emitter>> = vec![];
-    for emitter in &emitters {
-        let is_like =
-            |one: &Vec<Emitter>| (colour(&one[0]) - colour(emitter)).abs().max_element() <= ONE_COLOUR / 2.0;
-        match colours.iter().position(is_like) {
-            Some(place) => colours[place].push(emitter.clone()),
-            None if colours.len() == CHANNELS => return vec![emitters],
-            None => colours.push(vec![emitter.clone()]),
-        }
-    }
-    colours
-}
-
 /// Parts of about one size, none too large for a job.
 fn parts_of(emitters: &[Emitter]) -> impl Iterator<Item = &[Emitter]> {
     let parts = emitters.len().div_ceil(MOST_JOINED);
     emitters.chunks(emitters.len().div_ceil(parts))
 }
 
-/// Emitters as shapes with weights: one where all have about one colour, else one for each channel.
+/// Emitters as shapes with weights: some for each colour where these are few, else some for each channel.
 fn by_colour(emitters: &[Emitter]) -> Vec<(Shape, DVec3)> {
-    let strongest = |emitter: &Emitter| emitter.exitance.max_element();
-    let area = |emitter: &Emitter| emitter.polygon.area();
-    let flux: DVec3 = emitters.iter().map(|emitter| area(emitter) * emitter.exitance).sum();
-    // In parts of what the strongest channel would give: so that the flux is right in each.
-    let colour = flux / emitters.iter().map(|emitter| area(emitter) * strongest(emitter)).sum::<f64>();
-    let has_it = |emitter: &Emitter| {
-        (emitter.exitance / strongest(emitter) - colour).abs().max_element() <= ONE_COLOUR
+    let Some(colours) = colours_of(emitters) else {
+        let channels =
+            |part| [DVec3::X, DVec3::Y, DVec3::Z].map(|channel| in_channels(part, channel, channel));
+        return parts_of(emitters).flat_map(channels).flatten().collect();
     };
-    let channels = if emitters.iter().all(has_it) {
-        vec![(DVec3::ONE, colour)]
-    } else {
-        [DVec3::X, DVec3::Y, DVec3::Z].map(|channel| (channel, channel)).to_vec()
+    let in_one = |own: &[Emitter]| {
+        let flux: DVec3 = own.iter().map(Emitter::flux).sum();
+        let strongest: f64 = own.iter().map(|emitter| emitter.flux().max_element()).sum();
+        // In parts of what the strongest channel would give: so that the flux is right in each.
+        in_channels(own, DVec3::ONE, flux / strongest)
     };
-    channels
-        .into_iter()
-        .filter_map(|(channel, colour)| {
-            let polygons = emitters.iter().map(|emitter| (emitter.polygon.clone(), emitter.exitance));
-            weighted(polygons, channel).map(|(shape, most)| (shape, colour * most))
-        })
-        .collect()
+    colours.iter().flat_map(|own| parts_of(own)).filter_map(in_one).collect()
+}
+
+/// Emitters as one shape, each weighted by its exitance in the strongest of these channels; all have this colour.
+fn in_channels(emitters: &[Emitter], channels: DVec3, colour: DVec3) -> Option<(Shape, DVec3)> {
+    let polygons = emitters.iter().map(|emitter| (emitter.polygon.clone(), emitter.exitance));
+    weighted(polygons, channels).map(|(shape, most)| (shape, colour * most))
 }
 
 #[cfg(test)]
@@ -187,7 +163,7 @@ mod tests {
     }
 
     fn flux_of(emitters: &[Emitter]) -> DVec3 {
-        emitters.iter().map(|own| own.polygon.area() * own.exitance).sum()
+        emitters.iter().map(Emitter::flux).sum()
     }
 
     fn flux(shining: &[Shining]) -> DVec3 {

@@ -21,6 +21,7 @@
 mod asked;
 mod back_face_check;
 mod balance;
+mod colours;
 mod direct_light;
 mod emitters;
 mod even_light;
