@@ -99,7 +99,7 @@ impl Lights {
         let side = triangle.side(point - at)?;
         let kernel = kernel(at, normal, point, side);
         let density = self.densities[index];
-        (kernel > 0.0).then(|| {
+        (kernel > 0.0 && solid.is_seen(triangle, point, side)).then(|| {
             let material = solid.material(triangle, point);
             let exitance = material.exitance * material.opacity;
             Sample {

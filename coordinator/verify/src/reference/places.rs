@@ -6,7 +6,7 @@ use sobol_burley::sample_4d;
 use super::hash::mix;
 use super::solid::Solid;
 use super::{Place, ReferenceError};
-use crate::plain::{PlainMaterial, PlainScene};
+use crate::plain::{PlainMaterial, PlainScene, PlainTriangle};
 
 /// How far a point may lie off its surface, as a share of the scene's extent: coordinates are rounded in the file.
 const DISTANCE: f64 = 1e-4;
@@ -14,7 +14,11 @@ const DISTANCE: f64 = 1e-4;
 /// Points that one Sobol' sequence gives.
 const SEQUENCE: usize = 1 << 16;
 
-/// Points uniform over the area of all sides that reflect, both of a double-sided surface.
+/// Tries for each point.
+const MOST_TRIES: usize = 100;
+
+/// Points uniform over the area of all sides that reflect, both of a double-sided surface, but for what lies under another layer in one
+/// plane.
 ///
 /// They are scrambled Sobol' points, so that they spread more evenly than independent ones; each by itself is uniform.
 ///
@@ -23,7 +27,7 @@ const SEQUENCE: usize = 1 << 16;
 pub fn random(scene: &PlainScene, count: usize, seed: u64) -> Result<Vec<Place>, ReferenceError> {
     let mut total = 0.0;
     let mut sides = Vec::new();
-    for triangle in &scene.triangles {
+    for (index, triangle) in scene.triangles.iter().enumerate() {
         let material = scene.materials[triangle.primitive];
         if material.reflectance == DVec3::ZERO {
             continue;
@@ -31,12 +35,13 @@ pub fn random(scene: &PlainScene, count: usize, seed: u64) -> Result<Vec<Place>,
         let area = triangle.area_vector();
         for sign in if material.double_sided { &[1.0, -1.0][..] } else { &[1.0][..] } {
             total += area.length();
-            sides.push((total, triangle, *sign * area.normalize()));
+            sides.push((total, index, *sign * area.normalize()));
         }
     }
     if sides.is_empty() {
         return Err(ReferenceError::NoReflection);
     }
+    let solid = Solid::new(scene);
     let place = |index: usize| {
         let sequence = mix(seed, (index / SEQUENCE) as u64) as u32;
         let [first, second, u, v] = sample_4d((index % SEQUENCE) as u32, 0, sequence).map(f64::from);
@@ -44,10 +49,15 @@ pub fn random(scene: &PlainScene, count: usize, seed: u64) -> Result<Vec<Place>,
         let wanted = (first + second / f64::from(1 << 24)) * total;
         let (_, triangle, normal) =
             sides[sides.partition_point(|side| side.0 <= wanted).min(sides.len() - 1)];
-        let position = point_of(&triangle.corners, u, v);
-        Place { position, normal, primitive: triangle.primitive }
+        let PlainTriangle { corners, primitive, .. } = &scene.triangles[triangle];
+        let position = point_of(corners, u, v);
+        let is_seen = solid.is_seen(&solid.triangle(triangle), solid.frame.place(position), normal);
+        is_seen.then_some(Place { position, normal, primitive: *primitive })
     };
-    Ok((0..count).map(place).collect())
+    // One layer of each place is seen, but it may be one that does not reflect.
+    let most = count.saturating_mul(MOST_TRIES);
+    let places: Vec<Place> = (0..most).filter_map(place).take(count).collect();
+    if places.len() < count { Err(ReferenceError::NoReflection) } else { Ok(places) }
 }
 
 /// The place on the scene's surfaces that each of these places means: the nearest point of its primitive, and the normal of the

@@ -1,5 +1,7 @@
 //! The triangles of a scene behind a bounding volume hierarchy.
 
+use std::cmp::Reverse;
+
 use glam::DVec3;
 use kernel::geometry::Bounds;
 use kernel::hierarchy::{Hierarchy, PaddedBox};
@@ -32,6 +34,12 @@ impl Frame {
     }
 }
 
+/// Cosine from which triangles lie in one plane.
+const PARALLEL: f64 = 1.0 - 1e-6;
+
+/// Opacity from which a layer hides the others: means of textures are rounded.
+const OPAQUE: f64 = 1.0 - 1e-6;
+
 /// A triangle of the solid.
 pub(super) struct Triangle {
     /// Corners in the frame, counter-clockwise seen from the front.
@@ -47,10 +55,29 @@ pub(super) struct Triangle {
 }
 
 impl Triangle {
+    fn of(scene: &PlainScene, frame: Frame, index: usize) -> Self {
+        let source = &scene.triangles[index];
+        Self {
+            corners: source.corners.map(|corner| frame.place(corner)),
+            normal: source.area_vector().normalize(),
+            material: scene.materials[source.primitive],
+            source: index,
+            varies: matches!(scene.appearances.get(source.primitive), Some(Some(_))),
+        }
+    }
+
     /// The unit normal on the side that a ray of this direction meets, if that side reflects or emits at all.
     pub(super) fn side(&self, direction: DVec3) -> Option<DVec3> {
         let front = self.normal.dot(direction) < 0.0;
         (front || self.material.double_sided).then_some(if front { self.normal } else { -self.normal })
+    }
+
+    /// Whether both lie in one plane and show a side to a ray of this direction.
+    fn is_layer_of(&self, other: &Self, direction: DVec3) -> bool {
+        self.normal.dot(other.normal).abs() >= PARALLEL
+            && self.normal.dot(other.corners[0] - self.corners[0]).abs() <= CLEARANCE
+            && self.side(direction).is_some()
+            && other.side(direction).is_some()
     }
 
     /// Distance along a ray, in units of the direction's length.
@@ -87,14 +114,7 @@ impl<'a> Solid<'a> {
     /// Builds the hierarchy.
     pub(super) fn new(scene: &'a PlainScene) -> Self {
         let frame = Frame::of(scene);
-        let triangle = |(index, source): (usize, &PlainTriangle)| Triangle {
-            corners: source.corners.map(|corner| frame.place(corner)),
-            normal: source.area_vector().normalize(),
-            material: scene.materials[source.primitive],
-            source: index,
-            varies: matches!(scene.appearances.get(source.primitive), Some(Some(_))),
-        };
-        let triangles = scene.triangles.iter().enumerate().map(triangle).collect();
+        let triangles = (0..scene.triangles.len()).map(|index| Triangle::of(scene, frame, index)).collect();
         let around = |triangle: &Triangle| PaddedBox::around(triangle.corners, CLEARANCE);
         Self { scene, frame, triangles: Hierarchy::new(triangles, around) }
     }
@@ -102,6 +122,11 @@ impl<'a> Solid<'a> {
     /// The triangles, in the order of the hierarchy's leaves.
     pub(super) fn triangles(&self) -> &[Triangle] {
         self.triangles.items()
+    }
+
+    /// The triangle with this index in the scene.
+    pub(super) fn triangle(&self, index: usize) -> Triangle {
+        Triangle::of(self.scene, self.frame, index)
     }
 
     /// The material of a triangle at a point of it, in the frame.
@@ -134,10 +159,10 @@ impl<'a> Solid<'a> {
     /// The first triangle that a ray of unit direction meets and does not pass; `chance` decides what it passes.
     ///
     /// Of several at one place the one that emits towards the ray counts, else the one that shows its front: a thin wall of two
-    /// sheets is seen from both sides, and a lamp in the plane of a ceiling is seen.
+    /// sheets is seen from both sides, and a lamp in the plane of a ceiling is seen. Layers of one plane have an order.
     pub(super) fn first_hit(&self, origin: DVec3, direction: DVec3, chance: u64) -> Option<Hit> {
         let mut least = f64::INFINITY;
-        let mut found = None;
+        let mut found: Option<Hit> = None;
         self.triangles.along_ray(origin, direction, |index, triangle| {
             let Some(distance) = triangle.meet(origin, direction).filter(|distance| *distance > 0.0) else {
                 return f32::INFINITY;
@@ -148,7 +173,15 @@ impl<'a> Solid<'a> {
                 None => 0.0,
             };
             let key = distance - rank * CLEARANCE;
-            if key >= least || self.lets_pass(index, origin, direction, distance, chance) {
+            let other = found.as_ref().map(|hit| &self.triangles()[hit.triangle]);
+            let goes_first = match other.filter(|other| triangle.is_layer_of(other, direction)) {
+                Some(other) => {
+                    let met = origin + direction * distance;
+                    self.order(triangle, met) < self.order(other, met)
+                }
+                None => key < least,
+            };
+            if !goes_first || self.lets_pass(index, origin, direction, distance, chance) {
                 return f32::INFINITY;
             }
             least = key;
@@ -157,6 +190,25 @@ impl<'a> Solid<'a> {
             (key + 3.0 * CLEARANCE) as f32
         });
         found
+    }
+
+    /// Which of the layers at a point of one plane is seen: the least. Opaque ones go before others, those that emit before those that
+    /// do not, then the first in the file.
+    fn order(&self, layer: &Triangle, point: DVec3) -> (Reverse<bool>, Reverse<bool>, usize) {
+        let material = self.material(layer, point);
+        (Reverse(material.opacity >= OPAQUE), Reverse(material.exitance != DVec3::ZERO), layer.source)
+    }
+
+    /// Whether a triangle is what is seen of its layers, at a point of it in the frame, from the side of a normal.
+    pub(super) fn is_seen(&self, triangle: &Triangle, point: DVec3, normal: DVec3) -> bool {
+        let (origin, direction) = (point + normal * CLEARANCE, -normal);
+        let around = self.triangles.touching(&PaddedBox::around([point], CLEARANCE));
+        let mut met = around
+            .into_iter()
+            .filter(|layer| layer.source != triangle.source && layer.is_layer_of(triangle, direction))
+            .filter(|layer| layer.meet(origin, direction).is_some());
+        let order = self.order(triangle, point);
+        met.all(|layer| order < self.order(layer, point))
     }
 
     /// Part of the light that passes from one point to another.

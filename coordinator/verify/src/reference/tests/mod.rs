@@ -7,6 +7,8 @@ use glam::DVec3;
 use super::*;
 use crate::plain::{PlainLight, PlainLightKind, PlainMaterial, PlainTriangle};
 
+mod layers;
+
 fn grey(reflectance: f64, exitance: f64) -> PlainMaterial {
     PlainMaterial {
         reflectance: DVec3::splat(reflectance),
