@@ -28,6 +28,7 @@
 //! rest of the bake uses.
 
 mod base;
+mod buried;
 mod clusters;
 mod contact;
 mod leaves_at;
@@ -59,6 +60,7 @@ use order::FacetPlaces;
 pub use order::along_curve;
 
 pub use base::MeshLimits;
+pub use buried::divide_buried;
 pub use clusters::ClusterLimits;
 pub use line::{Contact, distance_to_line};
 pub use locate::{Interpolation, interpolation};

@@ -2,7 +2,7 @@
 
 use super::occluders::occluders;
 use crate::context::extent;
-use crate::mesh::{Contact, Mesh, MeshLimits, shadow_lines};
+use crate::mesh::{Contact, Mesh, MeshLimits, divide_buried, shadow_lines};
 use crate::rows::{
     ExactRows, GatherRows, RowSource, exact_rows_cost_less, most_vertices_of_exact_rows, row_source,
 };
@@ -38,8 +38,10 @@ impl ShootingMesh {
             lines: shadow_lines(scene, extent(scene), settings.asked_error()),
         };
         let source = row_source(settings.rows).unwrap_or_else(|| cutter.cheapest());
-        let (mesh, edge) = cutter.finest(settings.shooter_edge * source.edge_factor());
-        Self { mesh, longest_edge: edge * cutter.extent, source }
+        let (mut mesh, edge) = cutter.finest(settings.shooter_edge * source.edge_factor());
+        let longest_edge = edge * cutter.extent;
+        divide_buried(&mut mesh, scene, longest_edge, settings.most_vertices(scene));
+        Self { mesh, longest_edge, source }
     }
 }
 
