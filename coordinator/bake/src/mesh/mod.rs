@@ -11,6 +11,7 @@
 //! | `points` | which corners are the same point |
 //! | `welding` | points to vertices; T-vertices made corners |
 //! | `outline` | outlines that pass through a corner twice made simple |
+//! | `buried` | divides leaves between corners inside of other bodies |
 //! | `subdivision` | divides patches, keeping neighbours within one level of each other |
 //! | `leaves_at` | which leaves lie along an edge |
 //! | `order` | vertices in spatial order |

@@ -7,15 +7,12 @@ use super::emitters::Emitter;
 /// Most colours: as many as there are channels, which emitters of more colours have rows for.
 const MOST_COLOURS: usize = 3;
 
-/// Colours that differ by less than this part of their strongest channel are one.
+/// Colours are that of the brightest of their emitters where they differ from it by no more than this part of their strongest channel.
 const ONE_COLOUR: f64 = 1.0 / 64.0;
 
-/// The faintest emitters that together give no more than this part of the light take the most similar colour of the others: a texture that
-/// was compressed with loss has such at its edges.
-const FAINT: f64 = 1e-4;
-
-/// Emitters parted by colour, each part in the order given; `None` where they have too many colours. None may be dark.
-pub fn colours_of(emitters: &[Emitter]) -> Option<Vec<Vec<Emitter>>> {
+/// Emitters parted by colour, each part in the order given; `None` where they have too many colours. None may be dark. The faintest, which
+/// together give no more than the part `faint` of the light, take the most similar colour of the others.
+pub fn colours_of(emitters: &[Emitter], faint: f64) -> Option<Vec<Vec<Emitter>>> {
     let flux = |index: &usize| emitters[*index].flux().max_element();
     let mut brightest: Vec<usize> = (0..emitters.len()).collect();
     brightest.sort_by(|a, b| flux(b).total_cmp(&flux(a)));
@@ -28,7 +25,9 @@ pub fn colours_of(emitters: &[Emitter]) -> Option<Vec<Vec<Emitter>>> {
         let own = exitance / exitance.max_element();
         let off = |colour: &DVec3| (*colour - own).abs().max_element();
         let nearest = (0..colours.len()).min_by(|a, b| off(&colours[*a]).total_cmp(&off(&colours[*b])));
-        let alike = nearest.filter(|place| left <= FAINT * all || off(&colours[*place]) <= ONE_COLOUR);
+        // Rounding may leave less than the emitter's own.
+        let is_faint = left.max(flux(&index)) <= faint * all;
+        let alike = nearest.filter(|place| is_faint || off(&colours[*place]) <= ONE_COLOUR);
         if alike.is_none() && colours.len() == MOST_COLOURS {
             return None;
         }
@@ -63,7 +62,7 @@ mod tests {
 
     fn parts(exitances: &[[f64; 3]]) -> Option<Vec<Vec<[f64; 3]>>> {
         let own = |part: Vec<Emitter>| part.iter().map(|one| one.exitance.to_array()).collect();
-        colours_of(&emitters(exitances)).map(|parts| parts.into_iter().map(own).collect())
+        colours_of(&emitters(exitances), 1e-4).map(|parts| parts.into_iter().map(own).collect())
     }
 
     #[test]
@@ -89,5 +88,6 @@ mod tests {
         let faint = [1e-20, 0.0, 0.0];
         assert_eq!(parts(&[faint, [1.0; 3]]), Some(vec![vec![faint, [1.0; 3]]]));
         assert_eq!(parts(&[[1e-3, 0.0, 0.0], [1.0; 3]]).map(|parts| parts.len()), Some(2));
+        assert_eq!(colours_of(&emitters(&[faint, [1.0; 3]]), 0.0).map(|parts| parts.len()), Some(2));
     }
 }

@@ -69,7 +69,7 @@ impl Emissions {
                 own.largest = own.largest.max(exitance);
             }
         }
-        // A surface of many colours has a row, and its polygons, for each channel.
+        // A surface of more colours than channels has a row, and its polygons, for each channel.
         let polygons: usize = surfaces.values().filter_map(|own| own.polygons.into_iter().max()).sum();
         if polygons > FEW_EMITTERS { Self { surfaces, polygons } } else { Self::default() }
     }

@@ -28,6 +28,10 @@ const LARGE_PART: f64 = 1.0 / 32.0;
 /// light the noise of few rays is about a tenth.
 const FAINT_PART: f64 = 2.5;
 
+/// The faintest emitters of a surface that together give no more than this part of its light have no colour of their own: a texture that was
+/// compressed with loss has such at its edges.
+const FAINT: f64 = 1e-4;
+
 /// A shape that shines, its exitance and where it comes from.
 pub type Shining = (Shape, DVec3, Origin);
 
@@ -56,7 +60,9 @@ pub fn join(emitters: Vec<Emitter>) -> Vec<Shining> {
             joined.extend(others.into_iter().map(alone));
         } else {
             let origin = Origin::Surface(others[0].surface);
-            joined.extend(by_colour(&others).into_iter().map(|(shape, strength)| (shape, strength, origin)));
+            joined.extend(
+                by_colour(&others, FAINT).into_iter().map(|(shape, strength)| (shape, strength, origin)),
+            );
         }
     }
     joined
@@ -88,7 +94,8 @@ pub fn pool(sources: &[LightSource], others: DVec3, error: f64) -> Option<Vec<Li
     if cost + cost_of_large <= MANY_EMITTERS && flux.cmpgt(FAINT_PART * error * all).any() {
         return None;
     }
-    let pools = by_colour(&emitters);
+    // One that is faint beside the others may be the only one of its room.
+    let pools = by_colour(&emitters, 0.0);
     if cost <= pools.len() * ROWS_OF_JOINT {
         return None;
     }
@@ -123,8 +130,8 @@ fn parts_of(emitters: &[Emitter]) -> impl Iterator<Item = &[Emitter]> {
 }
 
 /// Emitters as shapes with weights: some for each colour where these are few, else some for each channel.
-fn by_colour(emitters: &[Emitter]) -> Vec<(Shape, DVec3)> {
-    let Some(colours) = colours_of(emitters) else {
+fn by_colour(emitters: &[Emitter], faint: f64) -> Vec<(Shape, DVec3)> {
+    let Some(colours) = colours_of(emitters, faint) else {
         let channels =
             |part| [DVec3::X, DVec3::Y, DVec3::Z].map(|channel| in_channels(part, channel, channel));
         return parts_of(emitters).flat_map(channels).flatten().collect();
@@ -133,7 +140,7 @@ fn by_colour(emitters: &[Emitter]) -> Vec<(Shape, DVec3)> {
         let flux: DVec3 = own.iter().map(Emitter::flux).sum();
         let strongest: f64 = own.iter().map(|emitter| emitter.flux().max_element()).sum();
         // In parts of what the strongest channel would give: so that the flux is right in each.
-        in_channels(own, DVec3::ONE, flux / strongest)
+        (strongest > 0.0).then(|| in_channels(own, DVec3::ONE, flux / strongest)).flatten()
     };
     colours.iter().flat_map(|own| parts_of(own)).filter_map(in_one).collect()
 }
@@ -180,7 +187,7 @@ mod tests {
         let colours: [fn(u32) -> DVec3; 3] = [
             |_| DVec3::new(1.0, 0.5, 0.25),
             |index| DVec3::new(1.0, 0.5 + 0.001 * f64::from(index % 5), 0.25),
-            |index| DVec3::from_array([0, 1, 2].map(|channel| f64::from((index + channel) % 3))),
+            |index| DVec3::from_array([0, 1, 2].map(|channel| f64::from((index + channel) % 5))),
         ];
         for (colour, rows) in colours.into_iter().zip([1, 1, 3]) {
             let emitters: Vec<Emitter> =

@@ -34,8 +34,8 @@ impl Frame {
     }
 }
 
-/// Cosine from which triangles lie in one plane.
-const PARALLEL: f64 = 1.0 - 1e-6;
+/// Cosine from which triangles may lie in one plane: an angle of 2e-5, which rounded coordinates leave.
+const PARALLEL: f64 = 1.0 - 2e-10;
 
 /// Opacity from which a layer hides the others: means of textures are rounded.
 const OPAQUE: f64 = 1.0 - 1e-6;
@@ -72,10 +72,12 @@ impl Triangle {
         (front || self.material.double_sided).then_some(if front { self.normal } else { -self.normal })
     }
 
-    /// Whether both lie in one plane and show a side to a ray of this direction.
-    fn is_layer_of(&self, other: &Self, direction: DVec3) -> bool {
+    /// Whether both lie in one plane about a point, and show a side to a ray of this direction.
+    fn is_layer_of(&self, other: &Self, point: DVec3, direction: DVec3) -> bool {
+        let holds = |own: &Self| own.normal.dot(point - own.corners[0]).abs() <= CLEARANCE;
         self.normal.dot(other.normal).abs() >= PARALLEL
-            && self.normal.dot(other.corners[0] - self.corners[0]).abs() <= CLEARANCE
+            && holds(self)
+            && holds(other)
             && self.side(direction).is_some()
             && other.side(direction).is_some()
     }
@@ -174,11 +176,9 @@ impl<'a> Solid<'a> {
             };
             let key = distance - rank * CLEARANCE;
             let other = found.as_ref().map(|hit| &self.triangles()[hit.triangle]);
-            let goes_first = match other.filter(|other| triangle.is_layer_of(other, direction)) {
-                Some(other) => {
-                    let met = origin + direction * distance;
-                    self.order(triangle, met) < self.order(other, met)
-                }
+            let met = origin + direction * distance;
+            let goes_first = match other.filter(|other| triangle.is_layer_of(other, met, direction)) {
+                Some(other) => self.order(triangle, met) < self.order(other, met),
                 None => key < least,
             };
             if !goes_first || self.lets_pass(index, origin, direction, distance, chance) {
@@ -205,7 +205,7 @@ impl<'a> Solid<'a> {
         let around = self.triangles.touching(&PaddedBox::around([point], CLEARANCE));
         let mut met = around
             .into_iter()
-            .filter(|layer| layer.source != triangle.source && layer.is_layer_of(triangle, direction))
+            .filter(|layer| layer.source != triangle.source && layer.is_layer_of(triangle, point, direction))
             .filter(|layer| layer.meet(origin, direction).is_some());
         let order = self.order(triangle, point);
         met.all(|layer| order < self.order(layer, point))
