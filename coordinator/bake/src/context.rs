@@ -83,7 +83,7 @@ impl<'a, 'b> Context<'a, 'b> {
 
     /// Patches no longer than this are not divided, in frame units.
     pub fn shortest_edge(&self) -> f64 {
-        self.extent * 2.0_f64.powi(-(self.settings.max_level as i32))
+        self.settings.shortest_edge(self.extent)
     }
 }
 

@@ -135,6 +135,12 @@ impl BakeSettings {
         self.max_vertices.unwrap_or_else(|| Self::LEAST_MAX_VERTICES.max(2 * scene.vertex_count))
     }
 
+    /// Patches of a scene of this extent are not divided when they are no longer, in its unit.
+    #[must_use]
+    pub fn shortest_edge(&self, extent: f64) -> f64 {
+        extent * 2.0_f64.powi(-(self.max_level as i32))
+    }
+
     /// Most vertices of the mesh: of those of the file, some are of facets that are no part of it.
     #[must_use]
     pub fn most_vertices(&self, scene: &Scene) -> usize {

@@ -4,7 +4,7 @@
 //! corners is in the open; refinement then finds the rest.
 
 use glam::DVec3;
-use kernel::geometry::{PlaneId, uniform_point};
+use kernel::geometry::PlaneId;
 use kernel::hemisphere::{SeenPolygons, directions};
 use rayon::prelude::*;
 
@@ -17,17 +17,8 @@ const SMALLEST: f64 = 1.0 / 32.0;
 /// Rays of a point. One that escapes, or meets a side that is lit, tells that it is in the open.
 const RAYS: u32 = 16;
 
-/// Points of a leaf between its corners, in the unit square: each is on another part of a long one.
-const BETWEEN: [[f64; 2]; 8] = [
-    [0.0625, 0.5],
-    [0.5625, 0.25],
-    [0.3125, 0.75],
-    [0.8125, 0.125],
-    [0.1875, 0.625],
-    [0.6875, 0.375],
-    [0.4375, 0.875],
-    [0.9375, 0.5],
-];
+/// Places on the way from the centre of a leaf to each of its corners that are looked at between them, as parts of that way.
+const BETWEEN: [f64; 5] = [0.0, 0.2, 0.4, 0.6, 0.8];
 
 /// How often a leaf is divided at most.
 const ROUNDS: usize = 3;
@@ -56,16 +47,17 @@ impl Bodies {
         let buries = |point: DVec3| self.bury(point, facet.normal, facet.plane);
         let (corners, centre) = (mesh.corners(leaf), mesh.centre(leaf));
         corners.iter().all(|corner| buries(corner.lerp(centre, INWARD)))
-            && BETWEEN.iter().any(|[x, y]| !buries(uniform_point(&corners, *x, *y)))
+            && BETWEEN.iter().any(|part| corners.iter().any(|corner| !buries(centre.lerp(*corner, *part))))
     }
 }
 
-/// Divides leaves whose corners are all inside of other bodies, but not what is between them. `longest_edge` is that of a patch, in frame
-/// units; the mesh will have no more than `most` vertices.
-pub fn divide_buried(mesh: &mut Mesh, scene: &Scene, longest_edge: f64, most: usize) {
-    let least = SMALLEST * longest_edge;
-    let mut leaves: Vec<PatchId> =
-        mesh.leaves().map(|(id, _)| id).filter(|id| mesh.size(*id) >= least).collect();
+/// Divides leaves whose corners are all inside of other bodies, but not what is between them. Edges are in frame units: the longest of a
+/// patch, and the size up to which none is divided. Half of the vertices that the mesh may still have are left to refinement.
+pub fn divide_buried(mesh: &mut Mesh, scene: &Scene, longest_edge: f64, shortest_edge: f64, most: usize) {
+    let least = shortest_edge.max(SMALLEST * longest_edge);
+    let most = usize::midpoint(mesh.vertices.len(), most.max(mesh.vertices.len()));
+    let is_large = |mesh: &Mesh, id: PatchId| mesh.size(id) > least;
+    let mut leaves: Vec<PatchId> = mesh.leaves().map(|(id, _)| id).filter(|id| is_large(mesh, *id)).collect();
     if leaves.is_empty() {
         return;
     }
@@ -74,12 +66,12 @@ pub fn divide_buried(mesh: &mut Mesh, scene: &Scene, longest_edge: f64, most: us
         let asked = leaves.par_iter().with_min_len(64);
         let buried: Vec<PatchId> =
             asked.copied().filter(|leaf| bodies.bury_corners(scene, mesh, *leaf)).collect();
-        // One may have been divided for the sake of a neighbour.
-        if !buried.iter().all(|id| mesh.patch(*id).first_child.is_some() || mesh.divide_within(*id, most)) {
+        if !buried.iter().all(|id| mesh.divide_within(*id, most)) {
             return;
         }
         leaves = buried.into_iter().flat_map(|id| mesh.children(id)).collect();
-        leaves.retain(|id| mesh.patch(*id).first_child.is_none() && mesh.size(*id) >= least);
+        // One may have been divided for the sake of a neighbour.
+        leaves.retain(|id| mesh.patch(*id).first_child.is_none() && is_large(mesh, *id));
     }
 }
 
@@ -117,7 +109,7 @@ mod tests {
     fn mesh(scene: &Scene, most: usize) -> (usize, Mesh) {
         let mut mesh = Mesh::new(scene, 1e6, LONGEST_EDGE, 0, &[]);
         let before = mesh.vertices.len();
-        divide_buried(&mut mesh, scene, LONGEST_EDGE, most);
+        divide_buried(&mut mesh, scene, LONGEST_EDGE, 0.0, most);
         (before, mesh)
     }
 
@@ -138,6 +130,11 @@ mod tests {
         // In the middle there is a post, too.
         let (_, between_three) = mesh(&bar(&[ends[0], ends[1], [480.0, 520.0]]), usize::MAX);
         assert_eq!(along_bar(&between_three), [0.0, 250.0, 500.0, 750.0, 1000.0]);
+        // Open near one end only.
+        for [from, to] in [[40.0, 260.0], [740.0, 960.0]] {
+            let (before, open) = mesh(&bar(&[[-40.0, from], [to, 1040.0]]), usize::MAX);
+            assert!(open.vertices.len() > before, "open from {from} to {to}");
+        }
     }
 
     #[test]
@@ -152,8 +149,22 @@ mod tests {
     #[test]
     fn no_more_vertices_are_made_than_there_may_be() {
         let scene = bar(&[[-40.0, 40.0], [960.0, 1040.0], [480.0, 520.0]]);
-        let (before, mesh) = mesh(&scene, 0);
-        assert_eq!(mesh.vertices.len(), before);
+        let (before, bounded) = mesh(&scene, 0);
+        assert_eq!(bounded.vertices.len(), before);
+        // The bar takes two rounds, and there is room for the first.
+        let (undivided, one_round) = mesh(&bar(&[[-40.0, 40.0], [960.0, 1040.0]]), usize::MAX);
+        let most = before + 2 * (one_round.vertices.len() - undivided);
+        let (_, bounded) = mesh(&scene, most);
+        assert_eq!(along_bar(&bounded), [0.0, 500.0, 1000.0]);
+        assert!(bounded.vertices.len() <= most);
+    }
+
+    #[test]
+    fn what_is_as_small_as_a_leaf_may_be_stays_whole() {
+        let scene = bar(&[[-40.0, 40.0], [960.0, 1040.0], [480.0, 520.0]]);
+        let mut mesh = Mesh::new(&scene, 1e6, LONGEST_EDGE, 0, &[]);
+        divide_buried(&mut mesh, &scene, LONGEST_EDGE, 800.0, usize::MAX);
+        assert_eq!(along_bar(&mesh), [0.0, 500.0, 1000.0]);
     }
 
     /// Light comes through glass, and the inside of a sheet that is lit from both sides is no dark one.

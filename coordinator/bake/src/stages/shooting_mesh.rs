@@ -40,7 +40,8 @@ impl ShootingMesh {
         let source = row_source(settings.rows).unwrap_or_else(|| cutter.cheapest());
         let (mut mesh, edge) = cutter.finest(settings.shooter_edge * source.edge_factor());
         let longest_edge = edge * cutter.extent;
-        divide_buried(&mut mesh, scene, longest_edge, settings.most_vertices(scene));
+        let shortest_edge = settings.shortest_edge(cutter.extent);
+        divide_buried(&mut mesh, scene, longest_edge, shortest_edge, settings.most_vertices(scene));
         Self { mesh, longest_edge, source }
     }
 }

@@ -91,6 +91,16 @@ pub enum ReferenceError {
         "the scene has no surface that reflects, so there is nothing to measure: give a material a base colour, and metallicFactor 0"
     )]
     NoReflection,
+    /// What reflects lies under other layers.
+    #[error(
+        "only {places} of {tries} points of the surfaces that reflect are not under another surface in one plane: move surfaces apart, or ask for fewer points"
+    )]
+    Hidden {
+        /// Points that are seen.
+        places: usize,
+        /// Points that were tried.
+        tries: usize,
+    },
     /// Nothing gives light.
     #[error(
         "the scene has no light: give a material an emissiveFactor, add a light (KHR_lights_punctual, EXT_lights_area, EXT_lights_image_based), or give --sky"

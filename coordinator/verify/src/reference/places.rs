@@ -23,7 +23,7 @@ const MOST_TRIES: usize = 100;
 /// They are scrambled Sobol' points, so that they spread more evenly than independent ones; each by itself is uniform.
 ///
 /// # Errors
-/// When no surface reflects.
+/// When no surface reflects, or hardly any that does is the layer that is seen.
 pub fn random(scene: &PlainScene, count: usize, seed: u64) -> Result<Vec<Place>, ReferenceError> {
     let mut total = 0.0;
     let mut sides = Vec::new();
@@ -55,9 +55,13 @@ pub fn random(scene: &PlainScene, count: usize, seed: u64) -> Result<Vec<Place>,
         is_seen.then_some(Place { position, normal, primitive: *primitive })
     };
     // One layer of each place is seen, but it may be one that does not reflect.
-    let most = count.saturating_mul(MOST_TRIES);
-    let places: Vec<Place> = (0..most).filter_map(place).take(count).collect();
-    if places.len() < count { Err(ReferenceError::NoReflection) } else { Ok(places) }
+    let tries = count.saturating_mul(MOST_TRIES);
+    let places: Vec<Place> = (0..tries).filter_map(place).take(count).collect();
+    if places.len() < count {
+        Err(ReferenceError::Hidden { places: places.len(), tries })
+    } else {
+        Ok(places)
+    }
 }
 
 /// The place on the scene's surfaces that each of these places means: the nearest point of its primitive, and the normal of the
