@@ -2,6 +2,7 @@
 import * as THREE from 'three';
 import { GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
 import { Probes, halflight } from 'halflight-three';
+import { BRIGHT, decoded } from '/ktx2.mjs';
 
 // Irradiance at all vertices.
 const IRRADIANCE = [3, 2, 1];
@@ -27,7 +28,14 @@ const mapped = (page) => ({
 const instance = mapped(3);
 instance.extensions.MOZ_lightmap.extensions = { KHR_texture_transform: { offset: [0.625, 0], scale: [0.25, 1] } };
 
-// Of each kind its material, the light at its vertices, the encoding of its lightmap, and what of the light it reflects.
+// The part above on the left of six texels by eight: its middle is 3.4 texels from the left, and dark begins at 4.
+const corner = mapped(1);
+corner.extensions.MOZ_lightmap.extensions = {
+  KHR_texture_transform: { offset: [0.46, 0.125], scale: [0.2, 0.25] },
+};
+
+// Of each kind its material, the light at its vertices, the encoding of its lightmap and the file with its page, what of the light it
+// reflects, and what the page says.
 const KINDS = [
   { name: 'rough', material: { pbrMetallicRoughness: pbr() }, light: IRRADIANCE, albedo: COLOUR },
   {
@@ -44,6 +52,23 @@ const KINDS = [
   },
   { name: 'sRGB page', material: mapped(1), encoding: 'srgb', albedo: COLOUR, read: SCALE * HALF_LINEAR },
   { name: 'part of a page', material: instance, encoding: 'srgb', albedo: COLOUR, read: SCALE * HALF_LINEAR },
+  {
+    name: 'PNG in place of a missing file',
+    material: mapped(1),
+    encoding: 'srgb',
+    file: 'missing.ktx2',
+    albedo: COLOUR,
+    read: SCALE * HALF_LINEAR,
+  },
+  { name: 'KTX2 page', material: mapped(1), encoding: 'srgb', file: 'whole.ktx2', albedo: COLOUR, read: BRIGHT.map(decoded) },
+  {
+    name: 'part of a KTX2 page',
+    material: corner,
+    encoding: 'srgb',
+    file: 'corner.ktx2',
+    albedo: COLOUR,
+    read: BRIGHT.map(decoded),
+  },
   { name: 'RGBM page', material: mapped(2), encoding: 'rgbm', albedo: COLOUR, read: (SCALE * MULTIPLIER) / 255 },
 ];
 
@@ -59,7 +84,7 @@ async function picture(colour, left = colour) {
 }
 
 // A square of two triangles before the camera, as a document.
-async function square({ material, light, encoding }) {
+async function square({ material, light, encoding, file }) {
   const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]];
   const sets = [
     corners.flatMap(([x, y]) => [x, y, 0]),
@@ -84,7 +109,7 @@ async function square({ material, light, encoding }) {
   const attributes = { POSITION: 0, NORMAL: 1, TEXCOORD_0: 2, TEXCOORD_1: 2 };
   if (light) attributes._IRRADIANCE = 3;
   return JSON.stringify({
-    asset: { version: '2.0', extras: { halflight: { lightmap: { encoding } } } },
+    asset: { version: '2.0', extras: { halflight: { lightmap: { encoding, textures: [1], files: file && [file] } } } },
     extensionsUsed: ['KHR_texture_transform'],
     scene: 0,
     scenes: [{ nodes: [0] }],
@@ -184,8 +209,8 @@ globalThis.measure = async () => {
     const direct = await radiance(new GLTFLoader(), document, renderer);
     // The probe is not for those with light of their own.
     const probe = probes.at(new THREE.Vector3());
-    const shown = await radiance(new GLTFLoader().register(halflight()), document, renderer, [probe]);
-    const irradiance = kind.light ?? Array(3).fill(kind.read);
+    const shown = await radiance(new GLTFLoader().register(halflight({ renderer })), document, renderer, [probe]);
+    const irradiance = kind.light ?? [kind.read, kind.read, kind.read].flat().slice(0, 3);
     const expected = kind.albedo.map((albedo, i) => (albedo * irradiance[i]) / Math.PI);
     found.push({ name: kind.name, shown, direct, expected });
   }

@@ -4,6 +4,7 @@
 // CHROMIUM names the browser; /usr/bin/chromium where it is not set. The plugin must be built.
 import { readFile } from 'node:fs/promises';
 import path from 'node:path';
+import { BRIGHT, DARK, ktx2 } from './ktx2.mjs';
 import { onPage } from './served.mjs';
 
 // Largest relative difference from what is expected.
@@ -14,10 +15,17 @@ const PAGE = `<!doctype html><link rel="icon" href="data:,"><script type="import
 {"imports": {"three": "/three/build/three.module.js", "three/addons/": "/three/examples/jsm/", "halflight-three": "/plugin.js"}}
 </script><script type="module" src="/baked.js"></script>`;
 const script = (file) => ({ type: 'text/javascript', read: () => readFile(path.join(here, file)) });
+const page = (size, ...layers) => ({ type: 'image/ktx2', read: () => ktx2(size, layers) });
 const sources = new Map([
   ['/', { type: 'text/html', read: () => PAGE }],
   ['/baked.js', script('baked.js')],
+  ['/ktx2.mjs', script('ktx2.mjs')],
+  // A light group follows.
+  ['/whole.ktx2', page([4, 4], [BRIGHT], [DARK])],
+  // Bright above on the left; the right edge ends within a block.
+  ['/corner.ktx2', page([6, 8], [BRIGHT, DARK, DARK, DARK])],
   ['/plugin.js', script('../../coordinator/three/dist/index.js')],
+  ['/pages.js', script('../../coordinator/three/dist/pages.js')],
   ['/probes.js', script('../../coordinator/three/dist/probes.js')],
 ]);
 

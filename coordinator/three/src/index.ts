@@ -6,9 +6,11 @@
  * Light at vertices (`_IRRADIANCE`) and in lightmaps (`MOZ_lightmap`) is added to the indirect diffuse light of the file's own materials,
  * so that lamps, shadows and reflections of the scene stay. Light probes are for the rest: `Probes.of(gltf)?.at(position)`.
  */
-import { Mesh, MeshStandardMaterial, ShaderChunk, SRGBColorSpace } from 'three';
-import type { Object3D, WebGLProgramParametersWithUniforms } from 'three';
+import { LoaderUtils, Mesh, MeshStandardMaterial, ShaderChunk, SRGBColorSpace } from 'three';
+import type { Object3D, Texture, WebGLProgramParametersWithUniforms, WebGLRenderer } from 'three';
 import type { GLTF, GLTFLoaderPlugin, GLTFParser } from 'three/addons/loaders/GLTFLoader.js';
+import { BPTC, page, partOf } from './pages.js';
+import type { Part } from './pages.js';
 
 export { Probes } from './probes.js';
 export type { ProbeData } from './probes.js';
@@ -17,6 +19,17 @@ export type { ProbeData } from './probes.js';
 export interface Options {
   /** Factor of the baked light [default: 1]. The file's unit of irradiance times it is what lamps of the scene give. */
   intensity?: number;
+  /** What shows the scene. With it, pages as KTX2 beside the file are read in place of PNGs, if its graphics hardware has their format. */
+  renderer?: WebGLRenderer;
+}
+
+/** What the file says of its lightmap. */
+interface Lightmap {
+  encoding?: string;
+  /** Textures of the pages. */
+  textures?: number[];
+  /** Names of the pages beside the file. */
+  files?: string[];
 }
 
 /** A material's link to its lightmap. */
@@ -25,7 +38,7 @@ interface Link {
   texCoord?: number;
   intensity?: number;
   /** The part of the page that an instance has. */
-  extensions?: object;
+  extensions?: { KHR_texture_transform?: Part };
 }
 
 /** Materials that reflect diffuse light. */
@@ -45,6 +58,8 @@ class BakedLight implements GLTFLoaderPlugin {
   readonly name = EXTENSION;
   /** The copy of each material for meshes without light at their vertices, and for those with it. */
   private readonly copies = [new Map<Lit, Lit>(), new Map<Lit, Lit>()] as const;
+  /** The pages that were read from files, by name; none of those that cannot be. */
+  private readonly pages = new Map<string, Promise<Texture | undefined>>();
 
   constructor(
     private readonly parser: GLTFParser,
@@ -56,8 +71,15 @@ class BakedLight implements GLTFLoaderPlugin {
     const material = this.parser.json.materials?.[index];
     const link: Link | undefined = material?.extensions?.[EXTENSION];
     if (!link || material.extensions.KHR_materials_unlit) return;
+    const page = await this.pageBeside(link.index);
+    if (page) {
+      params['lightMap'] = partOf(page, link.texCoord ?? 0, link.extensions?.KHR_texture_transform);
+      params['lightMapIntensity'] = 1;
+      return;
+    }
     const texture = { index: link.index, texCoord: link.texCoord, extensions: link.extensions };
-    await this.parser.assignTexture(params, 'lightMap', texture, this.encoding === 'srgb' ? SRGBColorSpace : undefined);
+    const isCurved = this.lightmap.encoding === 'srgb';
+    await this.parser.assignTexture(params, 'lightMap', texture, isCurved ? SRGBColorSpace : undefined);
     params['lightMapIntensity'] = link.intensity ?? 1;
   }
 
@@ -66,9 +88,28 @@ class BakedLight implements GLTFLoaderPlugin {
     for (const scene of scenes) scene.traverse((object) => this.light(object));
   }
 
-  /** How the pages of the lightmap are encoded. */
-  private get encoding(): string | undefined {
-    return this.parser.json.asset.extras?.halflight?.lightmap?.encoding;
+  private get lightmap(): Lightmap {
+    return this.parser.json.asset.extras?.halflight?.lightmap ?? {};
+  }
+
+  /** The page with this texture out of its file beside the glTF, if there is one that the graphics hardware can read. */
+  private pageBeside(texture: number): Promise<Texture | undefined> {
+    const { files, textures } = this.lightmap;
+    const name = files?.[textures?.indexOf(texture) ?? -1];
+    const canRead = name?.endsWith('.ktx2') && this.options.renderer?.extensions.has(BPTC);
+    if (!name || !canRead) return Promise.resolve(undefined);
+    const known = this.pages.get(name);
+    if (known) return known;
+    const { fileLoader, options } = this.parser;
+    const read = fileLoader.loadAsync(LoaderUtils.resolveURL(name, options.path)).then(
+      (file) => page(file as ArrayBuffer),
+    );
+    const found = read.catch((error: unknown) => {
+      console.warn(`halflight: PNG in place of ${name}:`, error);
+      return undefined;
+    });
+    this.pages.set(name, found);
+    return found;
   }
 
   private light(object: Object3D): void {
@@ -82,7 +123,7 @@ class BakedLight implements GLTFLoaderPlugin {
     const made = copies.get(material);
     if (made) return made;
     const copy = material.clone();
-    const hasMultiplier = this.encoding === 'rgbm';
+    const hasMultiplier = this.lightmap.encoding === 'rgbm';
     const intensity = { value: this.options.intensity ?? 1 };
     copy.onBeforeCompile = (shader) => addLight(shader, intensity, hasVertices, hasMultiplier);
     copy.customProgramCacheKey = () => `halflight ${hasVertices} ${hasMultiplier}`;

@@ -281,6 +281,10 @@ fn pages_for_graphics_hardware_are_written_beside_the_file() {
         width <= 128 && page.len() as u32 >= blocks && page.len() as u32 <= blocks + 512,
         "{width} x {height}"
     );
+    let lit = gltf::Gltf::open(folder.path().join("lit.glb")).unwrap();
+    let extras: Value =
+        serde_json::from_str(lit.document.as_json().asset.extras.as_ref().unwrap().get()).unwrap();
+    assert_eq!(extras["halflight"]["lightmap"]["files"], json!(["lit-lightmap-0.ktx2"]));
 }
 
 #[test]

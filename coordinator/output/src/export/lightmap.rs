@@ -79,7 +79,12 @@ pub(super) fn assemble(
         materials: BTreeMap::new(),
         shared: BTreeMap::new(),
     };
-    let extras = assembler.add_pages(pages)?;
+    let mut extras = assembler.add_pages(pages)?;
+    let files = files(output, pages.map.report.pages, pages.format);
+    let names = files.iter().filter_map(|file| Some(file.file_name()?.to_string_lossy()));
+    if !files.is_empty() {
+        extras["files"] = names.collect();
+    }
     for (&node, primitives) in &by_node {
         assembler.light_node(node, primitives)?;
     }
