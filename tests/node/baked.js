@@ -34,6 +34,9 @@ corner.extensions.MOZ_lightmap.extensions = {
   KHR_texture_transform: { offset: [0.46, 0.125], scale: [0.2, 0.25] },
 };
 
+// A page as a file beside the glTF, and the largest light of the lightmap.
+const paged = (file, scale = SCALE) => ({ material: mapped(1), encoding: 'srgb', file, scale, albedo: COLOUR });
+
 // Of each kind its material, the light at its vertices, the encoding of its lightmap and the file with its page, what of the light it
 // reflects, and what the page says.
 const KINDS = [
@@ -52,23 +55,11 @@ const KINDS = [
   },
   { name: 'sRGB page', material: mapped(1), encoding: 'srgb', albedo: COLOUR, read: SCALE * HALF_LINEAR },
   { name: 'part of a page', material: instance, encoding: 'srgb', albedo: COLOUR, read: SCALE * HALF_LINEAR },
-  {
-    name: 'PNG in place of a missing file',
-    material: mapped(1),
-    encoding: 'srgb',
-    file: 'missing.ktx2',
-    albedo: COLOUR,
-    read: SCALE * HALF_LINEAR,
-  },
-  { name: 'KTX2 page', material: mapped(1), encoding: 'srgb', file: 'whole.ktx2', albedo: COLOUR, read: BRIGHT.map(decoded) },
-  {
-    name: 'part of a KTX2 page',
-    material: corner,
-    encoding: 'srgb',
-    file: 'corner.ktx2',
-    albedo: COLOUR,
-    read: BRIGHT.map(decoded),
-  },
+  { name: 'PNG in place of a missing file', ...paged('missing.ktx2'), read: SCALE * HALF_LINEAR },
+  { name: 'PNG in place of half a file', ...paged('cut.ktx2'), read: SCALE * HALF_LINEAR },
+  { name: 'PNG of light beyond half floats', ...paged('whole #1.ktx2', 1e5), read: SCALE * HALF_LINEAR },
+  { name: 'KTX2 page', ...paged('whole #1.ktx2'), read: BRIGHT.map(decoded) },
+  { name: 'part of a KTX2 page', ...paged('corner.ktx2'), material: corner, read: BRIGHT.map(decoded) },
   { name: 'RGBM page', material: mapped(2), encoding: 'rgbm', albedo: COLOUR, read: (SCALE * MULTIPLIER) / 255 },
 ];
 
@@ -84,7 +75,8 @@ async function picture(colour, left = colour) {
 }
 
 // A square of two triangles before the camera, as a document.
-async function square({ material, light, encoding, file }) {
+async function square({ material, light, encoding, file, scale }) {
+  const files = file && ['other.ktx2', file];
   const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]];
   const sets = [
     corners.flatMap(([x, y]) => [x, y, 0]),
@@ -109,7 +101,7 @@ async function square({ material, light, encoding, file }) {
   const attributes = { POSITION: 0, NORMAL: 1, TEXCOORD_0: 2, TEXCOORD_1: 2 };
   if (light) attributes._IRRADIANCE = 3;
   return JSON.stringify({
-    asset: { version: '2.0', extras: { halflight: { lightmap: { encoding, textures: [1], files: file && [file] } } } },
+    asset: { version: '2.0', extras: { halflight: { lightmap: { encoding, scale, textures: [3, 1], files } } } },
     extensionsUsed: ['KHR_texture_transform'],
     scene: 0,
     scenes: [{ nodes: [0] }],

@@ -5,28 +5,39 @@
 import { readFile } from 'node:fs/promises';
 import path from 'node:path';
 import { BRIGHT, DARK, ktx2 } from './ktx2.mjs';
-import { onPage } from './served.mjs';
+import { IMPORTS, onPage } from './served.mjs';
 
 // Largest relative difference from what is expected.
 const TOLERANCE = 0.01;
 
 const here = import.meta.dirname;
-const PAGE = `<!doctype html><link rel="icon" href="data:,"><script type="importmap">
-{"imports": {"three": "/three/build/three.module.js", "three/addons/": "/three/examples/jsm/", "halflight-three": "/plugin.js"}}
-</script><script type="module" src="/baked.js"></script>`;
+const PAGE = `<!doctype html><link rel="icon" href="data:,">${IMPORTS}
+<script type="module" src="/baked.js"></script>`;
 const script = (file) => ({ type: 'text/javascript', read: () => readFile(path.join(here, file)) });
-const page = (size, ...layers) => ({ type: 'image/ktx2', read: () => ktx2(size, layers) });
+// The files that the page asked for.
+const asked = new Set();
+const file = (name, content) => [
+  `/${name}`,
+  {
+    type: 'image/ktx2',
+    read: () => {
+      asked.add(name);
+      return content();
+    },
+  },
+];
 const sources = new Map([
   ['/', { type: 'text/html', read: () => PAGE }],
   ['/baked.js', script('baked.js')],
   ['/ktx2.mjs', script('ktx2.mjs')],
   // A light group follows.
-  ['/whole.ktx2', page([4, 4], [BRIGHT], [DARK])],
+  file('whole%20%231.ktx2', () => ktx2([4, 4], [[BRIGHT], [DARK]])),
   // Bright above on the left; the right edge ends within a block.
-  ['/corner.ktx2', page([6, 8], [BRIGHT, DARK, DARK, DARK])],
-  ['/plugin.js', script('../../coordinator/three/dist/index.js')],
-  ['/pages.js', script('../../coordinator/three/dist/pages.js')],
-  ['/probes.js', script('../../coordinator/three/dist/probes.js')],
+  file('corner.ktx2', () => ktx2([6, 8], [[BRIGHT, DARK, DARK, DARK]])),
+  file('cut.ktx2', () => ktx2([6, 8], [[BRIGHT, DARK, DARK, DARK]]).subarray(0, 150)),
+  file('missing.ktx2', () => {
+    throw new Error('missing');
+  }),
 ]);
 
 await onPage(sources, 'measure', async (page) => {
@@ -38,4 +49,8 @@ await onPage(sources, 'measure', async (page) => {
     if (!(off <= TOLERANCE) || !isLit) process.exitCode = 1;
   }
   if (found.length === 0) process.exitCode = 1;
+  if (asked.size !== 4) {
+    console.error(`the plugin asked only for ${[...asked]}`);
+    process.exitCode = 1;
+  }
 });

@@ -9,7 +9,7 @@ globalThis.takePicture = async ({ camera, target, size: [width, height], fov, po
   const { scene, cameras, asset } = await loader.loadAsync('/scene.glb');
   const box = new THREE.Box3().setFromObject(scene);
   scene.updateMatrixWorld(true);
-  const isOwn = points || other || (baked && !camera);
+  const isOwn = points || other || (baked && !camera && cameras.length > 0);
   const eye = isOwn ? cameras[0] : new THREE.PerspectiveCamera(fov, width / height, 1e-3 * diagonal(box), 10 * diagonal(box));
   const from = camera ? vector(camera) : insideEnd(box);
   const to = target ? vector(target) : middle(box);

@@ -11,7 +11,7 @@
 import { readFile, writeFile } from 'node:fs/promises';
 import path from 'node:path';
 import { parseArgs } from 'node:util';
-import { onPage } from './served.mjs';
+import { IMPORTS, onPage } from './served.mjs';
 
 const USAGE =
   'usage: node picture.mjs FILE.glb OUT.png [--camera x,y,z --target x,y,z --size 900x600 --fov 75 | --expect POINTS.json | --other OTHER.png | --baked --exposure NUMBER]';
@@ -70,13 +70,10 @@ const sources = new Map([
   ['/', { type: 'text/html', read: () => PAGE }],
   ['/page.js', { type: 'text/javascript', read: () => readFile(path.join(import.meta.dirname, 'page.js')) }],
   ['/scene.glb', { type: 'model/gltf-binary', read: () => readFile(scene) }],
-  ['/plugin.js', { type: 'text/javascript', read: () => readFile(path.join(import.meta.dirname, '../../coordinator/three/dist/index.js')) }],
-  ['/probes.js', { type: 'text/javascript', read: () => readFile(path.join(import.meta.dirname, '../../coordinator/three/dist/probes.js')) }],
   ['/other.png', { type: 'image/png', read: () => other }],
 ]);
-const PAGE = `<!doctype html><link rel="icon" href="data:,"><script type="importmap">
-{"imports": {"three": "/three/build/three.module.js", "three/addons/": "/three/examples/jsm/", "halflight-three": "/plugin.js"}}
-</script><script type="module" src="/page.js"></script>`;
+const PAGE = `<!doctype html><link rel="icon" href="data:,">${IMPORTS}
+<script type="module" src="/page.js"></script>`;
 
 // As the picture holds it: sRGB of 255.
 function encoded(linear) {

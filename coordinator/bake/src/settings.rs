@@ -135,7 +135,7 @@ impl BakeSettings {
         self.max_vertices.unwrap_or_else(|| Self::LEAST_MAX_VERTICES.max(2 * scene.vertex_count))
     }
 
-    /// Patches of a scene of this extent are not divided when they are no longer, in its unit.
+    /// Size of the largest patches that are never divided, in the unit of the scene's extent.
     #[must_use]
     pub fn shortest_edge(&self, extent: f64) -> f64 {
         extent * 2.0_f64.powi(-(self.max_level as i32))

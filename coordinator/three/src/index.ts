@@ -9,7 +9,7 @@
 import { LoaderUtils, Mesh, MeshStandardMaterial, ShaderChunk, SRGBColorSpace } from 'three';
 import type { Object3D, Texture, WebGLProgramParametersWithUniforms, WebGLRenderer } from 'three';
 import type { GLTF, GLTFLoaderPlugin, GLTFParser } from 'three/addons/loaders/GLTFLoader.js';
-import { BPTC, page, partOf } from './pages.js';
+import { BPTC, MOST_LIGHT, partOf, readPage } from './pages.js';
 import type { Part } from './pages.js';
 
 export { Probes } from './probes.js';
@@ -19,13 +19,15 @@ export type { ProbeData } from './probes.js';
 export interface Options {
   /** Factor of the baked light [default: 1]. The file's unit of irradiance times it is what lamps of the scene give. */
   intensity?: number;
-  /** What shows the scene. With it, pages as KTX2 beside the file are read in place of PNGs, if its graphics hardware has their format. */
+  /** Renderer of the scene: pages as KTX2 beside the file are then read in place of PNGs, if its graphics hardware has their format. */
   renderer?: WebGLRenderer;
 }
 
 /** What the file says of its lightmap. */
 interface Lightmap {
   encoding?: string;
+  /** Irradiance that 1 stands for in the PNGs: the largest. */
+  scale?: number;
   /** Textures of the pages. */
   textures?: number[];
   /** Names of the pages beside the file. */
@@ -58,7 +60,7 @@ class BakedLight implements GLTFLoaderPlugin {
   readonly name = EXTENSION;
   /** The copy of each material for meshes without light at their vertices, and for those with it. */
   private readonly copies = [new Map<Lit, Lit>(), new Map<Lit, Lit>()] as const;
-  /** The pages that were read from files, by name; none of those that cannot be. */
+  /** The pages that were read from files, by name; `undefined` where that failed. */
   private readonly pages = new Map<string, Promise<Texture | undefined>>();
 
   constructor(
@@ -71,15 +73,16 @@ class BakedLight implements GLTFLoaderPlugin {
     const material = this.parser.json.materials?.[index];
     const link: Link | undefined = material?.extensions?.[EXTENSION];
     if (!link || material.extensions.KHR_materials_unlit) return;
-    const page = await this.pageBeside(link.index);
+    const page = await this.pageBeside(link);
     if (page) {
+      const { scale = 1 } = this.lightmap;
       params['lightMap'] = partOf(page, link.texCoord ?? 0, link.extensions?.KHR_texture_transform);
-      params['lightMapIntensity'] = 1;
+      params['lightMapIntensity'] = (link.intensity ?? scale) / scale;
       return;
     }
     const texture = { index: link.index, texCoord: link.texCoord, extensions: link.extensions };
-    const isCurved = this.lightmap.encoding === 'srgb';
-    await this.parser.assignTexture(params, 'lightMap', texture, isCurved ? SRGBColorSpace : undefined);
+    const isSrgb = this.lightmap.encoding === 'srgb';
+    await this.parser.assignTexture(params, 'lightMap', texture, isSrgb ? SRGBColorSpace : undefined);
     params['lightMapIntensity'] = link.intensity ?? 1;
   }
 
@@ -92,24 +95,26 @@ class BakedLight implements GLTFLoaderPlugin {
     return this.parser.json.asset.extras?.halflight?.lightmap ?? {};
   }
 
-  /** The page with this texture out of its file beside the glTF, if there is one that the graphics hardware can read. */
-  private pageBeside(texture: number): Promise<Texture | undefined> {
-    const { files, textures } = this.lightmap;
-    const name = files?.[textures?.indexOf(texture) ?? -1];
-    const canRead = name?.endsWith('.ktx2') && this.options.renderer?.extensions.has(BPTC);
-    if (!name || !canRead) return Promise.resolve(undefined);
-    const known = this.pages.get(name);
-    if (known) return known;
-    const { fileLoader, options } = this.parser;
-    const read = fileLoader.loadAsync(LoaderUtils.resolveURL(name, options.path)).then(
-      (file) => page(file as ArrayBuffer),
-    );
-    const found = read.catch((error: unknown) => {
+  /** The page of a link out of its file beside the glTF, if there is one that holds its light and that the graphics hardware can read. */
+  private async pageBeside({ index, extensions }: Link): Promise<Texture | undefined> {
+    const { files, textures, scale = 1 } = this.lightmap;
+    const name = files?.[textures?.indexOf(index) ?? -1];
+    const isTurned = Boolean(extensions?.KHR_texture_transform?.rotation);
+    const canRead = this.options.renderer?.extensions?.has(BPTC) && scale <= MOST_LIGHT && !isTurned;
+    if (!name?.endsWith('.ktx2') || !canRead) return undefined;
+    const page = this.pages.get(name) ?? this.load(name);
+    this.pages.set(name, page);
+    return page;
+  }
+
+  private async load(name: string): Promise<Texture | undefined> {
+    try {
+      const address = LoaderUtils.resolveURL(encodeURIComponent(name), this.parser.options.path);
+      return readPage((await this.parser.fileLoader.loadAsync(address)) as ArrayBuffer);
+    } catch (error) {
       console.warn(`halflight: PNG in place of ${name}:`, error);
       return undefined;
-    });
-    this.pages.set(name, found);
-    return found;
+    }
   }
 
   private light(object: Object3D): void {

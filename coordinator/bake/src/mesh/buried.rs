@@ -17,8 +17,11 @@ const SMALLEST: f64 = 1.0 / 32.0;
 /// Rays of a point. One that escapes, or meets a side that is lit, tells that it is in the open.
 const RAYS: u32 = 16;
 
-/// Places on the way from the centre of a leaf to each of its corners that are looked at between them, as parts of that way.
-const BETWEEN: [f64; 5] = [0.0, 0.2, 0.4, 0.6, 0.8];
+/// Places that are looked at between the corners of a leaf, as parts of the way from its centre to each of them,
+const TO_CORNERS: [f64; 4] = [0.2, 0.4, 0.6, 0.8];
+
+/// and to the middle of each edge.
+const TO_MIDDLES: [f64; 2] = [0.45, 0.9];
 
 /// How often a leaf is divided at most.
 const ROUNDS: usize = 3;
@@ -46,13 +49,22 @@ impl Bodies {
         let facet = &scene.surfaces[patch.surface as usize].facets[patch.facet as usize];
         let buries = |point: DVec3| self.bury(point, facet.normal, facet.plane);
         let (corners, centre) = (mesh.corners(leaf), mesh.centre(leaf));
-        corners.iter().all(|corner| buries(corner.lerp(centre, INWARD)))
-            && BETWEEN.iter().any(|part| corners.iter().any(|corner| !buries(centre.lerp(*corner, *part))))
+        if !corners.iter().all(|corner| buries(corner.lerp(centre, INWARD))) {
+            return false;
+        }
+        let next = corners.iter().cycle().skip(1);
+        let mut between = corners.iter().zip(next).flat_map(|(corner, next)| {
+            let middle = corner.midpoint(*next);
+            let on_way = TO_CORNERS.iter().map(|part| centre.lerp(*corner, *part));
+            on_way.chain(TO_MIDDLES.iter().map(move |part| centre.lerp(middle, *part)))
+        });
+        !buries(centre) || between.any(|point| !buries(point))
     }
 }
 
-/// Divides leaves whose corners are all inside of other bodies, but not what is between them. Edges are in frame units: the longest of a
-/// patch, and the size up to which none is divided. Half of the vertices that the mesh may still have are left to refinement.
+/// Divides leaves whose corners are all inside of other bodies, but not what is between them. `longest_edge` is that of a patch; leaves of
+/// `shortest_edge` or less stay whole. Both are in frame units. The mesh gets half of the vertices that it may still have at most, the
+/// rest is for refinement.
 pub fn divide_buried(mesh: &mut Mesh, scene: &Scene, longest_edge: f64, shortest_edge: f64, most: usize) {
     let least = shortest_edge.max(SMALLEST * longest_edge);
     let most = usize::midpoint(mesh.vertices.len(), most.max(mesh.vertices.len()));
@@ -132,8 +144,9 @@ mod tests {
         assert_eq!(along_bar(&between_three), [0.0, 250.0, 500.0, 750.0, 1000.0]);
         // Open near one end only.
         for [from, to] in [[40.0, 260.0], [740.0, 960.0]] {
-            let (before, open) = mesh(&bar(&[[-40.0, from], [to, 1040.0]]), usize::MAX);
-            assert!(open.vertices.len() > before, "open from {from} to {to}");
+            let (_, open) = mesh(&bar(&[[-40.0, from], [to, 1040.0]]), usize::MAX);
+            let along = along_bar(&open);
+            assert!(along.iter().any(|x| (from..to).contains(x)), "open from {from} to {to}: {along:?}");
         }
     }
 
@@ -153,10 +166,10 @@ mod tests {
         assert_eq!(bounded.vertices.len(), before);
         // The bar takes two rounds, and there is room for the first.
         let (undivided, one_round) = mesh(&bar(&[[-40.0, 40.0], [960.0, 1040.0]]), usize::MAX);
-        let most = before + 2 * (one_round.vertices.len() - undivided);
-        let (_, bounded) = mesh(&scene, most);
+        let added = one_round.vertices.len() - undivided;
+        let (_, bounded) = mesh(&scene, before + 2 * added);
         assert_eq!(along_bar(&bounded), [0.0, 500.0, 1000.0]);
-        assert!(bounded.vertices.len() <= most);
+        assert_eq!(bounded.vertices.len(), before + added);
     }
 
     #[test]

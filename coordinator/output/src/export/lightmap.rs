@@ -80,9 +80,9 @@ pub(super) fn assemble(
         shared: BTreeMap::new(),
     };
     let mut extras = assembler.add_pages(pages)?;
-    let files = files(output, pages.map.report.pages, pages.format);
-    let names = files.iter().filter_map(|file| Some(file.file_name()?.to_string_lossy()));
-    if !files.is_empty() {
+    if pages.format.beside().is_some() {
+        let beside = files(output, pages.map.report.pages, pages.format);
+        let names = beside.iter().filter_map(|file| Some(file.file_name()?.to_string_lossy()));
         extras["files"] = names.collect();
     }
     for (&node, primitives) in &by_node {

@@ -93,7 +93,7 @@ pub enum ReferenceError {
     NoReflection,
     /// What reflects lies under other layers.
     #[error(
-        "only {places} of {tries} points of the surfaces that reflect are not under another surface in one plane: move surfaces apart, or ask for fewer points"
+        "other surfaces in the same plane hide the surfaces that reflect: {places} of {tries} points are seen; move these surfaces apart"
     )]
     Hidden {
         /// Points that are seen.

@@ -23,7 +23,7 @@ const MOST_TRIES: usize = 100;
 /// They are scrambled Sobol' points, so that they spread more evenly than independent ones; each by itself is uniform.
 ///
 /// # Errors
-/// When no surface reflects, or hardly any that does is the layer that is seen.
+/// When no surface reflects, or less than one in a hundred points of those that do is seen.
 pub fn random(scene: &PlainScene, count: usize, seed: u64) -> Result<Vec<Place>, ReferenceError> {
     let mut total = 0.0;
     let mut sides = Vec::new();
