@@ -115,6 +115,11 @@ impl Solved {
             };
             if shooters.is_some() && is_end(&measured, &better, cx) {
                 measured = measured.measure_shooters(cx)?;
+                let is_missed = cx.settings.error.is_some_and(|asked| measured.error.total > asked);
+                if is_missed && measured.shooters_take_much(cx.settings) && measured.solved.can_follow_mesh()
+                {
+                    measured = measured.follow_mesh(cx)?;
+                }
                 better = measured.better_settings(cx);
             }
             if is_end(&measured, &better, cx) {
