@@ -126,6 +126,11 @@ impl Surface {
         self.count_vertices(|facet| !facet.is_sealed)
     }
 
+    /// Its facets that light may reach, with their numbers: all but those inside closed bodies.
+    pub fn lit_facets(&self) -> impl Iterator<Item = (usize, &Facet)> {
+        self.facets.iter().enumerate().filter(|(_, facet)| !facet.is_sealed)
+    }
+
     fn count_vertices(&self, counts: impl Fn(&Facet) -> bool) -> usize {
         let bits = |vector: DVec3| vector.to_array().map(f64::to_bits);
         let corners = self.facets.iter().filter(|facet| counts(facet)).flat_map(|facet| &facet.corners);

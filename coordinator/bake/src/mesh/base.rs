@@ -13,7 +13,7 @@ use super::pieces::{Lengths, cut_along, cut_long, lengths};
 use super::planar::{self, Piece, Region, regions};
 use super::welding::weld;
 use super::{FEW_FACETS, Mesh, Patch, PatchId, VertexId, WELD, edge};
-use scene::{Facet, Scene};
+use scene::{Facet, Scene, Surface};
 
 /// What a mesh may have.
 #[derive(Debug, Clone, Copy)]
@@ -66,9 +66,8 @@ impl Mesh {
             own.iter().map(|line| line.ends).chain(shadows.filter(is_apart).copied()).collect()
         };
         let lines_of: Vec<Vec<Contact>> = regions.par_iter().zip(&contacts).map(of_region).collect();
-        let lit = |facet: &&Facet| !facet.is_sealed;
-        let facets: Vec<&Facet> =
-            scene.surfaces.iter().flat_map(|surface| &surface.facets).filter(lit).collect();
+        let facets = scene.surfaces.iter().flat_map(Surface::lit_facets);
+        let facets: Vec<&Facet> = facets.map(|(_, facet)| facet).collect();
         // Strips are what is dear there: all lines are triangulated around.
         let is_large = facets.len() > FEW_FACETS;
         let most_cuts = if is_large { 0 } else { MOST_CUTS };

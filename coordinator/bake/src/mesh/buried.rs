@@ -9,7 +9,7 @@ use kernel::hemisphere::{SeenPolygons, directions};
 use rayon::prelude::*;
 
 use super::{INWARD, Mesh, PatchId};
-use scene::{Facet, Scene};
+use scene::{Scene, Surface};
 
 /// Size of the smallest leaves that are looked at, relative to the longest edge of a patch.
 const SMALLEST: f64 = 1.0 / 32.0;
@@ -32,8 +32,8 @@ struct Bodies(SeenPolygons);
 impl Bodies {
     fn new(scene: &Scene) -> Self {
         let opaque = scene.surfaces.iter().filter(|surface| surface.opacity >= 1.0);
-        let lit = opaque.flat_map(|surface| &surface.facets).filter(|facet| !facet.is_sealed);
-        Self(SeenPolygons::new(&lit.map(Facet::polygon).collect::<Vec<_>>(), &[]))
+        let lit = opaque.flat_map(Surface::lit_facets).map(|(_, facet)| facet.polygon());
+        Self(SeenPolygons::new(&lit.collect::<Vec<_>>(), &[]))
     }
 
     /// Whether a point of a plane, seen from the side of a normal, lies inside of a body: nothing but dark backs is seen from it.
@@ -91,6 +91,7 @@ pub fn divide_buried(mesh: &mut Mesh, scene: &Scene, longest_edge: f64, shortest
 mod tests {
     use super::*;
     use crate::test_scenes::{facet, scene};
+    use scene::Facet;
 
     const LONGEST_EDGE: f64 = 2000.0;
 

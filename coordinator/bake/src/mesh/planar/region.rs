@@ -40,9 +40,8 @@ pub fn regions(scene: &Scene) -> Vec<Region> {
 fn regions_of(index: usize, surface: &Surface) -> Vec<Region> {
     let mut joined = DisjointSets::new(surface.facets.len());
     let mut leaving: HashMap<[[u64; 3]; 2], usize> = HashMap::new();
-    let is_flat =
-        |facet: &Facet| !facet.is_sealed && facet.corners.iter().all(|corner| corner.normal == facet.normal);
-    for (number, facet) in surface.facets.iter().enumerate().filter(|(_, facet)| is_flat(facet)) {
+    let is_flat = |facet: &Facet| facet.corners.iter().all(|corner| corner.normal == facet.normal);
+    for (number, facet) in surface.lit_facets().filter(|(_, facet)| is_flat(facet)) {
         for [from, to] in edges(facet) {
             if let Some(other) = leaving.get(&[to, from]) {
                 let near = &surface.facets[*other];
@@ -55,7 +54,7 @@ fn regions_of(index: usize, surface: &Surface) -> Vec<Region> {
     }
     let mut members: Vec<Vec<u32>> = vec![vec![]; surface.facets.len()];
     // No light reaches the sealed ones.
-    for (facet, _) in surface.facets.iter().enumerate().filter(|(_, facet)| !facet.is_sealed) {
+    for (facet, _) in surface.lit_facets() {
         members[joined.representative(facet)].push(facet as u32);
     }
     let region = |facets: Vec<u32>| {

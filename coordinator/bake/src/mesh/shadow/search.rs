@@ -21,11 +21,12 @@ pub struct Receivers<'a> {
 impl<'a> Receivers<'a> {
     /// The facets that are large enough for lines of this length.
     pub fn new(scene: &'a Scene, shortest: f64) -> Self {
-        let facets = scene.surfaces.iter().enumerate().flat_map(|(surface, own)| {
-            own.facets.iter().enumerate().map(move |(index, facet)| ((surface, index), facet))
-        });
+        let facets =
+            scene.surfaces.iter().enumerate().flat_map(|(surface, own)| {
+                own.lit_facets().map(move |(index, facet)| ((surface, index), facet))
+            });
         let is_large = |facet: &Facet| Bounds::around(facet.positions()).diagonal() >= shortest;
-        let facets: Vec<_> = facets.filter(|(_, facet)| !facet.is_sealed && is_large(facet)).collect();
+        let facets: Vec<_> = facets.filter(|(_, facet)| is_large(facet)).collect();
         let boxes: Vec<PaddedBox> =
             facets.iter().map(|(_, facet)| PaddedBox::around(facet.positions(), 2.0 * WELD)).collect();
         let bvh = build_bvh2(&boxes, BvhBuildParams::fast_build(), &mut Default::default());

@@ -120,7 +120,7 @@ impl Level {
         let mut places = vec![];
         let (mut emitted, mut reflectance) = (DVec3::ZERO, DVec3::ZERO);
         for (surface, own) in scene.surfaces.iter().enumerate() {
-            for (index, facet) in own.facets.iter().enumerate().filter(|(_, facet)| !facet.is_sealed) {
+            for (index, facet) in own.lit_facets() {
                 let corners: Vec<DVec3> = facet.positions().collect();
                 let part = area_vector(&corners).length();
                 area += part;
