@@ -29,15 +29,8 @@ pub(super) fn dining(document: &mut Document, materials: &Materials) {
         [0.045, 0.66],
     ];
     let leg = document.mesh("table leg", &[(&turned(&rounded(&leg, 4), 24), materials.wood)]);
-    for (index, (x, z)) in
-        [(-0.76, -0.34), (0.76, -0.34), (-0.76, 0.34), (0.76, 0.34)].into_iter().enumerate()
-    {
-        document.show(
-            &format!("table leg {index}"),
-            leg,
-            place * DMat4::from_translation(DVec3::new(x, 0.0, z)),
-        );
-    }
+    let places = [(-0.76, -0.34), (0.76, -0.34), (-0.76, 0.34), (0.76, 0.34)];
+    show_copies(document, "table leg", leg, place, &places, 0.0);
 
     let chair = chair(document, materials);
     let seats = [
@@ -66,17 +59,8 @@ pub(super) fn dining(document: &mut Document, materials: &Materials) {
         2,
     );
     let plate = document.mesh("plate", &[(&turned(&plate, 28), materials.china)]);
-    for (index, (x, z)) in
-        [(-0.45, -0.32), (0.45, -0.32), (-0.45, 0.32), (0.45, 0.32), (-0.75, 0.0), (0.75, 0.0)]
-            .into_iter()
-            .enumerate()
-    {
-        document.show(
-            &format!("plate {index}"),
-            plate,
-            place * DMat4::from_translation(DVec3::new(x, 0.771, z)),
-        );
-    }
+    let places = [(-0.45, -0.32), (0.45, -0.32), (-0.45, 0.32), (0.45, 0.32), (-0.75, 0.0), (0.75, 0.0)];
+    show_copies(document, "plate", plate, place, &places, 0.771);
     let vase = rounded(
         &[
             [0.0, 0.0],
@@ -93,6 +77,21 @@ pub(super) fn dining(document: &mut Document, materials: &Materials) {
     let glaze = document.paint("glaze", [0.16, 0.28, 0.52]);
     let vase = document.mesh("vase", &[(&turned(&vase, 32), glaze)]);
     document.show("vase", vase, place * DMat4::from_translation(DVec3::new(0.05, 0.771, 0.0)));
+}
+
+/// Shows a mesh at several x and z of a thing, all at one height.
+fn show_copies(
+    document: &mut Document,
+    name: &str,
+    mesh: usize,
+    thing: DMat4,
+    places: &[(f64, f64)],
+    y: f64,
+) {
+    for (index, (x, z)) in places.iter().enumerate() {
+        let place = thing * DMat4::from_translation(DVec3::new(*x, y, *z));
+        document.show(&format!("{name} {index}"), mesh, place);
+    }
 }
 
 /// A chair with its front at +z: turned legs, a cushion, a back of spindles.
@@ -144,15 +143,8 @@ pub(super) fn sofa(document: &mut Document, materials: &Materials) {
     document.show("sofa", sofa, place);
     let feet = turned(&[[0.02, 0.0], [0.03, 0.06], [0.03, 0.12]], 16);
     let foot = document.mesh("sofa foot", &[(&feet, materials.dark_wood)]);
-    for (index, (x, z)) in
-        [(-0.95, -0.33), (0.95, -0.33), (-0.95, 0.33), (0.95, 0.33)].into_iter().enumerate()
-    {
-        document.show(
-            &format!("sofa foot {index}"),
-            foot,
-            place * DMat4::from_translation(DVec3::new(x, 0.0, z)),
-        );
-    }
+    let places = [(-0.95, -0.33), (0.95, -0.33), (-0.95, 0.33), (0.95, 0.33)];
+    show_copies(document, "sofa foot", foot, place, &places, 0.0);
     let table = rounded(
         &[
             [0.0, 0.0],
