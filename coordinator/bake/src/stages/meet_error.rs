@@ -115,8 +115,9 @@ impl Solved {
             };
             if shooters.is_some() && is_end(&measured, &better, cx) {
                 measured = measured.measure_shooters(cx)?;
-                let is_missed = cx.settings.error.is_some_and(|asked| measured.error.total > asked);
-                if is_missed && measured.shooters_take_much(cx.settings) && measured.solved.can_follow_mesh()
+                if measured.is_missed(cx.settings)
+                    && measured.shooters_take_much(cx.settings)
+                    && measured.solved.can_follow_mesh()
                 {
                     measured = measured.follow_mesh(cx)?;
                 }
@@ -165,8 +166,14 @@ impl Measured {
 
     /// Whether light between gather points is a large part of an error that is not met, and others leave something to it.
     fn is_limited_between(&self, settings: &BakeSettings) -> bool {
-        settings.error.is_some_and(|asked| self.error.total > asked && self.between > MUCH_BETWEEN * asked)
+        self.is_missed(settings)
+            && self.between > MUCH_BETWEEN * settings.asked_error()
             && self.rest_for_receivers(settings) > 0.0
+    }
+
+    /// Whether an error was asked for, and more is estimated.
+    fn is_missed(&self, settings: &BakeSettings) -> bool {
+        settings.error.is_some_and(|asked| self.error.total > asked)
     }
 
     /// The error of interpolation on the mesh.
