@@ -148,6 +148,33 @@ fn an_error_out_of_reach_is_said() {
     assert!(said.contains("2.00 % was asked for") && said.contains("--max-vertices"), "{said}");
 }
 
+/// Small things that run through one another, as in a heap of toys. Their patches shoot, and the light between them is interpolated:
+/// both get finer without a new start.
+#[test]
+fn a_crowd_of_small_things_meets_an_asked_error() {
+    // A linear congruential generator.
+    let mut state = 7_u32;
+    let mut part = || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        f64::from(state) / 4_294_967_296.0
+    };
+    let mut at = || DVec3::new(part(), part(), part());
+    let boxes = (0..170).flat_map(|_| {
+        let middle = DVec3::new(0.2, 0.05, 0.2) + DVec3::new(4.6, 1.15, 3.6) * at();
+        let half = DVec3::splat(0.05) + 0.17 * at();
+        shapes::box_facing_out(middle - half, middle + half)
+    });
+    let lamp = shapes::box_facing_out(DVec3::new(2.0, 2.55, 1.5), DVec3::new(3.0, 2.58, 2.5));
+    let builder = SceneBuilder::new()
+        .part("room", &shapes::box_facing_in(DVec3::ZERO, DVec3::new(5.0, 2.6, 4.0)), Material::grey(0.7))
+        .part("crowd", &boxes.collect::<Vec<_>>(), Material::grey(0.5))
+        .part("lamp", &lamp, Material::grey(0.8).emitting(8.0));
+    let settings = BakeSettings { rows: RowStrategy::Gather, ..BakeSettings::for_error(0.05) };
+    let report = baked(&imported(&builder.glb()), &settings).report;
+    assert!(report.error.total <= 0.05, "{:?}", report.error);
+    assert_eq!(report.restarts, 0);
+}
+
 /// Where nothing reflects, there is no light to measure.
 #[test]
 fn an_error_that_is_not_measured_is_said_with_the_reason() {

@@ -110,6 +110,7 @@ impl Solved {
             let is_end = |measured: &Measured, better: &Option<BakeSettings>, cx: &Context| {
                 round == MAX_ROUNDS
                     || measured.is_enough(cx.settings)
+                        && !measured.shooters_want_finer_mesh(cx.settings)
                         && (measured.obstacle.is_some() || !needs_balance(measured, cx))
                     || measured.others_take_all(cx.settings) && better.is_some()
             };
@@ -127,7 +128,9 @@ impl Solved {
                 return Ok((measured, better));
             }
             let of_mesh = measured.of_mesh();
-            let limit = if measured.is_enough(cx.settings) {
+            let limit = if measured.shooters_want_finer_mesh(cx.settings) {
+                LONGEST_STEP * of_mesh
+            } else if measured.is_enough(cx.settings) {
                 rounds_for_balance += 1;
                 UNSEEN_STEP * aim.limit.min(of_mesh)
             } else {
@@ -164,11 +167,11 @@ impl Measured {
         is_met || limited_by_others || self.obstacle.is_some()
     }
 
-    /// Whether light between gather points is a large part of an error that is not met, and others leave something to it.
+    /// Whether light between gather points is a large part of an error that is not met, and others leave something to it, or may yet.
     fn is_limited_between(&self, settings: &BakeSettings) -> bool {
         self.is_missed(settings)
             && self.between > MUCH_BETWEEN * settings.asked_error()
-            && self.rest_for_receivers(settings) > 0.0
+            && (self.rest_for_receivers(settings) > 0.0 || self.shooters_may_follow())
     }
 
     /// Whether an error was asked for, and more is estimated.
@@ -179,6 +182,20 @@ impl Measured {
     /// The error of interpolation on the mesh.
     fn of_mesh(&self) -> f64 {
         without(self.error.receivers, self.between)
+    }
+
+    /// Whether the error is missed for the sake of shooters most of all, and these may follow a finer mesh.
+    fn shooters_want_finer_mesh(&self, settings: &BakeSettings) -> bool {
+        let error = &self.error;
+        self.is_missed(settings)
+            && self.others_take_all(settings)
+            && error.shooters > error.visibility.max(self.between).max(error.unshot).max(error.form_factors)
+            && self.shooters_may_follow()
+    }
+
+    /// Whether shooters may follow a mesh that may be finer.
+    fn shooters_may_follow(&self) -> bool {
+        !self.solved.rows.source.leaves_cost_rows() && self.obstacle.is_none()
     }
 
     /// Whether the shooters take so much of the asked error that they should follow the mesh.
@@ -241,7 +258,7 @@ impl Measured {
             let factor = (error.visibility / (RAYS_PART * asked)).powf(4.0 / 3.0).max(1.5);
             let rays = self.solved.rows.source.rays(cx.settings);
             better.with_rays(f64::from(rays) * factor)
-        } else if rest_is_too_small && error.shooters > most {
+        } else if rest_is_too_small && error.shooters > most && !self.shooters_want_finer_mesh(cx.settings) {
             // Edges are halved: a factor of more than a half might change nothing.
             let factor = (SHOOTERS_PART * asked / error.shooters).clamp(0.25, 0.5);
             let finer = better.with_shooter_edge(cx.settings.shooter_edge * factor);
