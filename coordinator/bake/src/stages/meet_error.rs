@@ -100,7 +100,8 @@ impl Solved {
                 solved = measured.solved;
                 continue;
             }
-            let mut better = measured.better_settings(cx);
+            let is_last = round == MAX_ROUNDS;
+            let mut better = measured.better_settings(cx, is_last);
             // Noise of rays is no reason for more vertices.
             let may_balance = cx.settings.error.is_some()
                 && rounds_for_balance < ROUNDS_FOR_BALANCE
@@ -108,9 +109,8 @@ impl Solved {
             let needs_balance =
                 |measured: &Measured, cx: &Context| may_balance && !is_balanced(&measured.solved.balance(cx));
             let is_end = |measured: &Measured, better: &Option<BakeSettings>, cx: &Context| {
-                round == MAX_ROUNDS
+                is_last
                     || measured.is_enough(cx.settings)
-                        && !measured.shooters_want_finer_mesh(cx.settings)
                         && (measured.obstacle.is_some() || !needs_balance(measured, cx))
                     || measured.others_take_all(cx.settings) && better.is_some()
             };
@@ -122,22 +122,24 @@ impl Solved {
                 {
                     measured = measured.follow_mesh(cx)?;
                 }
-                better = measured.better_settings(cx);
+                better = measured.better_settings(cx, is_last);
             }
             if is_end(&measured, &better, cx) {
                 return Ok((measured, better));
             }
             let of_mesh = measured.of_mesh();
-            let limit = if measured.shooters_want_finer_mesh(cx.settings) {
-                LONGEST_STEP * of_mesh
-            } else if measured.is_enough(cx.settings) {
+            let limit = if measured.is_enough(cx.settings) {
                 rounds_for_balance += 1;
                 UNSEEN_STEP * aim.limit.min(of_mesh)
             } else {
                 (MARGIN * measured.aim_for_mesh(cx.settings)).max(LONGEST_STEP * of_mesh)
             };
             let vertices = measured.solved.mesh.mesh.vertices.len();
-            let asked = vertices_asked_for(vertices - first_vertices, of_mesh / limit);
+            let asked = if measured.finer_mesh_helps_shooters(cx.settings) {
+                vertices
+            } else {
+                vertices_asked_for(vertices - first_vertices, of_mesh / limit)
+            };
             aim = Aim {
                 limit,
                 // Exact rows cost more than measuring does, and there the error falls faster.
@@ -162,16 +164,20 @@ impl Measured {
     /// Whether more vertices are of no use: the error is met, or something else limits it.
     fn is_enough(&self, settings: &BakeSettings) -> bool {
         let is_met = self.error.receivers <= self.rest_for_receivers(settings) || self.is_predicted();
-        let limited_by_others =
-            self.others_take_all(settings) && self.of_mesh() <= self.aim_for_mesh(settings);
+        let limited_by_others = self.others_take_all(settings)
+            && self.of_mesh() <= self.aim_for_mesh(settings)
+            && !self.finer_mesh_helps_shooters(settings);
         is_met || limited_by_others || self.obstacle.is_some()
     }
 
-    /// Whether light between gather points is a large part of an error that is not met, and others leave something to it, or may yet.
+    /// Whether light between gather points is a large part of an error that is not met, and others leave something to it, or will once
+    /// shooters follow a finer mesh.
     fn is_limited_between(&self, settings: &BakeSettings) -> bool {
+        let asked = settings.asked_error();
+        let shooters = if self.shooters_may_follow() { 0.0 } else { self.error.shooters };
         self.is_missed(settings)
-            && self.between > MUCH_BETWEEN * settings.asked_error()
-            && (self.rest_for_receivers(settings) > 0.0 || self.shooters_may_follow())
+            && self.between > MUCH_BETWEEN * asked
+            && self.error.with_shooters(shooters).without_receivers() < asked
     }
 
     /// Whether an error was asked for, and more is estimated.
@@ -184,16 +190,16 @@ impl Measured {
         without(self.error.receivers, self.between)
     }
 
-    /// Whether the error is missed for the sake of shooters most of all, and these may follow a finer mesh.
-    fn shooters_want_finer_mesh(&self, settings: &BakeSettings) -> bool {
-        let error = &self.error;
+    /// Whether shooters are the main reason why the error is missed, and follow a finer mesh.
+    fn finer_mesh_helps_shooters(&self, settings: &BakeSettings) -> bool {
+        let others = self.error.with_shooters(0.0).without_receivers().hypot(self.between);
         self.is_missed(settings)
             && self.others_take_all(settings)
-            && error.shooters > error.visibility.max(self.between).max(error.unshot).max(error.form_factors)
+            && others < self.error.shooters.min(settings.asked_error())
             && self.shooters_may_follow()
     }
 
-    /// Whether shooters may follow a mesh that may be finer.
+    /// Whether the mesh can be refined, and shooters follow it at no cost of rows.
     fn shooters_may_follow(&self) -> bool {
         !self.solved.rows.source.leaves_cost_rows() && self.obstacle.is_none()
     }
@@ -236,16 +242,17 @@ impl Measured {
 
     /// Settings that should meet the asked error where these did not; `None` when it is met, or cannot be. A new start costs as much
     /// as all before it: it is made where all but the interpolation certainly exceeds what was asked. Measured at some thousand
-    /// points, of which few may hold most of it, chance would decide else.
-    fn better_settings(&self, cx: &Context) -> Option<BakeSettings> {
+    /// points, of which few may hold most of it, chance would decide else. A finer mesh is tried first, unless this round is the last.
+    fn better_settings(&self, cx: &Context, is_last: bool) -> Option<BakeSettings> {
         let asked = cx.settings.error?;
         if self.error.total <= asked || cx.work.restarts >= MAX_RESTARTS {
             return None;
         }
         let error = &self.error;
         // No new start has more vertices or gather points. Less noise shows whether more are needed.
-        let noise_hides =
-            self.obstacle == Some(Obstacle::Noise) && error.visibility > HIDING_PART * error.receivers;
+        let noise_hides = self.obstacle == Some(Obstacle::Noise)
+            && error.visibility > HIDING_PART * error.receivers
+            && error.receivers >= error.shooters;
         let has_room = room(&self.solved.mesh.mesh, cx.settings.most_vertices(cx.scene)) > 0;
         if !has_room && !noise_hides && error.receivers > asked {
             return None;
@@ -258,7 +265,10 @@ impl Measured {
             let factor = (error.visibility / (RAYS_PART * asked)).powf(4.0 / 3.0).max(1.5);
             let rays = self.solved.rows.source.rays(cx.settings);
             better.with_rays(f64::from(rays) * factor)
-        } else if rest_is_too_small && error.shooters > most && !self.shooters_want_finer_mesh(cx.settings) {
+        } else if rest_is_too_small
+            && error.shooters > most
+            && (is_last || !self.finer_mesh_helps_shooters(cx.settings))
+        {
             // Edges are halved: a factor of more than a half might change nothing.
             let factor = (SHOOTERS_PART * asked / error.shooters).clamp(0.25, 0.5);
             let finer = better.with_shooter_edge(cx.settings.shooter_edge * factor);
