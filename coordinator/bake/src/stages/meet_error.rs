@@ -82,7 +82,7 @@ impl Solved {
         loop {
             let own_limit = aim.limit;
             let mut measured = solved.refine(cx, &mut aim)?.measure(cx, shooters)?;
-            if measured.shooters_take_much(cx.settings) && measured.solved.can_follow_mesh() {
+            if measured.shooters_should_follow(cx.settings) {
                 if shooters.is_some() {
                     measured = measured.measure_shooters(cx)?;
                 }
@@ -116,10 +116,7 @@ impl Solved {
             };
             if shooters.is_some() && is_end(&measured, &better, cx) {
                 measured = measured.measure_shooters(cx)?;
-                if measured.is_missed(cx.settings)
-                    && measured.shooters_take_much(cx.settings)
-                    && measured.solved.can_follow_mesh()
-                {
+                if measured.is_missed(cx.settings) && measured.shooters_should_follow(cx.settings) {
                     measured = measured.follow_mesh(cx)?;
                 }
                 better = measured.better_settings(cx, is_last);
@@ -136,6 +133,7 @@ impl Solved {
             };
             let vertices = measured.solved.mesh.mesh.vertices.len();
             let asked = if measured.finer_mesh_helps_shooters(cx.settings) {
+                // Twice as many: their error is taken to fall as that of edges half as long, where light changes.
                 vertices
             } else {
                 vertices_asked_for(vertices - first_vertices, of_mesh / limit)
@@ -204,9 +202,9 @@ impl Measured {
         !self.solved.rows.source.leaves_cost_rows() && self.obstacle.is_none()
     }
 
-    /// Whether the shooters take so much of the asked error that they should follow the mesh.
-    fn shooters_take_much(&self, settings: &BakeSettings) -> bool {
-        self.error.shooters > FOLLOWED_PART * settings.asked_error()
+    /// Whether the shooters take so much of the asked error that they should follow the mesh, and can.
+    fn shooters_should_follow(&self, settings: &BakeSettings) -> bool {
+        self.error.shooters > FOLLOWED_PART * settings.asked_error() && self.solved.can_follow_mesh()
     }
 
     /// Whether the other parts of the error leave next to nothing to interpolation on the mesh.
