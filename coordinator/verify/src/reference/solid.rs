@@ -87,10 +87,12 @@ impl Triangle {
     /// The sign of an edge's volume decides on which side of it the ray passes. Two triangles that share the edge compute it
     /// from the same numbers with opposite sign, and 0 counts for both: no ray passes between them.
     fn meet(&self, origin: DVec3, direction: DVec3) -> Option<f64> {
-        let [a, b, c] = self.corners.map(|corner| corner - origin);
-        let volumes = [(a, b), (b, c), (c, a)].map(|(from, to)| direction.dot(from.cross(to)));
-        let inside =
-            volumes.iter().all(|&volume| volume >= 0.0) || volumes.iter().all(|&volume| volume <= 0.0);
+        // Written out: half of the tracer's time is spent here, and closures over arrays become calls.
+        let [a, b, c] = self.corners;
+        let (a, b, c) = (a - origin, b - origin, c - origin);
+        let volume = |from: DVec3, to: DVec3| direction.dot(from.cross(to));
+        let (ab, bc, ca) = (volume(a, b), volume(b, c), volume(c, a));
+        let inside = (ab >= 0.0 && bc >= 0.0 && ca >= 0.0) || (ab <= 0.0 && bc <= 0.0 && ca <= 0.0);
         let slope = direction.dot(self.normal);
         (inside && slope != 0.0).then(|| a.dot(self.normal) / slope)
     }
