@@ -222,7 +222,9 @@ impl Solving {
                 .arg(folder.path().join("lit.glb"))
                 .arg("--report")
                 .arg(folder.path().join("report.json"))
-                .args(arguments),
+                .args(arguments)
+                // What it says once a second at most is too late for bakes of seconds.
+                .env("RUST_LOG", "info,cluster::connections::upload=debug"),
         );
         Self { running, folder }
     }

@@ -81,7 +81,11 @@ fn quick_study_writes_its_three_files() {
     let output = bench.folder.path().join("new/study");
     fs::create_dir_all(&output).unwrap();
     fs::write(output.join("study.csv"), "older").unwrap();
-    let answer = bench.study(&output).args(["--threads", "2", "--seeds", "2"]).output().unwrap();
+    let answer = bench
+        .study(&output)
+        .args(["--threads", "2", "--seeds", "2", "--picture-paths", "4"])
+        .output()
+        .unwrap();
     let said = String::from_utf8(answer.stderr).unwrap();
     assert!(answer.status.success(), "{said}");
     assert!(
@@ -97,9 +101,16 @@ fn quick_study_writes_its_three_files() {
     let lines: Vec<Line> = lines.lines().map(|line| Line { header, line }).collect();
     assert_eq!(lines.len(), 13);
     for line in &lines {
-        for positive in
-            ["seconds", "relative_l2", "p95", "estimated_error", "vertices", "rows", "form_factors"]
-        {
+        for positive in [
+            "seconds",
+            "relative_l2",
+            "p95",
+            "flip_mean",
+            "estimated_error",
+            "vertices",
+            "rows",
+            "form_factors",
+        ] {
             assert!(line.number(positive) > 0.0, "{positive} in {}", line.line);
         }
         let sampled = line.field("curve") == "rays";

@@ -50,11 +50,18 @@ impl Cornell {
     }
 }
 
-/// Long enough that things can go wrong in its middle: some seconds of one thread.
-static LONG: Cornell = Cornell::new(["--mesh-error", "0.0028"]);
+/// Long enough that things can go wrong in its middle: a second of two threads or more.
+static LONG: Cornell = Cornell::new(["--mesh-error", "0.004"]);
 
-/// A line of the coordinator's by which a bake is well under way, with most of its work to come.
-const UNDER_WAY: &str = "refine: ";
+/// Long enough that a worker which falls silent is noticed before its end.
+static LONGER: Cornell = Cornell::new(["--mesh-error", "0.0028"]);
+
+/// Waits until a bake is under way: workers have the scene, its first vertices and those of some refinements, with most of them to come.
+fn wait_until_under_way(solving: &mut Solving) {
+    for _ in 0..6 {
+        solving.wait_for("replica loaded");
+    }
+}
 
 /// Starts a long bake by these workers.
 fn bake_by(addresses: &[&str], arguments: &[&str]) -> Solving {

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use tests::programs::WorkerProcess;
 
-use super::{UNDER_WAY, assert_undisturbed, bake_by, worker};
+use super::{assert_undisturbed, bake_by, wait_until_under_way, worker};
 
 /// A way to a worker that can be cut: both ends keep their sockets, and nothing gets through.
 struct Way {
@@ -57,7 +57,7 @@ fn cut_and_healed() {
     let worker_process = WorkerProcess::start(1);
     let way = Way::to(&worker_process);
     let mut solving = bake_by(&[&way.address], &["--worker-grace", "600"]);
-    solving.wait_for(UNDER_WAY);
+    wait_until_under_way(&mut solving);
     way.set_cut(true);
     solving.wait_for("it is silent");
     way.set_cut(false);
@@ -72,7 +72,7 @@ fn cut_beside_another() {
     let workers = [WorkerProcess::start(1), WorkerProcess::start(1)];
     let way = Way::to(&workers[0]);
     let mut solving = bake_by(&[&way.address, &workers[1].address], &[]);
-    solving.wait_for(UNDER_WAY);
+    wait_until_under_way(&mut solving);
     way.set_cut(true);
     let solved = solving.finish();
     assert_undisturbed(&solved);

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use tests::programs::{Signal, WorkerProcess};
 
-use super::{UNDER_WAY, assert_undisturbed, bake_by, worker};
+use super::{LONGER, assert_undisturbed, bake_by, wait_until_under_way, worker};
 
 /// A worker that fell silent must be noticed so soon.
 const NOTICED: Duration = Duration::from_secs(5);
@@ -20,7 +20,7 @@ fn free_address() -> String {
 fn killed() {
     let (mut dies, lives) = (WorkerProcess::start(1), WorkerProcess::start(1));
     let mut solving = bake_by(&[&dies.address, &lives.address], &[]);
-    solving.wait_for(UNDER_WAY);
+    wait_until_under_way(&mut solving);
     dies.kill();
     let solved = solving.finish();
     assert_undisturbed(&solved);
@@ -32,12 +32,12 @@ fn killed() {
 #[test]
 fn stopped_beside_another() {
     let (hangs, lives) = (WorkerProcess::start(1), WorkerProcess::start(1));
-    let mut solving = bake_by(&[&hangs.address, &lives.address], &[]);
-    solving.wait_for(UNDER_WAY);
+    let mut solving = LONGER.bake(&["--workers", &format!("{},{}", hangs.address, lives.address)]);
+    wait_until_under_way(&mut solving);
     hangs.signal(Signal::STOP);
     let solved = solving.finish();
     hangs.signal(Signal::CONT);
-    assert_undisturbed(&solved);
+    LONGER.assert_undisturbed(&solved);
     let (duplicates, lost) =
         (&solved.report["cluster"]["duplicates"], &worker(&solved, &hangs.address)["lost"]);
     assert!(duplicates.as_u64().unwrap() > 0 || lost.is_string(), "{}", solved.report);
@@ -48,7 +48,7 @@ fn stopped_beside_another() {
 fn stopped_alone_and_continued() {
     let hangs = WorkerProcess::start(1);
     let mut solving = bake_by(&[&hangs.address], &[]);
-    solving.wait_for(UNDER_WAY);
+    wait_until_under_way(&mut solving);
     hangs.signal(Signal::STOP);
     let stopped = Instant::now();
     solving.wait_for("it is silent");
@@ -66,7 +66,7 @@ fn restarted_empty() {
     let mut dies = WorkerProcess::start(1);
     let address = dies.address.clone();
     let mut solving = bake_by(&[&address], &[]);
-    solving.wait_for(UNDER_WAY);
+    wait_until_under_way(&mut solving);
     dies.kill();
     let _again = WorkerProcess::start_at(&address, 1, &[]);
     let solved = solving.finish();
@@ -105,7 +105,7 @@ fn ten_times_slower() {
 fn joins_at_half_time() {
     let (first, late) = (WorkerProcess::start(1), free_address());
     let mut solving = bake_by(&[&first.address, &late], &[]);
-    solving.wait_for(UNDER_WAY);
+    wait_until_under_way(&mut solving);
     let late = WorkerProcess::start_at(&late, 1, &[]);
     let solved = solving.finish();
     assert_undisturbed(&solved);
@@ -117,7 +117,7 @@ fn joins_at_half_time() {
 fn drains() {
     let (mut leaves, stays) = (WorkerProcess::start(1), WorkerProcess::start(1));
     let mut solving = bake_by(&[&leaves.address, &stays.address], &[]);
-    solving.wait_for(UNDER_WAY);
+    wait_until_under_way(&mut solving);
     leaves.signal(Signal::TERM);
     assert!(leaves.wait().success());
     let solved = solving.finish();
@@ -131,7 +131,7 @@ fn all_gone_and_back() {
     let mut dies = WorkerProcess::start(1);
     let address = dies.address.clone();
     let mut solving = bake_by(&[&address], &["--worker-grace", "600"]);
-    solving.wait_for(UNDER_WAY);
+    wait_until_under_way(&mut solving);
     dies.kill();
     solving.wait_for("no worker is left");
     let _again = WorkerProcess::start_at(&address, 2, &[]);
@@ -142,7 +142,7 @@ fn all_gone_and_back() {
 fn all_gone_for_good() {
     let mut dies = WorkerProcess::start(1);
     let mut solving = bake_by(&[&dies.address], &["--worker-grace", "0.5"]);
-    solving.wait_for(UNDER_WAY);
+    wait_until_under_way(&mut solving);
     dies.kill();
     let solved = solving.finish();
     assert!(!solved.success && solved.lit.is_none(), "{}", solved.said);
@@ -155,7 +155,7 @@ fn all_gone_and_this_process_goes_on() {
     let mut dies = WorkerProcess::start(1);
     let arguments = ["--worker-grace", "0.5", "--fallback", "embedded"];
     let mut solving = bake_by(&[&dies.address], &arguments);
-    solving.wait_for(UNDER_WAY);
+    wait_until_under_way(&mut solving);
     dies.kill();
     let solved = solving.finish();
     assert_undisturbed(&solved);

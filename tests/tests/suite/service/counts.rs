@@ -3,7 +3,7 @@ use std::net::TcpListener;
 
 use tests::programs::{Signal, WorkerProcess};
 
-use super::{QUICK, Room, cornell, text, wait_for};
+use super::{ENDLESS, QUICK, Room, cornell, text, wait_for};
 use crate::telemetry::figures;
 
 /// All series of a metric together.
@@ -58,8 +58,7 @@ fn the_metrics_page_shows_what_was_done() {
 
     let noise = room.file("noise.glb", b"this is no glTF");
     assert!(!service.ask(&["submit", text(&noise), "--watch"]).success);
-    let slow = ["--mesh-error", "0.0001", "--max-vertices", "2000000"];
-    let (running, queued) = (service.submit(&cornell(), &slow), service.submit(&cornell(), &slow));
+    let [running, queued] = [(); 2].map(|()| service.submit(&cornell(), &ENDLESS));
     assert_eq!((shown("jobs_running"), shown("jobs_queued")), (1.0, 1.0));
     let of_bakes = |name: &str| sum(&metrics, &format!("halflight_coordinator_{name}"));
     wait_for("the bake under way is shown", || {

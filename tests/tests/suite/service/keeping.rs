@@ -1,7 +1,4 @@
-use super::{QUICK, Room, cornell, wait_for};
-
-/// A bake that does not end while it is looked at.
-const LONG: [&str; 4] = ["--mesh-error", "0.0001", "--max-vertices", "2000000"];
+use super::{ENDLESS, QUICK, Room, cornell, wait_for};
 
 /// Jobs that have ended go, with their lit files; those that wait and run stay, with their scene and their rows, and end.
 #[test]
@@ -11,7 +8,7 @@ fn only_jobs_that_have_ended_are_kept_no_longer() {
         let mut service = room.start(&["--jobs", "1"]);
         let done = service.submit(&cornell(), &QUICK);
         assert!(!service.result(&done).is_empty());
-        let running = service.submit(&cornell(), &LONG);
+        let running = service.submit(&cornell(), &ENDLESS);
         let queued = service.submit(&cornell(), &QUICK);
         let checkpoint = room.data().join("checkpoints").join(&running);
         wait_for("it has rows", || checkpoint.metadata().is_ok_and(|file| file.len() > 1 << 20));

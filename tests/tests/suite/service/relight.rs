@@ -9,8 +9,8 @@ use tests::service::ServiceProcess;
 use tonic::{Code, Status};
 use tonic_types::StatusExt;
 
-use super::bytes::{SLOW, ran};
-use super::{Asker, QUICK, Room, cornell, text};
+use super::bytes::ran;
+use super::{Asker, ENDLESS, QUICK, Room, cornell, text};
 
 /// What is changed, as `relight` and `submit --relight` are told.
 const EVENING: [&str; 2] = ["--light", "lamp=0.5,0.4,0.3"];
@@ -85,7 +85,7 @@ fn a_relight_survives_a_killed_service() {
     let mut service = room.start(&["--jobs", "1"]);
     let baked = service.submit(&cornell(), &QUICK);
     let _ = service.result(&baked);
-    let before_it = service.submit(&cornell(), &SLOW);
+    let before_it = service.submit(&cornell(), &ENDLESS);
     let submit = [&["submit", "--relight", &baked, "--key", "evening"], &EVENING[..]].concat();
     let said = service.ask(&submit);
     assert!(said.success, "{}", said.errors);
@@ -105,7 +105,7 @@ fn what_cannot_be_relit_is_refused() {
     let room = Room::new();
     let service = room.start(&["--jobs", "1"]);
     let mut asker = Asker::new(&service, None);
-    let slow = service.submit(&cornell(), &SLOW);
+    let slow = service.submit(&cornell(), &ENDLESS);
     assert_eq!(missing(&asker.submit(relight(&slow, "lamp"), &[]).unwrap_err()), "FINISHED");
     assert!(service.ask(&["cancel", &slow]).success);
     let unknown = asker.submit(relight("0123456789abcdef0123456789abcdef", "lamp"), &[]).unwrap_err();

@@ -59,7 +59,7 @@ fn assert_balanced(scene: &Scene, settings: &BakeSettings, most: f64) {
 
 #[test]
 fn stacks_make_no_light() {
-    for count in [2, 5, 8] {
+    for count in [2, 8] {
         for aside in [0.01, 1e-7, 0.0] {
             let scene = imported(&stack(count, aside, 0.0).glb());
             assert_balanced(&scene, &exact(), IMBALANCE);
