@@ -9,8 +9,10 @@
 //! | [`plain`] | scenes as plain triangles |
 //! | [`reference`](mod@reference) | the path tracer |
 //! | [`score`](mod@score) | the error of a lit file |
+//! | [`picture`] | what the eye sees of it |
 //! | [`study`] | error over time, knob by knob |
 
+pub mod picture;
 pub mod plain;
 pub mod reference;
 pub mod score;

@@ -1,4 +1,4 @@
-//! Path-traced references: the radiosity at points of a scene's surfaces, with standard errors.
+//! Path-traced references: the radiosity at points of a scene's surfaces, with standard errors; and the radiance along rays.
 //!
 //! Bakes are measured against these references, which share no import, mesh, form factor or visibility with the solver.
 //!
@@ -66,10 +66,19 @@ pub struct ReferencePoint {
     pub standard_error: DVec3,
 }
 
+/// A ray into a scene.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Ray {
+    /// Where it starts, in the world.
+    pub origin: DVec3,
+    /// Unit vector along it.
+    pub direction: DVec3,
+}
+
 /// How a reference is made.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ReferenceSettings {
-    /// Paths at each point, in `1..=MOST_PATHS`; rounded up to a multiple of [`GROUPS`].
+    /// Paths at each point, in `1..=MOST_PATHS`, rounded up to a multiple of [`GROUPS`]; or for each ray, in `1..=65536`.
     pub paths: u32,
     /// Seed of everything random. The same seed gives the same bits.
     pub seed: u64,
@@ -133,18 +142,47 @@ pub fn trace(
     settings: &ReferenceSettings,
     done: &(dyn Fn() + Sync),
 ) -> Result<Vec<ReferencePoint>, ReferenceError> {
+    let paths = settings.paths.clamp(1, MOST_PATHS).div_ceil(GROUPS);
+    each(scene, places, settings, done, |tracer, index, place| {
+        tracer.point(place, index, paths, settings.seed)
+    })
+}
+
+/// Traces the radiance that comes back along these rays; `done` is called for each that is finished, and `background` is what those that
+/// meet nothing see.
+///
+/// # Errors
+/// When the scene has no light, or threads cannot be started.
+pub fn trace_rays(
+    scene: &PlainScene,
+    rays: &[Ray],
+    background: DVec3,
+    settings: &ReferenceSettings,
+    done: &(dyn Fn() + Sync),
+) -> Result<Vec<DVec3>, ReferenceError> {
+    let paths = settings.paths.clamp(1, MOST_PATHS / GROUPS);
+    each(scene, rays, settings, done, |tracer, index, ray| {
+        tracer.radiance(ray, background, index, paths, settings.seed)
+    })
+}
+
+/// What a tracer finds for each item, by its index, on the threads of the settings.
+fn each<T: Sync, R: Send>(
+    scene: &PlainScene,
+    items: &[T],
+    settings: &ReferenceSettings,
+    done: &(dyn Fn() + Sync),
+    find: impl Fn(&Tracer<'_>, u64, &T) -> R + Sync,
+) -> Result<Vec<R>, ReferenceError> {
     let tracer = Tracer::new(scene).ok_or(ReferenceError::NoLight)?;
     let pool =
         ThreadPoolBuilder::new().num_threads(settings.threads).build().map_err(ReferenceError::Threads)?;
-    let paths = settings.paths.clamp(1, MOST_PATHS).div_ceil(GROUPS);
-    Ok(pool.install(|| {
-        let point = |(index, place): (usize, &Place)| {
-            let point = tracer.point(place, index as u64, paths, settings.seed);
-            done();
-            point
-        };
-        places.par_iter().enumerate().map(point).collect()
-    }))
+    let found = |(index, item): (usize, &T)| {
+        let found = find(&tracer, index as u64, item);
+        done();
+        found
+    };
+    Ok(pool.install(|| items.par_iter().enumerate().map(found).collect()))
 }
 
 /// Standard error of a whole reference, relative to the norm of its radiosity: sqrt(sum s^2 / sum B^2).

@@ -9,7 +9,7 @@ use super::hash::mix;
 use super::lights::{FAR, Lights, kernel, weight};
 use super::sky::Sky;
 use super::solid::{CLEARANCE, Solid};
-use super::{GROUPS, Place, ReferencePoint};
+use super::{GROUPS, Place, Ray, ReferencePoint};
 use crate::plain::PlainScene;
 
 /// Bounces after which chance may end a path.
@@ -62,13 +62,14 @@ impl<'a> Tracer<'a> {
     /// The radiosity at a place, from [`GROUPS`] groups of `paths` paths each; `index` makes its random numbers its own.
     pub(super) fn point(&self, place: &Place, index: u64, paths: u32, seed: u64) -> ReferencePoint {
         let material = super::places::material(self.scene, &self.solid, place);
+        let at = self.solid.frame.place(place.position) + place.normal * CLEARANCE;
         let groups = [(); GROUPS as usize].map({
             let mut group = 0;
             move |()| {
                 let seed = mix(mix(seed, index), group);
                 group += 1;
                 let sum: DVec3 = (0..paths)
-                    .map(|index| self.gather(place, material.reflectance, Path { index, seed }))
+                    .map(|index| self.gather(at, place.normal, material.reflectance, Path { index, seed }))
                     .sum();
                 (material.exitance + sum / f64::from(paths)) * material.opacity
             }
@@ -80,13 +81,34 @@ impl<'a> Tracer<'a> {
         ReferencePoint { place: *place, radiosity: mean, standard_error }
     }
 
-    /// The estimate of one path of the reflected radiosity at a place.
-    fn gather(&self, place: &Place, reflectance: DVec3, path: Path) -> DVec3 {
+    /// The radiance that comes back along a ray, from so many paths; `index` makes its random numbers its own. Backs of one-sided
+    /// surfaces are looked through, as viewers do.
+    pub(super) fn radiance(&self, ray: &Ray, background: DVec3, index: u64, paths: u32, seed: u64) -> DVec3 {
+        let seed = mix(seed, index);
+        let start = self.solid.frame.place(ray.origin);
+        let radiance = |index: u32| {
+            let chance = mix(seed, u64::from(index));
+            let mut from = start;
+            let (met, side, material) = loop {
+                let Some(hit) = self.solid.first_hit(from, ray.direction, chance) else { return background };
+                let triangle = &self.solid.triangles()[hit.triangle];
+                let met = from + ray.direction * hit.distance;
+                match triangle.side(ray.direction) {
+                    Some(side) => break (met, side, self.solid.material(triangle, met)),
+                    None => from = met + ray.direction * CLEARANCE,
+                }
+            };
+            let path = Path { index, seed };
+            (material.exitance + self.gather(met + side * CLEARANCE, side, material.reflectance, path)) / PI
+        };
+        (0..paths).map(radiance).sum::<DVec3>() / f64::from(paths)
+    }
+
+    /// The estimate of one path of the reflected radiosity of a side, in the frame.
+    fn gather(&self, mut at: DVec3, mut normal: DVec3, reflectance: DVec3, path: Path) -> DVec3 {
         let mut gathered = DVec3::ZERO;
-        // The part of irradiance at the present surface that becomes radiosity at the place.
+        // The part of irradiance at the present surface that becomes radiosity where the path begins.
         let mut share = reflectance;
-        let mut normal = place.normal;
-        let mut at = self.solid.frame.place(place.position) + normal * CLEARANCE;
         for bounce in 0.. {
             if share == DVec3::ZERO {
                 break;

@@ -1,6 +1,7 @@
 //! Medians of equal runs, and the time at which a curve meets an error.
 
 use super::{Curve, Measurement, Part, Setting};
+use crate::picture::Flip;
 
 /// Errors under this, .001 %, count as this: no reference is so exact, and an error of 0 has no logarithm.
 pub(super) const LEAST_ERROR: f64 = 1e-5;
@@ -18,6 +19,8 @@ pub struct Point {
     pub estimated_error: f64,
     /// Radiosity over the reference's.
     pub energy_ratio: f64,
+    /// What the eye sees of the error; none where no pictures were made.
+    pub flip: Option<Flip>,
     /// Vertices of the refined mesh.
     pub vertices: f64,
     /// Rows made.
@@ -60,8 +63,13 @@ fn point(setting: Setting, equal: &[&Measurement]) -> Option<Point> {
     let figure = |of: fn(&Measurement) -> f64| median(&equal.iter().map(|&run| of(run)).collect::<Vec<_>>());
     let memories: Vec<f64> =
         equal.iter().filter_map(|run| run.report.peak_memory_bytes).map(|bytes| bytes as f64).collect();
+    let flips = |of: fn(&Flip) -> f64| {
+        median(&equal.iter().filter_map(|run| run.flip.as_ref()).map(of).collect::<Vec<_>>())
+    };
+    let flip = flips(|flip| flip.mean).zip(flips(|flip| flip.p99)).map(|(mean, p99)| Flip { mean, p99 });
     Some(Point {
         setting,
+        flip,
         seconds: figure(|run| run.seconds)?,
         error: figure(|run| run.score.relative_l2)?,
         estimated_error: figure(|run| run.report.bake.error.total)?,

@@ -3,6 +3,7 @@
 use serde::Deserialize;
 
 use super::Step;
+use crate::picture::Flip;
 use crate::score::Score;
 
 /// The part of a run's report (`solve --report`) that a study uses.
@@ -82,12 +83,14 @@ pub struct Measurement {
     pub seconds: f64,
     /// Its error against the reference.
     pub score: Score,
+    /// What the eye sees of its error; none where no pictures were made.
+    pub flip: Option<Flip>,
     /// Its own report.
     pub report: RunReport,
 }
 
 /// Columns of the CSV.
-const HEADER: &str = "part,curve,value,run,seed,seconds,relative_l2,energy_ratio,p95,estimated_error,estimated_unshot,\
+const HEADER: &str = "part,curve,value,run,seed,seconds,relative_l2,energy_ratio,p95,flip_mean,flip_p99,estimated_error,estimated_unshot,\
 estimated_visibility,estimated_form_factors,estimated_mesh,estimated_receivers,estimated_shooters,vertices,\
 shooting_vertices,rows,form_factors,rays,pairs_sampled,busy_seconds,peak_memory_bytes";
 
@@ -99,7 +102,7 @@ pub fn to_csv(measurements: &[Measurement]) -> String {
 }
 
 fn line(measurement: &Measurement) -> String {
-    let Measurement { step, seconds, score, report } = measurement;
+    let Measurement { step, seconds, score, flip, report } = measurement;
     let (bake, error) = (&report.bake, &report.bake.error);
     let or_empty = |value: Option<String>| value.unwrap_or_default();
     [
@@ -112,6 +115,8 @@ fn line(measurement: &Measurement) -> String {
         format!("{:.6}", score.relative_l2),
         format!("{:.6}", score.energy_ratio),
         format!("{:.6}", score.p95),
+        or_empty(flip.map(|flip| format!("{:.5}", flip.mean))),
+        or_empty(flip.map(|flip| format!("{:.5}", flip.p99))),
         format!("{:.4e}", error.total),
         format!("{:.4e}", error.unshot),
         format!("{:.4e}", error.visibility),
@@ -144,6 +149,7 @@ mod tests {
             measurement(Curve::Defaults, None, 1.0, 0.01),
         ];
         runs[1].report.peak_memory_bytes = None;
+        runs[1].flip = None;
         runs[1].step.part = Part::Seeds;
         let text = to_csv(&runs);
         let lines: Vec<Vec<&str>> = text.lines().map(|line| line.split(',').collect()).collect();
@@ -163,6 +169,8 @@ mod tests {
             ("relative_l2", "0.012300"),
             ("energy_ratio", "0.990000"),
             ("p95", "0.030000"),
+            ("flip_mean", "0.02460"),
+            ("flip_p99", "0.09840"),
             ("estimated_error", "1.0000e-2"),
             ("estimated_receivers", "8.0000e-3"),
             ("vertices", "1000"),
@@ -176,7 +184,10 @@ mod tests {
         ] {
             assert_eq!(field(1, name), expected, "{name}");
         }
-        assert_eq!((field(2, "part"), field(2, "value"), field(2, "peak_memory_bytes")), ("seeds", "", ""));
+        assert_eq!(
+            ["part", "value", "flip_mean", "peak_memory_bytes"].map(|name| field(2, name)),
+            ["seeds", "", "", ""]
+        );
     }
 
     #[test]

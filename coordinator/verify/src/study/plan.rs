@@ -44,8 +44,10 @@ impl Curve {
     }
 
     /// Values of the knob, from coarse to fine.
-    fn values(self, quick: bool) -> Vec<Option<f64>> {
-        let values: &[f64] = match (self, quick) {
+    fn values(self, size: &PlanSize) -> Vec<Option<f64>> {
+        let values: &[f64] = match (self, size.quick) {
+            (Self::Together, _) if !size.errors.is_empty() => &size.errors,
+            _ if !size.errors.is_empty() => return vec![],
             (Self::Defaults, _) => return vec![None],
             (Self::Together, false) => &[0.1, 0.05, 0.03, 0.02, 0.015, 0.01],
             (Self::Together, true) => &[0.1, 0.03],
@@ -147,7 +149,7 @@ impl Step {
 }
 
 /// How large a study is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct PlanSize {
     /// Runs of each setting of a curve.
     pub runs: u32,
@@ -155,15 +157,17 @@ pub struct PlanSize {
     pub seeds: u32,
     /// Two points a curve.
     pub quick: bool,
+    /// Where not empty, `--error` alone is swept, over these, and no seeds are.
+    pub errors: Vec<f64>,
 }
 
 /// All runs, in their order: every setting of the curves once, then all of them again, so that a slow spell of the machine
 /// falls on one run of each setting and the medians leave it out; then the seeds.
 #[must_use]
-pub fn plan(size: PlanSize, default_seed: u64) -> Vec<Step> {
+pub fn plan(size: &PlanSize, default_seed: u64) -> Vec<Step> {
     let settings: Vec<Setting> = Curve::ALL
         .into_iter()
-        .flat_map(|curve| curve.values(size.quick).into_iter().map(move |value| Setting { curve, value }))
+        .flat_map(|curve| curve.values(size).into_iter().map(move |value| Setting { curve, value }))
         .collect();
     let curves = (1..=size.runs).flat_map(|run| {
         settings.iter().map(move |&setting| Step { part: Part::Curves, setting, run, seed: default_seed })
@@ -172,7 +176,8 @@ pub fn plan(size: PlanSize, default_seed: u64) -> Vec<Step> {
         Setting { curve: Curve::Defaults, value: None },
         Setting { curve: Curve::Rays, value: Some(SEEDED_RAYS) },
     ];
-    let seeds = seeded.into_iter().flat_map(|setting| {
+    let seeded = seeded.into_iter().filter(|_| size.errors.is_empty());
+    let seeds = seeded.flat_map(|setting| {
         (0..size.seeds).map(move |seed| Step { part: Part::Seeds, setting, run: 1, seed: u64::from(seed) })
     });
     curves.chain(seeds).collect()
@@ -184,7 +189,7 @@ mod tests {
 
     #[test]
     fn a_study_runs_every_setting_as_often_as_asked_and_every_seed_once() {
-        let steps = plan(PlanSize { runs: 5, seeds: 10, quick: false }, 7);
+        let steps = plan(&PlanSize { runs: 5, seeds: 10, quick: false, errors: vec![] }, 7);
         // 6 + 6 + 6 + 5 values and the defaults, and two settings with seeds.
         assert_eq!(steps.len(), 24 * 5 + 2 * 10);
         let round = &steps[24..48];
@@ -193,7 +198,12 @@ mod tests {
         let seeds: Vec<u64> = steps[120..130].iter().map(|step| step.seed).collect();
         assert_eq!(seeds, (0..10).collect::<Vec<_>>());
         assert!(steps[130..].iter().all(|step| step.setting.value == Some(256.0)));
-        assert_eq!(plan(PlanSize { runs: 1, seeds: 3, quick: true }, 0).len(), 9 + 6);
+        let quick = PlanSize { runs: 1, seeds: 3, quick: true, errors: vec![] };
+        assert_eq!(plan(&quick, 0).len(), 9 + 6);
+        let steps = plan(&PlanSize { runs: 2, errors: vec![0.3, 0.15, 0.1], ..quick }, 0);
+        let asked: Vec<_> = steps.iter().map(|step| step.arguments().join(" ")).collect();
+        let round = ["--error 0.3 --seed 0", "--error 0.15 --seed 0", "--error 0.1 --seed 0"];
+        assert_eq!(asked, [round, round].concat());
     }
 
     #[test]

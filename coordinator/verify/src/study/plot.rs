@@ -1,4 +1,4 @@
-//! The work-precision plot: error over time, both logarithmic, one curve a knob.
+//! The work-precision plot: error over time, and FLIP where it is known, all logarithmic, one curve a knob.
 
 use std::io;
 use std::ops::RangeInclusive;
@@ -10,15 +10,15 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use super::curve::LEAST_ERROR;
 use super::{Circumstances, Curve, Measurement, Point, points};
 
-/// Width and height of the picture.
-const SIZE: (u32, u32) = (960, 640);
+/// Width of the picture, and heights of its heading, of each panel and of the legend.
+const WIDTH: u32 = 960;
+const HEADING: u32 = 72;
+const PANEL: u32 = 504;
+const LEGEND: u32 = 64;
 
 /// Dark enough to read on white.
 const TEXT: RGBColor = RGBColor(51, 51, 51);
 const GRID: RGBColor = RGBColor(217, 217, 217);
-
-/// Errors that every plot shows, so that plots of different scenes look alike.
-const SHOWN_ERRORS: (f64, f64) = (0.009, 0.12);
 
 /// Free space at the ends of an axis, as a factor.
 const MARGIN: f64 = 1.4;
@@ -31,6 +31,46 @@ pub enum PlotError {
     Drawing(#[from] DrawingAreaErrorKind<io::Error>),
 }
 
+/// What a panel shows over time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Quantity {
+    Error,
+    Flip,
+}
+
+impl Quantity {
+    /// Its value at a point that has a place on logarithmic axes.
+    fn of(self, point: &Point) -> Option<f64> {
+        let value = match self {
+            Self::Error => point.error,
+            Self::Flip => point.flip?.mean,
+        };
+        (value.is_finite() && point.seconds > 0.0).then_some(value.max(LEAST_ERROR))
+    }
+
+    fn title(self) -> &'static str {
+        match self {
+            Self::Error => "relative L2 error of the radiosity",
+            Self::Flip => "FLIP, mean of the pictures",
+        }
+    }
+
+    /// Values that every plot shows, so that plots of different scenes look alike.
+    fn always_shown(self) -> (f64, f64) {
+        match self {
+            Self::Error => (0.009, 0.12),
+            Self::Flip => (0.018, 0.12),
+        }
+    }
+
+    fn label(self, value: f64) -> String {
+        match self {
+            Self::Error => format!("{} %", short(value * 100.0)),
+            Self::Flip => short(value),
+        }
+    }
+}
+
 type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
 type Pixel = (i32, i32);
 
@@ -39,39 +79,55 @@ type Pixel = (i32, i32);
 /// # Errors
 /// When it cannot be drawn.
 pub fn svg(circumstances: &Circumstances, measurements: &[Measurement]) -> Result<String, PlotError> {
+    let curves = Curve::ALL.map(|curve| (curve, points(measurements, curve)));
+    let has_flip = curves.iter().flat_map(|(_, points)| points).any(|point| point.flip.is_some());
+    let quantities = if has_flip { &[Quantity::Error, Quantity::Flip][..] } else { &[Quantity::Error] };
+    let height = HEADING + PANEL * quantities.len() as u32 + LEGEND;
     let mut text = String::new();
-    let curves = Curve::ALL.map(|curve| (curve, shown(points(measurements, curve))));
-    draw(&SVGBackend::with_string(&mut text, SIZE).into_drawing_area(), circumstances, &curves)?;
+    {
+        let root = SVGBackend::with_string(&mut text, (WIDTH, height)).into_drawing_area();
+        root.fill(&WHITE)?;
+        heading(&root, circumstances)?;
+        for (quantity, index) in quantities.iter().zip(0..) {
+            panel(&root, (HEADING + PANEL * index) as i32, *quantity, &curves)?;
+        }
+        legend(&root)?;
+    }
     Ok(text)
 }
 
-/// The points that have a place on logarithmic axes.
-fn shown(points: Vec<Point>) -> Vec<Point> {
-    let shown = points.into_iter().filter(|point| point.error.is_finite() && point.seconds > 0.0);
-    shown.map(|point| Point { error: point.error.max(LEAST_ERROR), ..point }).collect()
-}
-
-fn draw(root: &Area<'_>, about: &Circumstances, curves: &[(Curve, Vec<Point>)]) -> Result<(), PlotError> {
-    root.fill(&WHITE)?;
-    let centre = SIZE.0 as i32 / 2;
+fn heading(root: &Area<'_>, about: &Circumstances) -> Result<(), PlotError> {
+    let centre = WIDTH as i32 / 2;
     write(root, &format!("{}: error over time", about.scene), (centre, 26), 26.0, TEXT, HPos::Center)?;
     let runs = if about.runs == 1 { "one run".to_owned() } else { format!("median of {} runs", about.runs) };
     let subtitle = format!("{}, {}, {runs}", about.machine, about.workers);
-    write(root, &subtitle, (centre, 53), 16.0, TEXT, HPos::Center)?;
+    write(root, &subtitle, (centre, 53), 16.0, TEXT, HPos::Center)
+}
+
+/// A quantity over time, from this height of the picture on.
+fn panel(
+    root: &Area<'_>,
+    top: i32,
+    quantity: Quantity,
+    curves: &[(Curve, Vec<Point>)],
+) -> Result<(), PlotError> {
+    let shown = |points: &[Point]| -> Vec<(f64, f64, Option<f64>)> {
+        let place = |point: &Point| Some((point.seconds, quantity.of(point)?, point.setting.value));
+        points.iter().filter_map(place).collect()
+    };
+    let curves: Vec<_> = curves.iter().map(|(curve, points)| (*curve, shown(points))).collect();
     let all = || curves.iter().flat_map(|(_, points)| points);
-    let seconds = range(all().map(|point| point.seconds), (f64::MAX, f64::MIN), (0.1, 10.0));
-    let errors = range(all().map(|point| point.error), SHOWN_ERRORS, SHOWN_ERRORS);
-    let [second_ticks, error_ticks] = [&seconds, &errors].map(ticks);
-    let mut chart = ChartBuilder::on(root)
-        .margin_top(72)
-        .margin_bottom(64)
+    let seconds = range(all().map(|point| point.0), (f64::MAX, f64::MIN), (0.1, 10.0));
+    let values = range(all().map(|point| point.1), quantity.always_shown(), quantity.always_shown());
+    let [second_ticks, value_ticks] = [&seconds, &values].map(ticks);
+    let mut chart = ChartBuilder::on(&root.clone().shrink((0, top), (WIDTH, PANEL)))
         .margin_left(14)
         .margin_right(28)
         .x_label_area_size(52)
         .y_label_area_size(80)
         .build_cartesian_2d(
             (*seconds.start()..*seconds.end()).log_scale().with_key_points(second_ticks),
-            (*errors.start()..*errors.end()).log_scale().with_key_points(error_ticks),
+            (*values.start()..*values.end()).log_scale().with_key_points(value_ticks),
         )?;
     chart
         .configure_mesh()
@@ -81,26 +137,26 @@ fn draw(root: &Area<'_>, about: &Circumstances, curves: &[(Curve, Vec<Point>)]) 
         .label_style(("sans-serif", 17).into_font().color(&TEXT))
         .axis_desc_style(("sans-serif", 17).into_font().color(&TEXT))
         .x_desc("wall time from file to lit file")
-        .y_desc("relative L2 error of the radiosity")
+        .y_desc(quantity.title())
         .x_label_formatter(&|seconds| format!("{} s", short(*seconds)))
-        .y_label_formatter(&|error| format!("{} %", short(error * 100.0)))
+        .y_label_formatter(&|value| quantity.label(*value))
         .draw()?;
-    for (curve, points) in curves {
+    for (curve, points) in &curves {
         let places: Vec<Pixel> =
-            points.iter().map(|point| chart.backend_coord(&(point.seconds, point.error))).collect();
+            points.iter().map(|point| chart.backend_coord(&(point.0, point.1))).collect();
         if places.len() > 1 {
             root.draw(&PathElement::new(places.clone(), colour(*curve).stroke_width(width(*curve))))?;
         }
-        for (point, &place) in points.iter().zip(&places) {
+        for ((_, _, value), &place) in points.iter().zip(&places) {
             mark(root, *curve, place)?;
-            if let (Curve::Together, Some(value)) = (curve, point.setting.value) {
+            if let (Curve::Together, Some(value)) = (curve, value) {
                 // Other curves come from the right.
                 let beside = (place.0 - 7, place.1 + 12);
                 write(root, &value.to_string(), beside, 15.0, colour(*curve), HPos::Right)?;
             }
         }
     }
-    legend(root)
+    Ok(())
 }
 
 /// From the least to the largest value and those of `at_least`, with space at both ends; `otherwise` where there is no value.
@@ -165,7 +221,8 @@ fn mark(root: &Area<'_>, curve: Curve, place: Pixel) -> Result<(), PlotError> {
 
 /// Names the curves under the plot.
 fn legend(root: &Area<'_>) -> Result<(), PlotError> {
-    let [first, second] = [SIZE.1 as i32 - 44, SIZE.1 as i32 - 20];
+    let bottom = root.dim_in_pixel().1 as i32;
+    let [first, second] = [bottom - 44, bottom - 20];
     let places = [(96, first), (352, first), (624, first), (96, second), (624, second)];
     for (curve, (x, y)) in Curve::ALL.into_iter().zip(places) {
         if curve != Curve::Defaults {
@@ -215,14 +272,19 @@ mod tests {
         runs.insert(1, measurement(Curve::Together, Some(0.05), 4.0, 0.05));
         let text = svg(&circumstances(), &runs).unwrap();
         assert!(text.starts_with("<svg") && text.trim_end().ends_with("</svg>"), "{text}");
-        // The curve, and its stroke in the legend.
-        assert_eq!(polylines(&text, Curve::Together), [3, 2]);
+        // The curve in both panels, and its stroke in the legend.
+        assert_eq!(polylines(&text, Curve::Together), [3, 3, 2]);
         for curve in [Curve::Depth, Curve::Threshold, Curve::Rays] {
-            assert_eq!(polylines(&text, curve), [2, 2], "{curve:?}");
+            assert_eq!(polylines(&text, curve), [2, 2, 2], "{curve:?}");
         }
-        for word in ["room.glb: error over time", "Some Processor", "2 threads", "median of 5 runs"] {
+        for word in ["room.glb: error over time", "Some Processor", "2 threads", "median of 5 runs", "FLIP"] {
             assert!(text.contains(word), "{word}");
         }
+        // Without pictures it is lower by a panel.
+        runs.iter_mut().for_each(|run| run.flip = None);
+        let lower = svg(&circumstances(), &runs).unwrap();
+        assert_eq!(polylines(&lower, Curve::Together), [3, 2]);
+        assert!(lower.contains("height=\"640\"") && !lower.contains("FLIP"), "{lower}");
         for title in Curve::ALL.map(Curve::title) {
             assert!(text.contains(title), "{title}");
         }

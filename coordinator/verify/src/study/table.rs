@@ -59,6 +59,8 @@ fn settings(points: &[Point]) -> String {
         "error",
         "estimated",
         "energy ratio",
+        "FLIP, mean",
+        "FLIP, 99th percentile",
         "time",
         "vertices",
         "million form factors",
@@ -68,6 +70,7 @@ fn settings(points: &[Point]) -> String {
         "peak memory, MiB",
     ];
     let millions = |value: f64| format!("{:.2}", value * 1e-6);
+    let or_unknown = |value: Option<f64>| value.map_or(UNKNOWN.to_owned(), |value| format!("{value:.3}"));
     let rows = points.iter().map(|point| {
         let rate = |work: f64| {
             let rate = work / point.busy_seconds;
@@ -79,6 +82,8 @@ fn settings(points: &[Point]) -> String {
             percent(point.error, 2),
             percent(point.estimated_error, 2),
             format!("{:.4}", point.energy_ratio),
+            or_unknown(point.flip.map(|flip| flip.mean)),
+            or_unknown(point.flip.map(|flip| flip.p99)),
             time(point.seconds),
             format!("{:.0}", point.vertices),
             millions(point.factors),
@@ -92,7 +97,8 @@ fn settings(points: &[Point]) -> String {
     format!(
         "## Every setting\n\n{table}\n\
         Form factors and rays per second are those of one thread while it computes rows. The memory is that of the \
-        coordinator's process, which holds its own threads, but not workers elsewhere.\n"
+        coordinator's process, which holds its own threads, but not workers elsewhere. FLIP is that of pictures of the lit file \
+        beside path-traced ones: 0 where the eye sees no difference.\n"
     )
 }
 
@@ -196,7 +202,7 @@ mod tests {
         let text = markdown(&circumstances(), &runs);
         assert_eq!(
             line(&text, "| --exact-occluders 0 --rays 4096"),
-            "| --exact-occluders 0 --rays 4096 | 8.00 % | 1.00 % | 0.9900 | 16.0 s | 1000 | 4.00 | 8.00 | 2.00 | 4.00 | 50 |"
+            "| --exact-occluders 0 --rays 4096 | 8.00 % | 1.00 % | 0.9900 | 0.160 | 0.640 | 16.0 s | 1000 | 4.00 | 8.00 | 2.00 | 4.00 | 50 |"
         );
         assert!(line(&text, "| defaults").ends_with("| 2.00 | 4.00 | – |"));
         for word in

@@ -2,6 +2,7 @@
 
 use super::measurement::{BakeFigures, ErrorEstimate, ModelFigures};
 use super::{Circumstances, Curve, Measurement, Part, RunReport, Setting, Step};
+use crate::picture::Flip;
 use crate::score::Score;
 
 /// A run of a curve with this time and error.
@@ -19,6 +20,7 @@ pub(super) fn measurement(curve: Curve, value: Option<f64>, seconds: f64, relati
             vertices: 1000,
             triangles: 2000,
         },
+        flip: Some(Flip { mean: 2.0 * relative_l2, p99: 8.0 * relative_l2 }),
         report: RunReport {
             peak_memory_bytes: Some(50 << 20),
             bake: BakeFigures {

@@ -1,6 +1,10 @@
+mod pictures;
+
 use std::fs;
+use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::thread;
 use std::time::Instant;
 
 use anyhow::Context;
@@ -8,15 +12,23 @@ use bake::BakeSettings;
 use clap::Args;
 use cluster::Workers;
 use files::AtomicWriteFile;
+use scene::ReadOptions;
 use tempfile::TempDir;
+use verify::picture::Flip;
 use verify::score::{check_reference, score};
 use verify::study::{Circumstances, Measurement, PlanSize, RunReport, Step, markdown, plan, svg, to_csv};
 
 use super::console::{print, say};
 use super::machine;
+use super::options::positive;
 use super::outputs::check_distinct;
 use super::scene_options::BesideOptions;
 use super::workers::WorkerArguments;
+
+use pictures::Pictures;
+
+/// Most paths of a pixel: its four rays have a sequence of 65,536 each.
+const MOST_PICTURE_PATHS: i64 = 4 << 16;
 
 #[derive(Args)]
 pub struct StudyArguments {
@@ -37,6 +49,12 @@ pub struct StudyArguments {
     /// Measure only two settings per option
     #[arg(long)]
     quick: bool,
+    /// Vary only --error, over these values, as large scenes want it
+    #[arg(long, value_name = "E,...", value_delimiter = ',', value_parser = positive, conflicts_with = "seeds")]
+    errors: Vec<f64>,
+    /// Paths per pixel of the pictures that the bakes' pictures are held against by FLIP; 0 makes none [default: 256; 16 with --quick]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=MOST_PICTURE_PATHS))]
+    picture_paths: Option<u32>,
     #[command(flatten)]
     beside: BesideOptions,
     #[command(flatten)]
@@ -44,9 +62,18 @@ pub struct StudyArguments {
 }
 
 impl StudyArguments {
+    fn picture_paths(&self) -> u32 {
+        self.picture_paths.unwrap_or(if self.quick { 16 } else { 256 })
+    }
+
     fn size(&self) -> PlanSize {
         let (runs, seeds) = if self.quick { (1, 3) } else { (5, 10) };
-        PlanSize { runs: self.runs.unwrap_or(runs), seeds: self.seeds.unwrap_or(seeds), quick: self.quick }
+        PlanSize {
+            runs: self.runs.unwrap_or(runs),
+            seeds: self.seeds.unwrap_or(seeds),
+            quick: self.quick,
+            errors: self.errors.clone(),
+        }
     }
 }
 
@@ -55,15 +82,15 @@ pub fn run(arguments: &StudyArguments, workers: &Workers) -> anyhow::Result<()> 
     let size = arguments.size();
     check_reference(&arguments.reference, &arguments.scene, &arguments.beside.read())?;
     let outputs = Outputs::prepare(arguments)?;
-    let bench = Bench::new(arguments, workers)?;
-    let steps = plan(size, BakeSettings::default().seed);
+    let mut bench = Bench::new(arguments, workers)?;
+    let steps = plan(&size, BakeSettings::default().seed);
     let clock = Instant::now();
     let mut measurements = vec![];
     for (index, step) in steps.iter().enumerate() {
         let measurement = bench.measure(*step)?;
         let left = clock.elapsed().as_secs_f64() / (index + 1) as f64 * (steps.len() - index - 1) as f64;
         say(format_args!(
-            "{}/{} {}, {}: {:.2} s, error {:.2} %, energy {:.4} · {:.0} s left",
+            "{}/{} {}, {}: {:.2} s, error {:.2} %, energy {:.4}{} · {:.0} s left",
             index + 1,
             steps.len(),
             step.part.name(),
@@ -71,6 +98,7 @@ pub fn run(arguments: &StudyArguments, workers: &Workers) -> anyhow::Result<()> 
             measurement.seconds,
             100.0 * measurement.score.relative_l2,
             measurement.score.energy_ratio,
+            measurement.flip.map_or_else(String::new, |flip| format!(", FLIP {:.3}", flip.mean)),
             left
         ));
         measurements.push(measurement);
@@ -134,20 +162,27 @@ struct Bench<'a> {
     /// Which workers the runs use, as arguments.
     workers: [String; 2],
     folder: TempDir,
+    /// Made with the first lit file, of which they take the cameras.
+    pictures: Option<Pictures>,
+    threads: usize,
 }
 
 impl<'a> Bench<'a> {
     fn new(arguments: &'a StudyArguments, workers: &Workers) -> anyhow::Result<Self> {
+        let threads = match workers {
+            Workers::Embedded { threads } => *threads,
+            Workers::Remote(_) => thread::available_parallelism().map_or(1, NonZeroUsize::get),
+        };
         let workers = match workers {
             Workers::Embedded { threads } => ["--threads".into(), threads.to_string()],
             Workers::Remote(names) => ["--workers".into(), names.join(",")],
         };
         let program = std::env::current_exe().context("this program's own file cannot be found")?;
         let folder = TempDir::with_prefix("halflight-study-").context("no temporary folder can be made")?;
-        Ok(Self { arguments, program, workers, folder })
+        Ok(Self { arguments, program, workers, folder, pictures: None, threads })
     }
 
-    fn measure(&self, step: Step) -> anyhow::Result<Measurement> {
+    fn measure(&mut self, step: Step) -> anyhow::Result<Measurement> {
         let [lit, report] = ["lit.glb", "report.json"].map(|name| self.folder.path().join(name));
         let mut command = Command::new(&self.program);
         command
@@ -183,7 +218,21 @@ impl<'a> Bench<'a> {
             .with_context(|| format!("{} left a report that cannot be read", run()))?;
         let read = self.arguments.beside.read();
         let score = score(&lit, &self.arguments.reference, &self.arguments.scene, &read)?;
-        Ok(Measurement { step, seconds, score, report })
+        let flip = self.flip(&lit, &read)?;
+        Ok(Measurement { step, seconds, score, flip, report })
+    }
+
+    /// FLIP of a lit file's pictures; none where none are asked for.
+    fn flip(&mut self, lit: &Path, read: &ReadOptions) -> anyhow::Result<Option<Flip>> {
+        let paths = self.arguments.picture_paths();
+        if paths == 0 {
+            return Ok(None);
+        }
+        let pictures = match self.pictures.take() {
+            Some(pictures) => pictures,
+            None => Pictures::trace(&self.arguments.scene, lit, read, paths, self.threads)?,
+        };
+        self.pictures.insert(pictures).flip(lit, read)
     }
 }
 

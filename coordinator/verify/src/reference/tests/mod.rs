@@ -9,6 +9,7 @@ use crate::plain::{PlainLight, PlainLightKind, PlainMaterial, PlainTriangle};
 
 mod layers;
 mod lights;
+mod rays;
 
 fn grey(reflectance: f64, exitance: f64) -> PlainMaterial {
     PlainMaterial {

@@ -1,0 +1,127 @@
+use std::path::Path;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use anyhow::Context;
+use glam::DVec3;
+use kernel::picture::tracer::Picture;
+use output::render::{LitFile, choose_view, read_lit};
+use rayon::prelude::*;
+use scene::ReadOptions;
+use verify::picture::{Flip, flip};
+use verify::plain::{PlainOptions, PlainScene};
+use verify::reference::{Ray, ReferenceSettings, trace_rays};
+
+use super::super::progress::ProgressLine;
+
+/// Pixels from left to right.
+const WIDTH: u32 = 480;
+
+/// Width over height where the camera does not state it.
+const ASPECT: f64 = 1.6;
+
+/// Rays of a pixel from left to right, and from top to bottom.
+const SIDE: u32 = 2;
+
+/// Pictures of a scene by path tracing, which those of its bakes are held against: one from each camera of the lit file, or from where
+/// `render` would take one.
+pub struct Pictures {
+    views: Vec<View>,
+    /// Radiance where there is no surface: what the bake's pictures have there.
+    background: DVec3,
+}
+
+struct View {
+    /// Row by row of pixels, [`SIDE`] times [`SIDE`] in each.
+    rays: Vec<Ray>,
+    /// Pixels of a row.
+    width: u32,
+    /// Radiance of each pixel.
+    truth: Vec<DVec3>,
+}
+
+impl Pictures {
+    /// Traces the pictures, with so many paths a pixel, from the cameras of a lit file of the scene.
+    pub fn trace(
+        scene: &Path,
+        lit: &Path,
+        read: &ReadOptions,
+        paths: u32,
+        threads: usize,
+    ) -> anyhow::Result<Self> {
+        let line = ProgressLine::new("truth");
+        let lit = read_lit(lit, read)?;
+        let mut views = views(&lit)?;
+        let background = lit.sky.unwrap_or(DVec3::ZERO);
+        let plain =
+            PlainScene::open_with(scene, &PlainOptions { read: read.clone(), ..PlainOptions::default() })?;
+        let settings =
+            ReferenceSettings { paths: paths.div_ceil(SIDE * SIDE), threads, ..ReferenceSettings::default() };
+        let total = views.iter().map(|view| view.rays.len() as u64).sum();
+        let done = AtomicU64::new(0);
+        line.restart();
+        for view in &mut views {
+            let traced =
+                || line.show_part("truth", (done.fetch_add(1, Ordering::Relaxed) + 1, total), "rays");
+            let radiance = trace_rays(&plain, &view.rays, background, &settings, &traced)
+                .with_context(|| format!("{} cannot be traced", scene.display()))?;
+            view.truth = pixels(&radiance);
+        }
+        line.finish();
+        Ok(Self { views, background })
+    }
+
+    /// FLIP over the pixels of all pictures of a lit file.
+    pub fn flip(&self, lit: &Path, read: &ReadOptions) -> anyhow::Result<Option<Flip>> {
+        let LitFile { scene, frame, .. } = read_lit(lit, read)?;
+        let picture = Picture::new(scene);
+        let radiance = |ray: &Ray| {
+            let origin = frame.to_frame(ray.origin);
+            let ray = kernel::picture::Ray { origin, direction: ray.direction, start: 0.0 };
+            picture.radiance(&ray, self.background).0
+        };
+        let of_view = |view: &View| {
+            let seen: Vec<DVec3> = view.rays.par_iter().map(radiance).collect();
+            flip(&view.truth, &pixels(&seen), view.width)
+        };
+        Ok(Flip::of(self.views.iter().flat_map(of_view).collect()))
+    }
+}
+
+/// The rays of each camera.
+fn views(lit: &LitFile) -> anyhow::Result<Vec<View>> {
+    let frame = &lit.frame;
+    let size = |aspect: f64| [WIDTH, ((f64::from(WIDTH) / aspect).round() as u32).max(1)];
+    let exact = |[width, height]: [u32; 2]| f64::from(width) / f64::from(height);
+    let mut cameras = vec![];
+    for camera in &lit.cameras {
+        let size = size(camera.aspect().unwrap_or(ASPECT));
+        cameras.push((camera.camera(frame, exact(size))?, size));
+    }
+    if cameras.is_empty() {
+        let size = size(ASPECT);
+        cameras.push((choose_view(&lit.scene, exact(size)), size));
+    }
+    let view = |(camera, [width, height]): (kernel::picture::Camera, [u32; 2])| {
+        let places = (0..height * width).flat_map(|pixel| {
+            let [x, y] = [pixel % width, pixel / width];
+            (0..SIDE * SIDE).map(move |ray| [x * SIDE + ray % SIDE, y * SIDE + ray / SIDE])
+        });
+        let rays = places.map(|[x, y]| {
+            let place = |at: u32, of: u32| (f64::from(at) + 0.5) / f64::from(of * SIDE);
+            camera.ray(place(x, width), place(y, height))
+        });
+        // They start where the camera begins to see.
+        let world = |ray: kernel::picture::Ray| {
+            let origin = frame.to_world(ray.origin + ray.direction * ray.start);
+            Ray { origin, direction: ray.direction }
+        };
+        View { rays: rays.map(world).collect(), truth: vec![], width }
+    };
+    Ok(cameras.into_iter().map(view).collect())
+}
+
+/// Means over the rays of each pixel.
+fn pixels(rays: &[DVec3]) -> Vec<DVec3> {
+    let side = (SIDE * SIDE) as usize;
+    rays.chunks(side).map(|rays| rays.iter().sum::<DVec3>() / side as f64).collect()
+}
