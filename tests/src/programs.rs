@@ -146,7 +146,15 @@ impl Running {
     /// # Panics
     /// When it ends without, or says nothing for very long.
     pub fn wait_for(&mut self, text: &str) {
-        while !self.said.iter().any(|line| line.contains(text)) {
+        self.wait_for_times(text, 1);
+    }
+
+    /// Waits until so many of its lines have this text in them.
+    ///
+    /// # Panics
+    /// As [`Self::wait_for`].
+    pub fn wait_for_times(&mut self, text: &str, times: usize) {
+        while self.said.iter().filter(|line| line.contains(text)).count() < times {
             match self.lines.recv_timeout(HANGS) {
                 Ok(line) => self.said.push(line),
                 Err(error) => panic!("{text:?} is missing ({error}) in:\n{}", self.said.join("\n")),
@@ -223,8 +231,8 @@ impl Solving {
                 .arg("--report")
                 .arg(folder.path().join("report.json"))
                 .args(arguments)
-                // What it says once a second at most is too late for bakes of seconds.
-                .env("RUST_LOG", "info,cluster::connections::upload=debug"),
+                // Replicas that workers have are told at once, progress once a second: too late for bakes of seconds.
+                .env("RUST_LOG", "warn,cluster::connections::upload=debug"),
         );
         Self { running, folder }
     }
@@ -232,6 +240,14 @@ impl Solving {
     /// As [`Running::wait_for`].
     pub fn wait_for(&mut self, text: &str) {
         self.running.wait_for(text);
+    }
+
+    /// Waits until workers have been given so many replicas, all of them together.
+    ///
+    /// # Panics
+    /// As [`Running::wait_for`].
+    pub fn wait_for_replicas(&mut self, count: usize) {
+        self.running.wait_for_times("replica loaded", count);
     }
 
     /// As [`Running::signal`].

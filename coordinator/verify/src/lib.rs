@@ -9,7 +9,7 @@
 //! | [`plain`] | scenes as plain triangles |
 //! | [`reference`](mod@reference) | the path tracer |
 //! | [`score`](mod@score) | the error of a lit file |
-//! | [`picture`] | what the eye sees of it |
+//! | [`picture`] | the error that the eye sees |
 //! | [`study`] | error over time, knob by knob |
 
 pub mod picture;

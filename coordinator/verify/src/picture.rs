@@ -1,4 +1,4 @@
-//! How far a picture of a bake is from the truth, to the eye.
+//! The visible difference between a picture of a bake and the truth.
 
 use glam::DVec3;
 use nv_flip::{DEFAULT_PIXELS_PER_DEGREE, FlipImageRgb8};
@@ -19,8 +19,8 @@ pub struct Flip {
     pub p99: f64,
 }
 
-/// FLIP of each pixel of a picture of a bake: both pictures are linear radiance, row by row from the top, of this width, and are shown at
-/// the exposure that suits the truth, 67 pixels to a degree of sight. Nothing for pictures without a pixel, or with a rest of a row.
+/// FLIP of each pixel of a picture of a bake: both pictures are linear radiance, row by row from the top, of this width. They are shown at
+/// the exposure that suits the truth, 67 pixels to a degree of sight. Nothing for pictures without a pixel, or with an incomplete row.
 #[must_use]
 pub fn flip(truth: &[DVec3], lit: &[DVec3], width: u32) -> Vec<f32> {
     let rows = truth.len() / (width as usize).max(1);

@@ -81,11 +81,14 @@ impl<'a> Tracer<'a> {
         ReferencePoint { place: *place, radiosity: mean, standard_error }
     }
 
-    /// The radiance that comes back along a ray, from so many paths; `index` makes its random numbers its own. Backs of one-sided
-    /// surfaces are looked through, as viewers do.
+    /// The radiance that comes back along a ray, the mean of `paths` paths; `index` makes its random numbers its own. Rays pass the
+    /// backs of one-sided surfaces, as in viewers.
     pub(super) fn radiance(&self, ray: &Ray, background: DVec3, index: u64, paths: u32, seed: u64) -> DVec3 {
         let seed = mix(seed, index);
         let start = self.solid.frame.place(ray.origin);
+        // Boxes are met in f32: a ray from afar starts just before the scene, which lies within 1 of the frame's origin.
+        let before = -start.dot(ray.direction) - 1.0;
+        let start = start + ray.direction * before.max(0.0);
         let radiance = |index: u32| {
             let chance = mix(seed, u64::from(index));
             let mut from = start;

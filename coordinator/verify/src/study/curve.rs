@@ -19,7 +19,7 @@ pub struct Point {
     pub estimated_error: f64,
     /// Radiosity over the reference's.
     pub energy_ratio: f64,
-    /// What the eye sees of the error; none where no pictures were made.
+    /// The error that the eye sees; none where no pictures were made.
     pub flip: Option<Flip>,
     /// Vertices of the refined mesh.
     pub vertices: f64,

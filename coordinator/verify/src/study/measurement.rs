@@ -83,7 +83,7 @@ pub struct Measurement {
     pub seconds: f64,
     /// Its error against the reference.
     pub score: Score,
-    /// What the eye sees of its error; none where no pictures were made.
+    /// The error that the eye sees; none where no pictures were made.
     pub flip: Option<Flip>,
     /// Its own report.
     pub report: RunReport,

@@ -91,7 +91,7 @@ pub fn svg(circumstances: &Circumstances, measurements: &[Measurement]) -> Resul
         for (quantity, index) in quantities.iter().zip(0..) {
             panel(&root, (HEADING + PANEL * index) as i32, *quantity, &curves)?;
         }
-        legend(&root)?;
+        legend(&root, &curves)?;
     }
     Ok(text)
 }
@@ -219,12 +219,13 @@ fn mark(root: &Area<'_>, curve: Curve, place: Pixel) -> Result<(), PlotError> {
     Ok(())
 }
 
-/// Names the curves under the plot.
-fn legend(root: &Area<'_>) -> Result<(), PlotError> {
+/// Names the curves that were run under the plot.
+fn legend(root: &Area<'_>, curves: &[(Curve, Vec<Point>)]) -> Result<(), PlotError> {
     let bottom = root.dim_in_pixel().1 as i32;
     let [first, second] = [bottom - 44, bottom - 20];
     let places = [(96, first), (352, first), (624, first), (96, second), (624, second)];
-    for (curve, (x, y)) in Curve::ALL.into_iter().zip(places) {
+    let curves = curves.iter().filter(|(_, points)| !points.is_empty()).map(|(curve, _)| *curve);
+    for (curve, (x, y)) in curves.zip(places) {
         if curve != Curve::Defaults {
             let line = vec![(x, y), (x + 36, y)];
             root.draw(&PathElement::new(line, colour(curve).stroke_width(width(curve))))?;

@@ -76,13 +76,13 @@ fn another_version() {
     assert!(words.iter().all(|word| solved.said.contains(word)), "{}", solved.said);
 }
 
-/// One job in ten takes a second there: another worker has done it long before, and the late answer is dropped.
+/// One job in ten takes a third of a second there: another worker has done it long before, and the late answer is dropped.
 #[test]
 fn late_answers() {
     let jobs = AtomicU64::new(0);
     let late = FakeWorker::start(Nature::answering(move |_, honest| {
         if jobs.fetch_add(1, Ordering::Relaxed) % 10 == 9 {
-            thread::sleep(Duration::from_secs(1));
+            thread::sleep(Duration::from_millis(300));
         }
         Some(vec![honest])
     }));

@@ -37,6 +37,11 @@ impl Cornell {
         Solving::start(&tests::data("scenes/cornell.glb"), &[&self.knobs, arguments].concat())
     }
 
+    /// Starts to bake by these workers.
+    fn bake_by(&self, addresses: &[&str], arguments: &[&str]) -> Solving {
+        self.bake(&[&["--workers", &addresses.join(",")], arguments].concat())
+    }
+
     fn expected(&self) -> &[u8] {
         let undisturbed = || self.bake(&["--threads", "2"]).finish().lit;
         self.expected.get_or_init(|| undisturbed().expect("an undisturbed bake ends well"))
@@ -53,19 +58,17 @@ impl Cornell {
 /// Long enough that things can go wrong in its middle: a second of two threads or more.
 static LONG: Cornell = Cornell::new(["--mesh-error", "0.004"]);
 
-/// Long enough that a worker which falls silent is noticed before its end.
+/// Long enough for what takes seconds: a silent worker is noticed, a slow one does some jobs, one that comes late is dialled.
 static LONGER: Cornell = Cornell::new(["--mesh-error", "0.0028"]);
 
 /// Waits until a bake is under way: workers have the scene, its first vertices and those of some refinements, with most of them to come.
 fn wait_until_under_way(solving: &mut Solving) {
-    for _ in 0..6 {
-        solving.wait_for("replica loaded");
-    }
+    solving.wait_for_replicas(6);
 }
 
 /// Starts a long bake by these workers.
 fn bake_by(addresses: &[&str], arguments: &[&str]) -> Solving {
-    LONG.bake(&[&["--workers", &addresses.join(",")], arguments].concat())
+    LONG.bake_by(addresses, arguments)
 }
 
 /// Checks that a long bake ended as an undisturbed one.

@@ -32,7 +32,7 @@ fn killed() {
 #[test]
 fn stopped_beside_another() {
     let (hangs, lives) = (WorkerProcess::start(1), WorkerProcess::start(1));
-    let mut solving = LONGER.bake(&["--workers", &format!("{},{}", hangs.address, lives.address)]);
+    let mut solving = LONGER.bake_by(&[&hangs.address, &lives.address], &[]);
     wait_until_under_way(&mut solving);
     hangs.signal(Signal::STOP);
     let solved = solving.finish();
@@ -79,7 +79,7 @@ fn restarted_empty() {
 #[test]
 fn ten_times_slower() {
     let (slow, fast) = (WorkerProcess::start(1), WorkerProcess::start(1));
-    let solving = bake_by(&[&slow.address, &fast.address], &[]);
+    let solving = LONGER.bake_by(&[&slow.address, &fast.address], &[]);
     let over = AtomicBool::new(false);
     let solved = thread::scope(|scope| {
         scope.spawn(|| {
@@ -94,7 +94,7 @@ fn ten_times_slower() {
         over.store(true, Ordering::Relaxed);
         solved
     });
-    assert_undisturbed(&solved);
+    LONGER.assert_undisturbed(&solved);
     let jobs = |address| worker(&solved, address)["jobs"].as_u64().unwrap();
     let (slow, fast) = (jobs(&slow.address), jobs(&fast.address));
     assert!(slow > 0 && fast > 2 * slow, "{slow} jobs of the slow worker, {fast} of the other");
@@ -104,11 +104,11 @@ fn ten_times_slower() {
 #[test]
 fn joins_at_half_time() {
     let (first, late) = (WorkerProcess::start(1), free_address());
-    let mut solving = bake_by(&[&first.address, &late], &[]);
+    let mut solving = LONGER.bake_by(&[&first.address, &late], &[]);
     wait_until_under_way(&mut solving);
     let late = WorkerProcess::start_at(&late, 1, &[]);
     let solved = solving.finish();
-    assert_undisturbed(&solved);
+    LONGER.assert_undisturbed(&solved);
     assert!(worker(&solved, &late.address)["jobs"].as_u64().unwrap() > 0, "{}", solved.report);
 }
 

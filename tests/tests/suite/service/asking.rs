@@ -3,8 +3,8 @@ use std::fs;
 use protocol::api::fetch_result_response::Body as Part;
 use protocol::api::submit_scene_request::Body;
 use protocol::api::{
-    CancelJobRequest, DeleteJobRequest, FetchResultRequest, GetJobRequest, ListJobsRequest, State,
-    SubmitSceneRequest, WatchJobRequest,
+    BakeOptions, CancelJobRequest, DeleteJobRequest, FetchResultRequest, GetJobRequest, ListJobsRequest,
+    State, SubmitSceneRequest, WatchJobRequest,
 };
 use sha2::{Digest, Sha256};
 use tokio::task::JoinSet;
@@ -142,7 +142,12 @@ fn priority_decides_who_begins() {
     let scene = fs::read(cornell()).unwrap();
     let mut submit = |priority: i32, chunks: &[&[u8]]| {
         let mut header = header(&scene);
-        header.bake.as_mut().unwrap().mesh_error = Some(0.005);
+        // It does not end while it is looked at.
+        header.bake = Some(BakeOptions {
+            mesh_error: Some(0.0001),
+            max_vertices: Some(2_000_000),
+            ..BakeOptions::default()
+        });
         header.priority = priority;
         asker.submit(header, chunks).unwrap()
     };

@@ -18,10 +18,10 @@ use verify::picture::Flip;
 use verify::score::{check_reference, score};
 use verify::study::{Circumstances, Measurement, PlanSize, RunReport, Step, markdown, plan, svg, to_csv};
 
-use super::console::{print, say};
+use super::console::print;
 use super::machine;
-use super::options::positive;
 use super::outputs::check_distinct;
+use super::progress::ProgressLine;
 use super::scene_options::BesideOptions;
 use super::workers::WorkerArguments;
 
@@ -46,19 +46,27 @@ pub struct StudyArguments {
     /// Seeds for bias and spread [default: 10; 3 with --quick]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=1000))]
     seeds: Option<u32>,
-    /// Measure only two settings per option
+    /// Measure only two settings per option, once
     #[arg(long)]
     quick: bool,
-    /// Vary only --error, over these values, as large scenes want it
-    #[arg(long, value_name = "E,...", value_delimiter = ',', value_parser = positive, conflicts_with = "seeds")]
+    /// Vary only --error, over these values: for large scenes
+    #[arg(long, value_name = "E,...", value_delimiter = ',', value_parser = error, conflicts_with = "seeds")]
     errors: Vec<f64>,
-    /// Paths per pixel of the pictures that the bakes' pictures are held against by FLIP; 0 makes none [default: 256; 16 with --quick]
+    /// Paths per pixel, in fours, of the path-traced pictures for FLIP; 0 makes none [default: 256; 16 with --quick]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=MOST_PICTURE_PATHS))]
     picture_paths: Option<u32>,
     #[command(flatten)]
     beside: BesideOptions,
     #[command(flatten)]
     pub workers: WorkerArguments,
+}
+
+/// An error that `solve` takes.
+fn error(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(error) if (1e-4..=0.5).contains(&error) => Ok(error),
+        _ => Err("must be a number from 0.0001 to 0.5".to_owned()),
+    }
 }
 
 impl StudyArguments {
@@ -68,11 +76,15 @@ impl StudyArguments {
 
     fn size(&self) -> PlanSize {
         let (runs, seeds) = if self.quick { (1, 3) } else { (5, 10) };
+        // A curve goes from coarse to fine.
+        let mut errors = self.errors.clone();
+        errors.sort_unstable_by(|a, b| b.total_cmp(a));
+        errors.dedup();
         PlanSize {
             runs: self.runs.unwrap_or(runs),
             seeds: self.seeds.unwrap_or(seeds),
             quick: self.quick,
-            errors: self.errors.clone(),
+            errors,
         }
     }
 }
@@ -84,12 +96,15 @@ pub fn run(arguments: &StudyArguments, workers: &Workers) -> anyhow::Result<()> 
     let outputs = Outputs::prepare(arguments)?;
     let mut bench = Bench::new(arguments, workers)?;
     let steps = plan(&size, BakeSettings::default().seed);
-    let clock = Instant::now();
+    let line = ProgressLine::new("bake");
+    let mut seconds = 0.0;
     let mut measurements = vec![];
     for (index, step) in steps.iter().enumerate() {
-        let measurement = bench.measure(*step)?;
-        let left = clock.elapsed().as_secs_f64() / (index + 1) as f64 * (steps.len() - index - 1) as f64;
-        say(format_args!(
+        line.enter("bake");
+        let measurement = bench.measure(*step, &line)?;
+        seconds += measurement.seconds;
+        let left = seconds / (index + 1) as f64 * (steps.len() - index - 1) as f64;
+        line.say(format_args!(
             "{}/{} {}, {}: {:.2} s, error {:.2} %, energy {:.4}{} · {:.0} s left",
             index + 1,
             steps.len(),
@@ -103,6 +118,7 @@ pub fn run(arguments: &StudyArguments, workers: &Workers) -> anyhow::Result<()> 
         ));
         measurements.push(measurement);
     }
+    line.finish();
     let circumstances = Circumstances {
         scene: file_name(&arguments.scene),
         reference: file_name(&arguments.reference),
@@ -182,7 +198,7 @@ impl<'a> Bench<'a> {
         Ok(Self { arguments, program, workers, folder, pictures: None, threads })
     }
 
-    fn measure(&mut self, step: Step) -> anyhow::Result<Measurement> {
+    fn measure(&mut self, step: Step, line: &ProgressLine) -> anyhow::Result<Measurement> {
         let [lit, report] = ["lit.glb", "report.json"].map(|name| self.folder.path().join(name));
         let mut command = Command::new(&self.program);
         command
@@ -218,20 +234,22 @@ impl<'a> Bench<'a> {
             .with_context(|| format!("{} left a report that cannot be read", run()))?;
         let read = self.arguments.beside.read();
         let score = score(&lit, &self.arguments.reference, &self.arguments.scene, &read)?;
-        let flip = self.flip(&lit, &read)?;
+        let flip = self.flip(&lit, &read, line)?;
         Ok(Measurement { step, seconds, score, flip, report })
     }
 
     /// FLIP of a lit file's pictures; none where none are asked for.
-    fn flip(&mut self, lit: &Path, read: &ReadOptions) -> anyhow::Result<Option<Flip>> {
+    fn flip(&mut self, lit: &Path, read: &ReadOptions, line: &ProgressLine) -> anyhow::Result<Option<Flip>> {
         let paths = self.arguments.picture_paths();
         if paths == 0 {
             return Ok(None);
         }
         let pictures = match self.pictures.take() {
             Some(pictures) => pictures,
-            None => Pictures::trace(&self.arguments.scene, lit, read, paths, self.threads)?,
+            None => Pictures::trace(&self.arguments.scene, lit, read, paths, self.threads, line)
+                .context("FLIP has no pictures to compare with: --picture-paths 0 leaves it out")?,
         };
+        line.enter("pictures");
         self.pictures.insert(pictures).flip(lit, read)
     }
 }

@@ -16,14 +16,21 @@ use super::super::progress::ProgressLine;
 /// Pixels from left to right.
 const WIDTH: u32 = 480;
 
-/// Width over height where the camera does not state it.
+/// Width over height where the camera does not state it, and the least and the most of it.
 const ASPECT: f64 = 1.6;
+const ASPECTS: [f64; 2] = [0.5, 4.0];
+
+/// Cameras of which pictures are made: the first ones.
+const MOST_CAMERAS: usize = 8;
+
+/// Progress is shown each time that so many rays have been traced.
+const SHOWN: u64 = 256;
 
 /// Rays of a pixel from left to right, and from top to bottom.
 const SIDE: u32 = 2;
 
-/// Pictures of a scene by path tracing, which those of its bakes are held against: one from each camera of the lit file, or from where
-/// `render` would take one.
+/// Path-traced pictures of a scene, to compare those of its bakes with: from the first cameras of the lit file, or from where `render`
+/// would take one.
 pub struct Pictures {
     views: Vec<View>,
     /// Radiance where there is no surface: what the bake's pictures have there.
@@ -40,15 +47,16 @@ struct View {
 }
 
 impl Pictures {
-    /// Traces the pictures, with so many paths a pixel, from the cameras of a lit file of the scene.
+    /// Traces the pictures, of `paths` paths a pixel, from the cameras of a lit file of the scene.
     pub fn trace(
         scene: &Path,
         lit: &Path,
         read: &ReadOptions,
         paths: u32,
         threads: usize,
+        line: &ProgressLine,
     ) -> anyhow::Result<Self> {
-        let line = ProgressLine::new("truth");
+        line.enter("truth");
         let lit = read_lit(lit, read)?;
         let mut views = views(&lit)?;
         let background = lit.sky.unwrap_or(DVec3::ZERO);
@@ -60,13 +68,16 @@ impl Pictures {
         let done = AtomicU64::new(0);
         line.restart();
         for view in &mut views {
-            let traced =
-                || line.show_part("truth", (done.fetch_add(1, Ordering::Relaxed) + 1, total), "rays");
+            let traced = || {
+                let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+                if done.is_multiple_of(SHOWN) {
+                    line.show_part("truth", (done, total), "rays");
+                }
+            };
             let radiance = trace_rays(&plain, &view.rays, background, &settings, &traced)
                 .with_context(|| format!("{} cannot be traced", scene.display()))?;
             view.truth = pixels(&radiance);
         }
-        line.finish();
         Ok(Self { views, background })
     }
 
@@ -90,11 +101,12 @@ impl Pictures {
 /// The rays of each camera.
 fn views(lit: &LitFile) -> anyhow::Result<Vec<View>> {
     let frame = &lit.frame;
-    let size = |aspect: f64| [WIDTH, ((f64::from(WIDTH) / aspect).round() as u32).max(1)];
+    let size = |aspect: f64| [WIDTH, (f64::from(WIDTH) / aspect).round() as u32];
     let exact = |[width, height]: [u32; 2]| f64::from(width) / f64::from(height);
     let mut cameras = vec![];
-    for camera in &lit.cameras {
-        let size = size(camera.aspect().unwrap_or(ASPECT));
+    for camera in lit.cameras.iter().take(MOST_CAMERAS) {
+        let [least, most] = ASPECTS;
+        let size = size(camera.aspect().unwrap_or(ASPECT).clamp(least, most));
         cameras.push((camera.camera(frame, exact(size))?, size));
     }
     if cameras.is_empty() {
