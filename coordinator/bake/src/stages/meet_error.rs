@@ -303,7 +303,8 @@ impl Measured {
         let error = &self.error;
         let interpolation = "interpolation between the vertices";
         let receivers = if self.between > self.of_mesh() {
-            "light between gather points: --rows exact has none, and takes longer".to_owned()
+            "light between gather points, of which a bake has a limited number: for a small scene give --rows exact"
+                .to_owned()
         } else {
             self.obstacle
                 .map_or(interpolation.to_owned(), |cause| format!("{interpolation}: {}", cause.describe()))
