@@ -12,8 +12,8 @@ use super::{Circumstances, Curve, Measurement, Point, points};
 
 /// Width of the picture, and heights of its heading, of each panel and of the legend.
 const WIDTH: u32 = 960;
-const HEADING: u32 = 72;
-const PANEL: u32 = 504;
+const HEADING: u32 = 56;
+const PANEL: u32 = 520;
 const LEGEND: u32 = 64;
 
 /// Dark enough to read on white.
@@ -121,6 +121,7 @@ fn panel(
     let values = range(all().map(|point| point.1), quantity.always_shown(), quantity.always_shown());
     let [second_ticks, value_ticks] = [&seconds, &values].map(ticks);
     let mut chart = ChartBuilder::on(&root.clone().shrink((0, top), (WIDTH, PANEL)))
+        .margin_top(16)
         .margin_left(14)
         .margin_right(28)
         .x_label_area_size(52)
