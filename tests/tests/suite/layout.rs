@@ -159,3 +159,41 @@ fn crates_know_only_what_they_may() {
         assert!(wrong.is_empty(), "{name} depends on {wrong:?}");
     }
 }
+
+/// The sources of a folder and of those below it.
+fn sources_in(folder: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let below = |path: PathBuf| if path.is_dir() { sources_in(&path) } else { vec![path] };
+    entries
+        .flat_map(below)
+        .filter(|path| path.extension().is_some_and(|extension| extension == "rs"))
+        .collect()
+}
+
+/// Whether a comment of documentation has an example that is to be compiled.
+fn has_example(source: &str) -> bool {
+    let comments = source.lines().filter_map(|line| line.trim().get(..3).zip(line.trim().get(3..)));
+    let text = comments.filter(|(mark, _)| ["///", "//!"].contains(mark)).map(|(_, text)| text.trim());
+    let mut fences = text.filter_map(|text| text.strip_prefix("```"));
+    // Every other one ends what the one before begins.
+    std::iter::from_fn(|| {
+        let begins = fences.next()?;
+        fences.next();
+        Some(begins)
+    })
+    .any(|language| language != "text")
+}
+
+/// To look for examples takes seconds a crate. So those without do not look, and those with must.
+#[test]
+fn examples_in_documentation_are_compiled() {
+    assert!(has_example("/// ```\n/// f();\n/// ```") && !has_example("//! ```text\n//! a\n//! ```\nf();"));
+    for (name, folder) in crates() {
+        if folder.join("src/lib.rs").is_file() {
+            let has_examples =
+                sources_in(&folder.join("src")).iter().any(|source| has_example(&read(source)));
+            let looks = !read(&folder.join("Cargo.toml")).contains("\ndoctest = false\n");
+            assert_eq!(looks, has_examples, "`doctest = false` in the manifest of {name}: yes or no?");
+        }
+    }
+}
