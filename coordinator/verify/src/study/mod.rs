@@ -20,6 +20,8 @@ mod table;
 #[cfg(test)]
 mod test_measurements;
 
+use crate::picture::Flip;
+
 pub use curve::{Point, TimeTo, median, points, time_to};
 pub use measurement::{Measurement, RunReport, to_csv};
 pub use plan::{Curve, Part, PlanSize, Setting, Step, plan};
@@ -42,4 +44,6 @@ pub struct Circumstances {
     pub workers: String,
     /// Runs of each setting.
     pub runs: u32,
+    /// FLIP between two halves of the paths of the path-traced pictures, each of twice the variance of both; none without pictures.
+    pub noise: Option<Flip>,
 }

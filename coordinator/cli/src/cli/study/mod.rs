@@ -27,8 +27,8 @@ use super::workers::WorkerArguments;
 
 use pictures::Pictures;
 
-/// Most paths of a pixel: its four rays have a sequence of 65,536 each.
-const MOST_PICTURE_PATHS: i64 = 4 << 16;
+/// Most paths of a pixel: its four rays have two sequences of 65,536 each.
+const MOST_PICTURE_PATHS: i64 = 8 << 16;
 
 #[derive(Args)]
 pub struct StudyArguments {
@@ -52,7 +52,7 @@ pub struct StudyArguments {
     /// Vary only --error, over these values: for large scenes
     #[arg(long, value_name = "E,...", value_delimiter = ',', value_parser = error, conflicts_with = "seeds")]
     errors: Vec<f64>,
-    /// Paths per pixel, in fours, of the path-traced pictures for FLIP; 0 makes none [default: 256; 16 with --quick]
+    /// Paths per pixel, in eights, of the path-traced pictures for FLIP; 0 makes none [default: 256; 16 with --quick]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=MOST_PICTURE_PATHS))]
     picture_paths: Option<u32>,
     #[command(flatten)]
@@ -126,6 +126,7 @@ pub fn run(arguments: &StudyArguments, workers: &Workers) -> anyhow::Result<()> 
         machine: machine::describe(),
         workers: describe(workers),
         runs: size.runs,
+        noise: bench.pictures.as_ref().and_then(|pictures| pictures.noise),
     };
     let tables = markdown(&circumstances, &measurements);
     outputs.write(&to_csv(&measurements), &svg(&circumstances, &measurements)?, &tables)?;

@@ -1,3 +1,4 @@
+use std::f64::consts::PI;
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -35,6 +36,10 @@ pub struct Pictures {
     views: Vec<View>,
     /// Radiance where there is no surface: what the bake's pictures have there.
     background: DVec3,
+    /// Display value of a unit of radiance: that of the lit file.
+    exposure: f64,
+    /// FLIP between two halves of the paths.
+    pub noise: Option<Flip>,
 }
 
 struct View {
@@ -42,7 +47,7 @@ struct View {
     rays: Vec<Ray>,
     /// Pixels of a row.
     width: u32,
-    /// Radiance of each pixel.
+    /// Display value of each pixel.
     truth: Vec<DVec3>,
 }
 
@@ -62,9 +67,10 @@ impl Pictures {
         let background = lit.sky.unwrap_or(DVec3::ZERO);
         let plain =
             PlainScene::open_with(scene, &PlainOptions { read: read.clone(), ..PlainOptions::default() })?;
-        let settings =
-            ReferenceSettings { paths: paths.div_ceil(SIDE * SIDE), threads, ..ReferenceSettings::default() };
-        let total = views.iter().map(|view| view.rays.len() as u64).sum();
+        let exposure = PI * lit.exposure.unwrap_or(1.0);
+        let total = views.iter().map(|view| 2 * view.rays.len() as u64).sum();
+        let paths = paths.div_ceil(2 * SIDE * SIDE);
+        let mut noise = vec![];
         let done = AtomicU64::new(0);
         line.restart();
         for view in &mut views {
@@ -74,11 +80,17 @@ impl Pictures {
                     line.show_part("truth", (done, total), "rays");
                 }
             };
-            let radiance = trace_rays(&plain, &view.rays, background, &settings, &traced)
-                .with_context(|| format!("{} cannot be traced", scene.display()))?;
-            view.truth = pixels(&radiance);
+            let half = |seed| {
+                let settings = ReferenceSettings { paths, seed, threads };
+                let radiance = trace_rays(&plain, &view.rays, background, &settings, &traced)
+                    .with_context(|| format!("{} cannot be traced", scene.display()))?;
+                anyhow::Ok(pixels(&radiance, exposure))
+            };
+            let (first, second) = (half(1)?, half(2)?);
+            noise.extend(flip(&first, &second, view.width));
+            view.truth = first.into_iter().zip(second).map(|(a, b)| (a + b) * 0.5).collect();
         }
-        Ok(Self { views, background })
+        Ok(Self { views, background, exposure, noise: Flip::of(noise) })
     }
 
     /// FLIP over the pixels of all pictures of a lit file.
@@ -92,7 +104,7 @@ impl Pictures {
         };
         let of_view = |view: &View| {
             let seen: Vec<DVec3> = view.rays.par_iter().map(radiance).collect();
-            flip(&view.truth, &pixels(&seen), view.width)
+            flip(&view.truth, &pixels(&seen, self.exposure), view.width)
         };
         Ok(Flip::of(self.views.iter().flat_map(of_view).collect()))
     }
@@ -132,8 +144,8 @@ fn views(lit: &LitFile) -> anyhow::Result<Vec<View>> {
     Ok(cameras.into_iter().map(view).collect())
 }
 
-/// Means over the rays of each pixel.
-fn pixels(rays: &[DVec3]) -> Vec<DVec3> {
+/// Display values of pixels: means over the rays of each.
+fn pixels(rays: &[DVec3], exposure: f64) -> Vec<DVec3> {
     let side = (SIDE * SIDE) as usize;
-    rays.chunks(side).map(|rays| rays.iter().sum::<DVec3>() / side as f64).collect()
+    rays.chunks(side).map(|rays| rays.iter().sum::<DVec3>() * exposure / side as f64).collect()
 }
