@@ -15,7 +15,6 @@
 //! | [`dirty`] | a furnished room as careless tools write it |
 //! | [`nasty`] | scenes that ask for trouble, made from a seed, and what must hold of their bakes |
 //! | [`numbers`] | random numbers that are the same everywhere |
-//! | [`flip`] | how different two pictures look |
 //! | [`certificates`] | certificates of an authority of the test's own |
 //! | [`programs`] | the binaries of the workspace as processes |
 //! | [`scene_command`] | a command that reads a scene and writes a file |
@@ -28,7 +27,6 @@ pub mod cases;
 pub mod certificates;
 pub mod city;
 pub mod dirty;
-pub mod flip;
 pub mod measured;
 pub mod nasty;
 pub mod numbers;

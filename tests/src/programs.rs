@@ -149,7 +149,7 @@ impl Running {
         self.wait_for_times(text, 1);
     }
 
-    /// Waits until so many of its lines have this text in them.
+    /// Waits until this number of its lines have this text in them.
     ///
     /// # Panics
     /// As [`Self::wait_for`].
@@ -242,7 +242,7 @@ impl Solving {
         self.running.wait_for(text);
     }
 
-    /// Waits until workers have been given so many replicas, all of them together.
+    /// Waits until this number of replicas has been loaded, by all workers together.
     ///
     /// # Panics
     /// As [`Running::wait_for`].

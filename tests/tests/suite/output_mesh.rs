@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use bake::{BakeSettings, Baked};
 use cluster::{Cluster, Workers};
+use document::texture::linear_to_srgb;
 use glam::{DMat4, DVec3, I64Vec3};
 use output::export::{ExportSettings, export};
 use output::render::{LookAt, TileSettings, read_lit, render_tiles};
@@ -14,8 +15,8 @@ use scene::{ImportOptions, ReadOptions, Scene, import_slice};
 use tempfile::TempDir;
 use tests::baking::{baked, imported};
 use tests::builder::{Material, SceneBuilder};
-use tests::flip::{Picture, flip, mean_and_percentile};
 use tests::shapes;
+use verify::picture::{Flip, Picture, flip};
 
 /// Positions closer than this are one, relative to the extent.
 const ONE: f64 = 1e-6;
@@ -189,14 +190,12 @@ fn flip_of(path: &Path, (name, eye, target, angle, exposure): View) -> (f64, f64
     let scene = kernel::picture::encode_picture(&file.scene);
     let picture = render_tiles(&mut cluster.handle(0), scene, &settings, &mut |_, _| ()).unwrap();
     let shown = |radiance: &[f32; 3]| {
-        let channel = |value: f32| {
-            let value = (f64::from(value) * exposure).clamp(0.0, 1.0);
-            if value <= 0.003_130_8 { 12.92 * value } else { 1.055 * value.powf(1.0 / 2.4) - 0.055 }
-        };
+        let channel = |value: f32| linear_to_srgb((f64::from(value) * exposure).clamp(0.0, 1.0));
         DVec3::from_array(radiance.map(channel))
     };
     let pixels = picture.pixels.iter().map(shown).collect();
-    mean_and_percentile(&flip(&truth, &Picture { width: truth.width, pixels }))
+    let Flip { mean, p99 } = Flip::of(&flip(&truth, &Picture { width: truth.width, pixels })).unwrap();
+    (mean, p99)
 }
 
 /// The limits are measured values with little room.

@@ -19,7 +19,7 @@ pub struct WorkerArguments {
     #[arg(long, env = "COORDINATOR_WORKERS", value_name = "HOST:PORT,...", value_delimiter = ',')]
     workers: Vec<String>,
     #[command(flatten)]
-    threads: ThreadArguments,
+    pub(super) threads: ThreadArguments,
     /// When jobs are sent to workers
     #[arg(long, value_enum, default_value_t = ScheduleArgument::Finished)]
     schedule: ScheduleArgument,

@@ -18,7 +18,7 @@ mod image;
 mod mapping;
 mod sampler;
 
-pub use encoding::{Encoding, srgb_to_linear};
+pub use encoding::{Encoding, linear_to_srgb, srgb_to_linear};
 pub use error::DecodeError;
 pub use image::{Image, MOST_BYTES, decode, dimensions};
 pub use mapping::Mapping;

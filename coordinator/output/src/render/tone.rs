@@ -1,5 +1,6 @@
 use std::f64::consts::PI;
 
+use document::texture::linear_to_srgb;
 use glam::DVec3;
 
 use super::Picture;
@@ -82,12 +83,10 @@ fn neutral(colour: DVec3) -> DVec3 {
     DVec3::splat(lowered).lerp(colour * (lowered / peak), faded)
 }
 
-/// The byte of sRGB (IEC 61966-2-1) for a linear value between 0 and 1. The power is computed in software: the same bits everywhere.
+/// The byte of sRGB for a linear value between 0 and 1.
 #[must_use]
 pub(crate) fn srgb_byte(linear: f64) -> u8 {
-    let encoded =
-        if linear <= 0.003_130_8 { linear * 12.92 } else { 1.055 * libm::pow(linear, 1.0 / 2.4) - 0.055 };
-    (encoded * 255.0).round().clamp(0.0, 255.0) as u8
+    (linear_to_srgb(linear) * 255.0).round().clamp(0.0, 255.0) as u8
 }
 
 #[cfg(test)]

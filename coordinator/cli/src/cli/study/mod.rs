@@ -1,10 +1,8 @@
 mod pictures;
 
 use std::fs;
-use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::thread;
 use std::time::Instant;
 
 use anyhow::Context;
@@ -12,6 +10,8 @@ use bake::BakeSettings;
 use clap::Args;
 use cluster::Workers;
 use files::AtomicWriteFile;
+use pipeline::options::schema::{Options, Value};
+use protocol::api::BakeOptions;
 use scene::ReadOptions;
 use tempfile::TempDir;
 use verify::picture::Flip;
@@ -61,11 +61,12 @@ pub struct StudyArguments {
     pub workers: WorkerArguments,
 }
 
-/// An error that `solve` takes.
+/// An error that `solve --error` takes.
 fn error(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(error) if (1e-4..=0.5).contains(&error) => Ok(error),
-        _ => Err("must be a number from 0.0001 to 0.5".to_owned()),
+    match BakeOptions::KNOBS.iter().find(|knob| knob.flag == "error").map(|knob| knob.kind.parse(text)) {
+        Some(Ok(Value::Number(error))) => Ok(error),
+        Some(Err(wanted)) => Err(wanted),
+        _ => Err("there is no such option".to_owned()),
     }
 }
 
@@ -186,10 +187,7 @@ struct Bench<'a> {
 
 impl<'a> Bench<'a> {
     fn new(arguments: &'a StudyArguments, workers: &Workers) -> anyhow::Result<Self> {
-        let threads = match workers {
-            Workers::Embedded { threads } => *threads,
-            Workers::Remote(_) => thread::available_parallelism().map_or(1, NonZeroUsize::get),
-        };
+        let threads = arguments.workers.threads.count()?.get();
         let workers = match workers {
             Workers::Embedded { threads } => ["--threads".into(), threads.to_string()],
             Workers::Remote(names) => ["--workers".into(), names.join(",")],

@@ -8,7 +8,7 @@ use kernel::picture::tracer::Picture;
 use output::render::{LitFile, choose_view, read_lit};
 use rayon::prelude::*;
 use scene::ReadOptions;
-use verify::picture::{Flip, flip};
+use verify::picture::{self, Flip, flip};
 use verify::plain::{PlainOptions, PlainScene};
 use verify::reference::{Ray, ReferenceSettings, trace_rays};
 
@@ -24,7 +24,7 @@ const ASPECTS: [f64; 2] = [0.5, 4.0];
 /// Cameras of which pictures are made: the first ones.
 const MOST_CAMERAS: usize = 8;
 
-/// Progress is shown each time that so many rays have been traced.
+/// Rays from one showing of progress to the next.
 const SHOWN: u64 = 256;
 
 /// Rays of a pixel from left to right, and from top to bottom.
@@ -46,8 +46,8 @@ struct View {
     /// Row by row of pixels, [`SIDE`] times [`SIDE`] in each.
     rays: Vec<Ray>,
     /// Pixels of a row.
-    width: u32,
-    /// Display value of each pixel.
+    width: usize,
+    /// Linear display value of each pixel.
     truth: Vec<DVec3>,
 }
 
@@ -87,10 +87,10 @@ impl Pictures {
                 anyhow::Ok(pixels(&radiance, exposure))
             };
             let (first, second) = (half(1)?, half(2)?);
-            noise.extend(flip(&first, &second, view.width));
+            noise.extend(view.flip(&first, &second));
             view.truth = first.into_iter().zip(second).map(|(a, b)| (a + b) * 0.5).collect();
         }
-        Ok(Self { views, background, exposure, noise: Flip::of(noise) })
+        Ok(Self { views, background, exposure, noise: Flip::of(&noise) })
     }
 
     /// FLIP over the pixels of all pictures of a lit file.
@@ -104,9 +104,17 @@ impl Pictures {
         };
         let of_view = |view: &View| {
             let seen: Vec<DVec3> = view.rays.par_iter().map(radiance).collect();
-            flip(&view.truth, &pixels(&seen, self.exposure), view.width)
+            view.flip(&view.truth, &pixels(&seen, self.exposure))
         };
-        Ok(Flip::of(self.views.iter().flat_map(of_view).collect()))
+        Ok(Flip::of(&self.views.iter().flat_map(of_view).collect::<Vec<_>>()))
+    }
+}
+
+impl View {
+    /// FLIP of each pixel of two pictures of this view.
+    fn flip(&self, truth: &[DVec3], lit: &[DVec3]) -> Vec<f64> {
+        let [truth, lit] = [truth, lit].map(|values| picture::Picture::of_linear(self.width, values));
+        flip(&truth, &lit)
     }
 }
 
@@ -139,7 +147,7 @@ fn views(lit: &LitFile) -> anyhow::Result<Vec<View>> {
             let origin = frame.to_world(ray.origin + ray.direction * ray.start);
             Ray { origin, direction: ray.direction }
         };
-        View { rays: rays.map(world).collect(), truth: vec![], width }
+        View { rays: rays.map(world).collect(), truth: vec![], width: width as usize }
     };
     Ok(cameras.into_iter().map(view).collect())
 }
