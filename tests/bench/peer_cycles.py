@@ -89,6 +89,8 @@ def add_light(scene, light):
 def bake(request):
     import bpy
 
+    if request["backs"]:
+        raise scenes.Unsupported("Cycles bakes one value at a vertex")
     scene = scenes.read(request["scene"])
     meshes = scenes.refine(scene, request["edge"])
     baked = prepare(request["samples"])

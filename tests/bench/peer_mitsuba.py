@@ -13,6 +13,9 @@ import serving
 PATHS_AT_ONCE = 2_000_000
 """Bounds the memory."""
 
+LEAST_REFLECTANCE = 1e-6
+"""A channel that reflects nothing shows no irradiance."""
+
 WARM_UP = 16
 """Samples at each vertex of the first bake of a scene, which compiles it and does not count."""
 
@@ -37,6 +40,8 @@ def build(scene):
     def surface(index, surface):
         properties = mitsuba.Properties()
         diffuse = {"type": "diffuse", "reflectance": rgb(surface.reflectance)}
+        if surface.double_sided:
+            diffuse = {"type": "twosided", "bsdf": diffuse}
         properties["bsdf"] = mitsuba.load_dict(diffuse)
         if surface.emits():
             emitter = {"type": "area", "radiance": rgb(surface.radiance)}
@@ -79,7 +84,7 @@ def radiances(built, positions, directions, samples):
 
 def bake(request):
     scene = scenes.read(request["scene"])
-    meshes = scenes.refine(scene, request["edge"])
+    meshes = scenes.refine(scene, request["edge"], request["backs"])
     normals = np.concatenate([mesh.normals for mesh in meshes])
     positions = np.concatenate([mesh.pulled_in() for mesh in meshes]) + normals * scene.size() * 2e-5
     if request["scene"] not in warmed:
@@ -90,7 +95,7 @@ def bake(request):
     times = clock.read()
     ends = np.cumsum([len(mesh.positions) for mesh in meshes])[:-1]
     irradiances = [
-        np.pi * (part - mesh.surface.radiance) / mesh.surface.reflectance
+        np.pi * (part - mesh.surface.radiance) / np.maximum(mesh.surface.reflectance, LEAST_REFLECTANCE)
         for mesh, part in zip(meshes, np.split(found, ends))
     ]
     scenes.write_lit(request["lit"], meshes, irradiances)

@@ -30,6 +30,7 @@ class Surface:
     """RGB."""
     radiance: np.ndarray
     """Emitted, RGB, W/(m^2 sr)."""
+    double_sided: bool = False
 
     def reflects(self):
         return self.reflectance.max() > 0
@@ -63,6 +64,9 @@ class Mesh:
     positions: np.ndarray
     normals: np.ndarray
     triangles: np.ndarray
+
+    def back(self):
+        return Mesh(self.surface, self.positions, -self.normals, self.triangles[:, ::-1])
 
     def pulled_in(self):
         """The vertices, drawn a little towards the middles of their triangles: the corner of a room is not in a wall then."""
@@ -109,15 +113,16 @@ def read(path):
         material = document["materials"][described["material"]] if "material" in described else {}
         diffuse = material.get("pbrMetallicRoughness", {})
         name = node.get("name", "?")
-        if material.get("doubleSided", False):
-            raise Unsupported(f"{name} is double-sided, and the peers are asked for one value at a vertex")
         if "baseColorTexture" in diffuse or "emissiveTexture" in material:
             raise Unsupported(f"{name} has a texture, and the peers are given flat colours")
         strength = material.get("extensions", {}).get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1)
         colour = np.array(diffuse.get("baseColorFactor", [1, 1, 1, 1])[:3], float)
         emissive = np.array(material.get("emissiveFactor", [0, 0, 0]), float)
         reflectance = colour * (1 - diffuse.get("metallicFactor", 1))
-        scene.surfaces.append(Surface(name, positions, triangles, reflectance, emissive * strength))
+        surface = Surface(name, positions, triangles, reflectance, emissive * strength, material.get("doubleSided", False))
+        if surface.double_sided and surface.emits():
+            raise Unsupported(f"{name} emits from both sides, and the peers' lamps from one")
+        scene.surfaces.append(surface)
 
     def visit(index, parent):
         node = document["nodes"][index]
@@ -158,15 +163,19 @@ def placement(node):
     return matrix
 
 
-def refine(scene, edge):
-    """Halves the longest edges of all triangles that reflect until none is longer than `edge`.
+def refine(scene, edge, backs=False):
+    """Halves the longest edges of all triangles that reflect until none is longer than `edge`; with the backs of
+    double-sided surfaces or without.
 
     An edge is halved in its middle on both sides or on neither, whatever the order: there are no T-vertices."""
-    return [refine_surface(surface, edge) for surface in scene.surfaces if surface.reflects()]
+    fronts = [refine_surface(surface, edge) for surface in scene.surfaces if surface.reflects()]
+    return fronts + [mesh.back() for mesh in fronts if backs and mesh.surface.double_sided]
 
 
 def refine_surface(surface, edge):
     done, corners = [], surface.positions[surface.triangles]
+    # What has no area has no normal.
+    corners = corners[np.linalg.norm(doubled_area(corners), axis=1) > 0]
     while len(corners):
         lengths = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
         longest = lengths.argmax(axis=1)
@@ -177,12 +186,17 @@ def refine_surface(surface, edge):
         middle = (a + b) / 2
         corners = np.concatenate([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)])
     corners = np.concatenate(done)
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = doubled_area(corners)
     normals = np.repeat(normals / np.linalg.norm(normals, axis=1, keepdims=True), 3, axis=0)
     points = corners.reshape(-1, 3)
     alike = np.concatenate([points.round(6), normals.round(3)], axis=1)
     _, first, triangles = np.unique(alike, axis=0, return_index=True, return_inverse=True)
     return Mesh(surface, points[first], normals[first], triangles.reshape(-1, 3))
+
+
+def doubled_area(corners):
+    """Twice the area of triangles, along their normals."""
+    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
 
 
 def write_lit(path, meshes, irradiances):

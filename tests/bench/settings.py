@@ -6,29 +6,36 @@ from dataclasses import dataclass
 STEP = 0.96
 """Ratio of consecutive settings of `--error` that are tried."""
 
+LARGEST = 0.5
+"""The largest `--error` that the program takes."""
+
 FEW, MANY = 16, 128
 """Samples at each vertex of the two bakes that tell a mesh's error from the noise."""
 
 MOST_PATHS = 8_000_000
 """Paths of the second of them, so that the search does not take longer than what is searched for."""
 
-FEWEST_VERTICES, MOST_VERTICES = 500, 600_000
+FEWEST_VERTICES, MOST_VERTICES = 500, 2_000_000
 """Uniform meshes that are tried."""
 
 MARGIN = 1.03
 """Samples beyond the estimate: a bake that misses its target has to be made again."""
 
 
-def largest_setting(target, found_error):
-    """The largest of a list of settings, from 4 down to 0.3 times the target, whose found error is at most the target;
-    None where none is. Each is tried: the error need not fall with the setting."""
+def usual_settings(target):
+    """From 4 down to 0.3 times the target."""
     factor = 4.0
     while factor >= 0.3:
         setting = float(f"{target * factor:.3g}")
-        if found_error(setting) <= target:
-            return setting
+        if setting <= LARGEST:
+            yield setting
         factor *= STEP
-    return None
+
+
+def largest_setting(settings, target, found_error):
+    """The first of some falling settings with which the found error is at most the target; None where none is. Each is
+    tried: the error need not fall with the setting."""
+    return next((setting for setting in settings if found_error(setting) <= target), None)
 
 
 @dataclass
