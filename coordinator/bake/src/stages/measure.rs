@@ -77,7 +77,7 @@ impl Refined {
         let visibility = noise * INTERPOLATED_NOISE.sqrt();
         let unshot = solved.solution.residual / (1.0 - RETURNING * reflectance);
         let error = ErrorBudget::new(unshot, visibility, form_factors, receivers, shooters);
-        tracing::debug!(?error, between, "measured");
+        tracing::debug!(?error, between, receivers_at_least, "measured");
         cx.client.monitor.set_error(Some(error.total));
         cx.end_step("measure");
         Ok(Measured { solved, obstacle, error, shooters_at_least, between, found_between, validation })
