@@ -1,3 +1,4 @@
+use std::ops::ControlFlow;
 use std::time::Instant;
 
 use kernel::replica::encode_translucent_scene;
@@ -73,12 +74,18 @@ pub fn bake_with_points(
         let mesh = mesh.take().unwrap_or_else(|| ShootingMesh::new(scene, &settings));
         let mut cx = Context::new(scene, &settings, &mut client, work, clock);
         let setup = Setup::new(&mut cx, mesh)?;
-        let (mut measured, better) = setup.light(&mut cx)?.solve(&mut cx)?.meet_error(&mut cx)?;
-        let Some(better) = better else {
-            return finish(measured, cx, occluders, points);
+        let (mut rows, better) = match setup.light(&mut cx)? {
+            ControlFlow::Break(again) => again,
+            ControlFlow::Continue(lit) => {
+                let (measured, better) = lit.solve(&mut cx)?.meet_error(&mut cx)?;
+                let Some(better) = better else {
+                    return finish(measured, cx, occluders, points);
+                };
+                (measured.solved.rows, better)
+            }
         };
         work = Work { restarts: cx.work.restarts + 1, ..cx.work };
-        measured.solved.rows.end(&mut client);
+        rows.end(&mut client);
         settings = better;
         clock = Instant::now();
     }

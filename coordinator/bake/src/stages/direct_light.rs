@@ -2,10 +2,11 @@
 
 use std::cell::LazyCell;
 use std::collections::HashMap;
+use std::ops::ControlFlow;
 
 use glam::DVec3;
 
-use super::glow::{Emissions, make_glow};
+use super::glow::{Emissions, Gathering, make_glow};
 use super::joint::pool;
 use super::light::{self, Direct};
 use super::light_source::{LightSource, Origin};
@@ -16,6 +17,7 @@ use crate::jobs::ReceiverSet;
 use crate::observer::Phase;
 use crate::refinement::SamplePoints;
 use crate::rows::{COARSE, Rows, ShareMesh};
+use crate::settings::BakeSettings;
 use crate::solver::ShareEnergy;
 
 /// A bake with direct light.
@@ -49,9 +51,10 @@ impl Sources {
 }
 
 impl Setup {
-    /// Computes the direct light at the vertices of the shooting mesh and at the refinement samples.
+    /// Computes the direct light at the vertices of the shooting mesh and at the refinement samples. Breaks with settings to start anew
+    /// with, where more rays spare it the rows of many light sources.
     #[tracing::instrument(skip_all)]
-    pub fn light(self, cx: &mut Context) -> Result<Lit> {
+    pub fn light(self, cx: &mut Context) -> Result<ControlFlow<(Rows, BakeSettings), Lit>> {
         let Self { mesh, mut rows, mut sources, mut samples, mut middles } = self;
         cx.client.monitor.enter(Phase::Light, mesh.mesh.vertices.len());
         let Rows { source, table } = &mut rows;
@@ -88,8 +91,17 @@ impl Setup {
             let flux: DVec3 =
                 mesh.energies.iter().zip(&received).map(|(share, light)| share.area * *light).sum();
             let level = flux.element_sum() / 3.0 / area;
-            let (rays, error) = (source.rays_of_point(cx.settings), cx.settings.asked_error());
-            let glowing = emissions.glowing(level, area, rays, error);
+            let error = cx.settings.asked_error();
+            let rays = source.rays_of_point(cx.settings);
+            let usual_rays = source.rays_of_point(&BakeSettings::for_error(error));
+            let gathering = Gathering { level, area, rays, usual_rays, error };
+            let may_restart = cx.settings.error.is_some() && cx.work.restarts == 0;
+            if let Some(rays) = emissions.rays_worth_while(&gathering).filter(|_| may_restart) {
+                tracing::debug!(rays, "more rays let more surfaces glow");
+                let better = cx.settings.clone().with_rays(f64::from(rays));
+                return Ok(ControlFlow::Break((rows, better)));
+            }
+            let glowing = emissions.glowing(&gathering);
             tracing::debug!(level, surfaces = glowing.len(), "surfaces glow");
             make_glow(&mut sources, &glowing);
             if let Some(pooled) = pool(&sources, area * median(&mesh.energies, &received), error) {
@@ -118,7 +130,7 @@ impl Setup {
         };
         let variances = sources.iter().map(variance).collect();
         let sources = Sources { all: sources, apart, variances };
-        Ok(Lit { mesh, rows, sources, samples, middles, direct })
+        Ok(ControlFlow::Continue(Lit { mesh, rows, sources, samples, middles, direct }))
     }
 }
 

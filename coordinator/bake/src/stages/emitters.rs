@@ -11,7 +11,7 @@ use kernel::row::Shape;
 use rayon::prelude::*;
 
 use crate::mesh::{Mesh, PatchId};
-use scene::{Facet, Scene, Surface};
+use scene::{Scene, Surface};
 
 /// Exitances that differ by less than this part of the larger one are equal.
 const EQUAL: f64 = 1e-6;
@@ -19,6 +19,13 @@ const EQUAL: f64 = 1e-6;
 /// The same where emitters are joined, as a part of the error asked and of their surface's largest exitance: their light is then
 /// sampled, and of fewer polygons.
 const ALIKE: f64 = 0.25;
+
+/// Most polygons of a joint light source: its row must fit a job. Pictures that emit have no more where emitters are joined. Those parts go
+/// into one first that differ by the least flux: what is small is seen as a whole from nearly everywhere.
+pub const MOST_JOINED: usize = 4096;
+
+/// Facets that a thread takes at a time.
+const PARTS_AT_ONCE: usize = 64;
 
 /// A polygon that emits.
 #[derive(Clone)]
@@ -50,38 +57,34 @@ pub fn emitters(scene: &Scene, mesh: &Mesh, joined: Option<f64>) -> Vec<Emitter>
             pieces.entry((patch.surface, patch.facet)).or_default().push(PatchId(index as u32));
         }
     }
+    let mut pictures: BTreeMap<usize, Vec<Part>> = BTreeMap::new();
+    for (index, surface) in scene.surfaces.iter().enumerate() {
+        if surface.exitance != DVec3::ZERO && !is_even(surface) {
+            let of_facet =
+                |facet: usize| pieces.get(&(index as u32, facet as u32)).map_or(&[][..], Vec::as_slice);
+            let facets = (0..surface.facets.len()).into_par_iter();
+            let parts = facets.map(|facet| {
+                let own = of_facet(facet).iter().map(|patch| Part::new(scene, mesh, *patch));
+                Part::of_parts(surface.facets[facet].polygon(), own.collect())
+            });
+            let parts: Vec<Part> = parts.collect();
+            let largest = parts.iter().map(Part::largest).fold(0.0, f64::max);
+            let alike = Alike { exitance: joined.map_or(0.0, |error| ALIKE * error * largest), flux: 0.0 };
+            pictures.insert(index, merged(parts, alike));
+        }
+    }
+    if joined.is_some() {
+        let flux = flux_to_join(pictures.values().flatten(), MOST_JOINED);
+        pictures.values_mut().for_each(|parts| {
+            *parts = merged(std::mem::take(parts), Alike { exitance: 0.0, flux });
+        });
+    }
     let mut emitters = vec![];
     for (index, surface) in scene.surfaces.iter().enumerate().filter(|(_, s)| s.exitance != DVec3::ZERO) {
-        if is_even(surface) {
-            let polygons = surface.facets.iter().map(Facet::polygon);
-            emitters.extend(polygons.map(|polygon| Emitter {
-                surface: index,
-                polygon,
-                exitance: surface.exitance,
-            }));
-            continue;
-        }
-        // Each facet as a whole, and its patches.
-        let facets: Vec<(ConvexPolygon, Vec<Part>)> = (0..surface.facets.len())
-            .into_par_iter()
-            .map(|facet| {
-                let own = pieces.get(&(index as u32, facet as u32)).map_or(&[][..], Vec::as_slice);
-                let parts = own.iter().map(|patch| Part::new(scene, mesh, *patch)).collect();
-                (surface.facets[facet].polygon(), parts)
-            })
-            .collect();
-        let largest = facets.iter().flat_map(|(_, parts)| parts).map(Part::largest).fold(0.0, f64::max);
-        let alike = joined.map_or(0.0, |error| ALIKE * error * largest);
-        let polygons: Vec<(ConvexPolygon, DVec3)> = facets
-            .into_par_iter()
-            .flat_map_iter(|(facet, parts)| {
-                let parts: Vec<Part> = parts.into_iter().map(|part| part.merged(alike)).collect();
-                match together(&parts, alike) {
-                    Some((exitance, _)) => vec![(facet, exitance)],
-                    None => parts.into_iter().flat_map(Part::into_polygons).collect(),
-                }
-            })
-            .collect();
+        let polygons: Vec<(ConvexPolygon, DVec3)> = match pictures.remove(&index) {
+            Some(parts) => parts.into_iter().flat_map(Part::into_polygons).collect(),
+            None => surface.facets.iter().map(|facet| (facet.polygon(), surface.exitance)).collect(),
+        };
         let shining = polygons.into_iter().filter(|(_, exitance)| *exitance != DVec3::ZERO);
         emitters.extend(shining.map(|(polygon, exitance)| Emitter { surface: index, polygon, exitance }));
     }
@@ -102,7 +105,16 @@ pub fn weighted(
     (most > 0.0).then_some((Shape::Weighted(lit), most))
 }
 
-/// A patch with what it emits.
+/// Which parts count as one.
+#[derive(Clone, Copy)]
+struct Alike {
+    /// Exitances that differ by no more,
+    exitance: f64,
+    /// or by no more than this flux over all of their area.
+    flux: f64,
+}
+
+/// A facet or a part of it, with what it emits.
 struct Part {
     polygon: ConvexPolygon,
     area: f64,
@@ -117,16 +129,24 @@ enum Emits {
 }
 
 impl Part {
+    /// A patch.
     fn new(scene: &Scene, mesh: &Mesh, id: PatchId) -> Self {
         let patch = mesh.patch(id);
         let polygon = mesh.polygon(scene, id);
-        let emits = if patch.first_child.is_none() {
-            let surface = &scene.surfaces[patch.surface as usize];
-            Emits::Evenly(surface.mean_exitance(patch.facet, &polygon.corners))
-        } else {
-            Emits::InParts(mesh.children(id).map(|child| Self::new(scene, mesh, child)).collect())
-        };
+        if patch.first_child.is_some() {
+            return Self::of_parts(
+                polygon,
+                mesh.children(id).map(|child| Self::new(scene, mesh, child)).collect(),
+            );
+        }
+        let surface = &scene.surfaces[patch.surface as usize];
+        let emits = Emits::Evenly(surface.mean_exitance(patch.facet, &polygon.corners));
         Self { polygon, area: patch.area, emits }
+    }
+
+    fn of_parts(polygon: ConvexPolygon, parts: Vec<Self>) -> Self {
+        let area = parts.iter().map(|part| part.area).sum();
+        Self { polygon, area, emits: Emits::InParts(parts) }
     }
 
     /// The largest exitance in any channel.
@@ -138,12 +158,39 @@ impl Part {
     }
 
     /// The same, with parts that emit alike taken together.
-    fn merged(self, alike: f64) -> Self {
+    fn merged(self, alike: Alike) -> Self {
         let Emits::InParts(parts) = self.emits else { return self };
-        let parts: Vec<Self> = parts.into_iter().map(|part| part.merged(alike)).collect();
-        match together(&parts, alike) {
-            Some((exitance, area)) => Self { area, emits: Emits::Evenly(exitance), ..self },
-            None => Self { emits: Emits::InParts(parts), ..self },
+        let parts = merged(parts, alike);
+        let emits = together(&parts, alike).map_or(Emits::InParts(parts), Emits::Evenly);
+        Self { emits, ..self }
+    }
+
+    /// The least and the largest exitance, by channel, and the flux from which on it counts as one: a part does before what it is a part
+    /// of. Adds to `joints` those of all its parts that have parts, each with the number of shining polygons that it then saves.
+    fn joints(&self, joints: &mut Vec<(f64, usize)>) -> ([DVec3; 2], f64) {
+        let parts = match &self.emits {
+            Emits::Evenly(exitance) => return ([*exitance; 2], 0.0),
+            Emits::InParts(parts) => parts,
+        };
+        let (mut range, mut flux, mut shining) = (None, 0.0, 0);
+        for part in parts {
+            let ([low, high], own) = part.joints(joints);
+            let [least, most] = range.unwrap_or([low, high]);
+            range = Some([least.min(low), most.max(high)]);
+            flux = f64::max(flux, own);
+            shining += usize::from(high != DVec3::ZERO);
+        }
+        let range = range.unwrap_or_default();
+        flux = flux.max(difference(range) * self.area);
+        joints.push((flux, shining.saturating_sub(1)));
+        (range, flux)
+    }
+
+    /// Number of polygons that shine.
+    fn count(&self) -> usize {
+        match &self.emits {
+            Emits::Evenly(exitance) => usize::from(*exitance != DVec3::ZERO),
+            Emits::InParts(parts) => parts.iter().map(Self::count).sum(),
         }
     }
 
@@ -155,15 +202,103 @@ impl Part {
     }
 }
 
-/// Mean exitance and area of parts that emit alike, within this difference; `None` where they differ.
-fn together(parts: &[Part], alike: f64) -> Option<(DVec3, f64)> {
-    let (mut flux, mut all, mut range) = (DVec3::ZERO, 0.0, None);
-    for Part { area, emits, .. } in parts {
-        let Emits::Evenly(exitance) = emits else { return None };
-        let (low, high) = range.unwrap_or((*exitance, *exitance));
-        range = Some((exitance.min(low), exitance.max(high)));
-        (flux, all) = (flux + *exitance * *area, all + area);
+fn merged(parts: Vec<Part>, alike: Alike) -> Vec<Part> {
+    parts.into_par_iter().with_min_len(PARTS_AT_ONCE).map(|part| part.merged(alike)).collect()
+}
+
+/// The least flux from which on parts count as one so that no more than `most` polygons shine.
+fn flux_to_join<'a>(parts: impl Iterator<Item = &'a Part>, most: usize) -> f64 {
+    let (mut joints, mut count) = (vec![], 0);
+    for part in parts {
+        part.joints(&mut joints);
+        count += part.count();
     }
-    let (low, high) = range?;
-    ((high - low).max_element() <= alike.max(EQUAL * high.max_element())).then_some((flux / all, all))
+    joints.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut flux = 0.0;
+    for (own, saved) in joints {
+        if count <= most {
+            break;
+        }
+        flux = own;
+        count -= saved;
+    }
+    flux
+}
+
+/// Mean exitance of parts that emit alike; `None` where they differ.
+fn together(parts: &[Part], alike: Alike) -> Option<DVec3> {
+    let (mut flux, mut area, mut range) = (DVec3::ZERO, 0.0, None);
+    for part in parts {
+        let Emits::Evenly(exitance) = part.emits else { return None };
+        let [low, high] = range.unwrap_or([exitance; 2]);
+        range = Some([exitance.min(low), exitance.max(high)]);
+        (flux, area) = (flux + exitance * part.area, area + part.area);
+    }
+    let range = range?;
+    let is_one = difference(range) <= alike.exitance.max(EQUAL * range[1].max_element())
+        || difference(range) * area <= alike.flux;
+    is_one.then_some(flux / area)
+}
+
+/// Largest difference in any channel.
+fn difference([low, high]: [DVec3; 2]) -> f64 {
+    (high - low).max_element()
+}
+
+#[cfg(test)]
+mod tests {
+    use kernel::geometry::PlaneId;
+
+    use super::*;
+
+    /// A square of this edge.
+    fn square(edge: f64) -> ConvexPolygon {
+        let corners =
+            [DVec3::ZERO, DVec3::X, DVec3::new(1.0, 1.0, 0.0), DVec3::Y].map(|corner| corner * edge);
+        ConvexPolygon { plane: PlaneId(0), corners: corners.to_vec() }
+    }
+
+    /// A picture of 4^levels squares, every third of them bright, in a facet of this edge.
+    fn picture(edge: f64, levels: u32, place: &mut u32) -> Part {
+        if levels == 0 {
+            *place += 1;
+            let exitance = if place.is_multiple_of(3) { DVec3::new(1.0, 0.5, 0.1) } else { DVec3::ZERO };
+            return Part { polygon: square(edge), area: edge * edge, emits: Emits::Evenly(exitance) };
+        }
+        let parts = (0..4).map(|_| picture(edge / 2.0, levels - 1, place)).collect();
+        Part::of_parts(square(edge), parts)
+    }
+
+    fn flux(parts: &[Part]) -> DVec3 {
+        let of = |part: &Part| match &part.emits {
+            Emits::Evenly(exitance) => *exitance * part.area,
+            Emits::InParts(parts) => flux(parts),
+        };
+        parts.iter().map(of).sum()
+    }
+
+    fn count(parts: &[Part]) -> usize {
+        parts.iter().map(Part::count).sum()
+    }
+
+    #[test]
+    fn of_many_pictures_the_smallest_become_one_colour_and_keep_their_flux() {
+        // A screen, and a hundred small labels.
+        let pictures = || -> Vec<Part> {
+            let labels = (0..100).map(|index| picture(0.02, 3, &mut (index * 5)));
+            std::iter::once(picture(2.0, 4, &mut 0)).chain(labels).collect()
+        };
+        let of_screen = picture(2.0, 4, &mut 0).count();
+        let wanted = flux(&pictures());
+        assert_eq!(flux_to_join(pictures().iter(), count(&pictures())), 0.0);
+        for most in [1000, of_screen + 100, of_screen, 40, 1] {
+            let limit = flux_to_join(pictures().iter(), most);
+            let joined = merged(pictures(), Alike { exitance: 0.0, flux: limit });
+            // The last ones that are alike go together, and each facet stays.
+            let least = if most == 1000 { of_screen + 100 } else { most.min(101) };
+            assert!((least..=most.max(101)).contains(&count(&joined)), "{most}: {}", count(&joined));
+            assert!((flux(&joined) - wanted).abs().max_element() < 1e-12);
+            assert_eq!(joined[0].count() == of_screen, most >= of_screen + 100, "{most}");
+        }
+    }
 }

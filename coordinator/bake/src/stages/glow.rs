@@ -8,6 +8,7 @@ use std::collections::{BTreeMap, HashSet};
 
 use glam::DVec3;
 
+use super::emitters::MOST_JOINED;
 use super::joint::MANY_EMITTERS;
 use super::light_source::{LightSource, Origin};
 use crate::context::Context;
@@ -19,14 +20,36 @@ use crate::solver::cache::SetId;
 /// Emitting polygons whose rows take so little time that they neither glow nor share rows.
 const FEW_EMITTERS: usize = 32;
 
-/// Largest exitance of what glows, relative to the mean irradiance: brighter things would leave spots near them.
+/// Largest exitance of what glows, relative to the mean irradiance: brighter things would leave spots near them. With more rays than the
+/// error needs it grows as their noise falls.
 const BRIGHTEST: f64 = 8.0;
+
+/// So many times more rays of gather points may be worth the rows that they spare.
+const MORE_RAYS: [u32; 3] = [2, 4, 8];
+
+/// Time of a joint row over all vertices in that of the usual rays of all gather points.
+const TIME_OF_ROW: usize = 2;
 
 /// Rays that meet what glows from a place, at least, in the mean: of a small lamp they would tell too little to those near it.
 const LEAST_RAYS: f64 = 8.0;
 
 /// Part of the asked error that the noise of glowing light may have.
 const PART_OF_ERROR: f64 = 0.5;
+
+/// What light is gathered with.
+#[derive(Clone, Copy)]
+pub struct Gathering {
+    /// Mean irradiance of the scene, from all but the surfaces that may glow.
+    pub level: f64,
+    /// Area of the scene.
+    pub area: f64,
+    /// Rays of a gather point,
+    pub rays: u32,
+    /// and those that the asked error needs.
+    pub usual_rays: u32,
+    /// The asked error.
+    pub error: f64,
+}
 
 /// What a surface emits.
 #[derive(Default)]
@@ -84,13 +107,28 @@ impl Emissions {
         matches!(source.origin, Origin::Surface(surface) if self.surfaces.contains_key(&surface))
     }
 
-    /// The surfaces that glow, where all others give a mean irradiance of `level` to a scene of this area: as many of the dimmest as
-    /// stay under [`BRIGHTEST`], which this number of rays meets often enough for the asked error; and those so faint that their noise
-    /// is small wherever they are seen from. None where rows take no long time.
-    pub fn glowing(&self, level: f64, area: f64, rays: u32, error: f64) -> HashSet<usize> {
+    /// The number of rays, if any, with which so many more surfaces glow that it takes less time than their rows: those of joint light
+    /// sources, by channel.
+    pub fn rays_worth_while(&self, gathering: &Gathering) -> Option<u32> {
+        let time_of_rows = |rays: u32| {
+            let glowing = self.glowing(&Gathering { rays, ..*gathering });
+            let others = self.surfaces.iter().filter(|(surface, _)| !glowing.contains(surface));
+            let polygons: usize = others.filter_map(|(_, own)| own.polygons.into_iter().max()).sum();
+            3 * polygons.div_ceil(MOST_JOINED) * TIME_OF_ROW
+        };
+        let with = |more: u32| (time_of_rows(more * gathering.rays) + more as usize, more);
+        let (time, more) = MORE_RAYS.map(with).into_iter().min()?;
+        (time <= time_of_rows(gathering.rays)).then_some(more * gathering.rays)
+    }
+
+    /// The surfaces that glow: as many of the dimmest as stay under [`BRIGHTEST`], which rays meet often enough for the asked error; and
+    /// those so faint that their noise is small wherever they are seen from. None where rows take no long time.
+    pub fn glowing(&self, gathering: &Gathering) -> HashSet<usize> {
         if self.polygons <= MANY_EMITTERS {
             return HashSet::new();
         }
+        let Gathering { level, area, rays, usual_rays, error } = *gathering;
+        let brightest = BRIGHTEST * (f64::from(rays) / f64::from(usual_rays)).sqrt();
         let mut dimmest: Vec<(usize, &Emission)> =
             self.surfaces.iter().map(|(surface, own)| (*surface, own)).collect();
         dimmest.sort_by(|a, b| a.1.largest.max_element().total_cmp(&b.1.largest.max_element()));
@@ -105,7 +143,7 @@ impl Emissions {
             let mean = flux / area;
             let noise = |variance: f64| variance / f64::from(rays) * INTERPOLATED_NOISE;
             let largest = own.largest.max_element();
-            let is_dim = largest <= BRIGHTEST * level;
+            let is_dim = largest <= brightest * level;
             // Most where it fills half of what is seen.
             let is_faint = noise((largest / 2.0).powi(2)) <= allowed;
             // Rays that meet what is faint do not tell of brighter things.
@@ -192,9 +230,13 @@ mod tests {
         }
     }
 
+    fn gathering(level: f64) -> Gathering {
+        Gathering { level, area: AREA, rays: 256, usual_rays: 256, error: 0.1 }
+    }
+
     fn glowing(sources: &[LightSource], level: f64) -> Vec<usize> {
         let mut glowing: Vec<usize> =
-            Emissions::of_many(sources).glowing(level, AREA, 256, 0.1).into_iter().collect();
+            Emissions::of_many(sources).glowing(&gathering(level)).into_iter().collect();
         glowing.sort_unstable();
         glowing
     }
@@ -208,8 +250,10 @@ mod tests {
         assert_eq!(glowing(&[dim], 10.0), [0]);
         // Few rays meet what is small: it must be faint.
         let small = |exitance: f64| [(); 3].map(|()| squares(0, 100, exitance));
-        let in_large_scene =
-            |exitance: f64| Emissions::of_many(&small(exitance)).glowing(1.0, 100.0 * AREA, 256, 0.1);
+        let in_large_scene = |exitance: f64| {
+            let gathering = Gathering { area: 100.0 * AREA, ..gathering(1.0) };
+            Emissions::of_many(&small(exitance)).glowing(&gathering)
+        };
         assert_eq!(glowing(&small(3.0), 1.0), [0]);
         assert_eq!(in_large_scene(3.0), HashSet::new());
         assert_eq!(in_large_scene(2.0), HashSet::from([0]));
@@ -218,7 +262,8 @@ mod tests {
         // Large enough, it may be brighter; never very bright, whatever the error.
         assert_eq!(glowing(&[squares(0, 350, 4.0)], 0.65), [0]);
         let bright = squares(0, 400, 10.0);
-        assert_eq!(Emissions::of_many(&[bright]).glowing(0.0, AREA, 256, 0.5), HashSet::new());
+        let loose = Gathering { error: 0.5, ..gathering(0.0) };
+        assert_eq!(Emissions::of_many(&[bright]).glowing(&loose), HashSet::new());
         // Alone in the dark, a part of the scene that rays seldom meet is no even light.
         assert_eq!(glowing(&[squares(0, 300, 1.0)], 0.0), [0; 0]);
         assert_eq!(glowing(&[squares(0, 3500, 1.0)], 0.0), [0]);
@@ -227,6 +272,23 @@ mod tests {
         let in_channels = [DVec3::X, DVec3::Y, DVec3::Z]
             .map(|strength| LightSource { strength, ..squares(0, MANY_EMITTERS, 1.0) });
         assert_eq!(glowing(&in_channels, 10.0), [0; 0]);
+    }
+
+    #[test]
+    fn more_rays_are_taken_where_they_spare_more_rows() {
+        // A little too bright for those that the error needs.
+        let worth = |count: usize, exitance: f64| {
+            let emissions = Emissions::of_many(&[squares(0, count, exitance)]);
+            emissions.rays_worth_while(&Gathering { area: 100.0 * AREA, ..gathering(1.0) })
+        };
+        assert_eq!(worth(40_000, 8.5), None);
+        assert_eq!(worth(40_000, 9.5), Some(512));
+        assert_eq!(worth(40_000, 14.0), Some(1024));
+        assert_eq!(worth(40_000, 100.0), None);
+        // Few rows cost less.
+        assert_eq!(worth(1000, 14.0), Some(1024));
+        assert_eq!(worth(1000, 20.0), None);
+        assert_eq!(worth(40_000, 20.0), Some(2048));
     }
 
     #[test]

@@ -8,11 +8,8 @@ use kernel::row::{Shape, Shooter};
 use kernel::visibility::MANY_POLYGONS;
 
 use super::colours::colours_of;
-use super::emitters::{Emitter, weighted};
+use super::emitters::{Emitter, MOST_JOINED, weighted};
 use super::light_source::{LightSource, Origin};
-
-/// Most polygons of a joint light source: its row must fit a job.
-const MOST_JOINED: usize = 4096;
 
 /// Emitters of a scene beyond which those of a surface are joined from [`FEW_POLYGONS`] on: an exact row for each takes too long.
 pub const MANY_EMITTERS: usize = 256;
@@ -21,7 +18,8 @@ const FEW_POLYGONS: usize = 8;
 /// Exact rows that take about as long as one of a joint light source.
 const ROWS_OF_JOINT: usize = 32;
 
-/// Lamps that give this part of all light keep rows of their own: their shadows are looked at.
+/// Lamps of few polygons that give this part of all light keep exact rows of their own: their shadows are looked at. Those that have rays
+/// get as many of them where they are pooled, at places where they give most of the light.
 const LARGE_PART: f64 = 1.0 / 32.0;
 
 /// Lamps that together give no more than this part of all light, in errors asked for, are pooled where they are fewer, too: of their own
@@ -83,8 +81,11 @@ pub fn pool(sources: &[LightSource], others: DVec3, error: f64) -> Option<Vec<Li
         *flux.entry(emitter.surface).or_default() += emitter.flux();
     }
     let all = flux.values().sum::<DVec3>() + others;
-    let is_small =
-        |own: &Vec<Emitter>| own.first().is_some_and(|one| flux[&one.surface].cmple(LARGE_PART * all).all());
+    let is_small = |own: &Vec<Emitter>| match &own[..] {
+        [] => false,
+        [one] => flux[&one.surface].cmple(LARGE_PART * all).all(),
+        _ => true,
+    };
     let (small, large): (Vec<_>, Vec<_>) = sources.iter().zip(lamps).partition(|(_, own)| is_small(own));
     let cost_of =
         |some: &[(&LightSource, Vec<Emitter>)]| some.iter().map(|(one, _)| cost(one)).sum::<usize>();
