@@ -89,10 +89,10 @@ def add_light(scene, light):
 def bake(request):
     import bpy
 
-    if request["backs"]:
-        raise scenes.Unsupported("Cycles bakes one value at a vertex")
     scene = scenes.read(request["scene"])
-    meshes = scenes.refine(scene, request["edge"])
+    if request["backs"] and any(surface.double_sided for surface in scene.surfaces):
+        raise scenes.Unsupported("Cycles bakes one side of a surface")
+    meshes = scenes.refine(scene, request["edge"], backs=False)
     baked = prepare(request["samples"])
     for surface in scene.surfaces:
         if not surface.reflects():

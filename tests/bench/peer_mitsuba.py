@@ -13,9 +13,6 @@ import serving
 PATHS_AT_ONCE = 2_000_000
 """Bounds the memory."""
 
-LEAST_REFLECTANCE = 1e-6
-"""A channel that reflects nothing shows no irradiance."""
-
 WARM_UP = 16
 """Samples at each vertex of the first bake of a scene, which compiles it and does not count."""
 
@@ -82,6 +79,12 @@ def radiances(built, positions, directions, samples):
     return totals / samples
 
 
+def irradiance(radiance, surface):
+    """Irradiance of points of a surface that send this radiance; 0 in channels that reflect nothing."""
+    reflected = np.pi * (radiance - surface.radiance)
+    return np.divide(reflected, surface.reflectance, out=np.zeros_like(reflected), where=surface.reflectance > 0)
+
+
 def bake(request):
     scene = scenes.read(request["scene"])
     meshes = scenes.refine(scene, request["edge"], request["backs"])
@@ -95,7 +98,7 @@ def bake(request):
     times = clock.read()
     ends = np.cumsum([len(mesh.positions) for mesh in meshes])[:-1]
     irradiances = [
-        np.pi * (part - mesh.surface.radiance) / np.maximum(mesh.surface.reflectance, LEAST_REFLECTANCE)
+        irradiance(part, mesh.surface)
         for mesh, part in zip(meshes, np.split(found, ends))
     ]
     scenes.write_lit(request["lit"], meshes, irradiances)

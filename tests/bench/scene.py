@@ -163,19 +163,18 @@ def placement(node):
     return matrix
 
 
-def refine(scene, edge, backs=False):
+def refine(scene, edge, backs):
     """Halves the longest edges of all triangles that reflect until none is longer than `edge`; with the backs of
-    double-sided surfaces or without.
+    double-sided surfaces or without. Surfaces without an area are left out.
 
     An edge is halved in its middle on both sides or on neither, whatever the order: there are no T-vertices."""
     fronts = [refine_surface(surface, edge) for surface in scene.surfaces if surface.reflects()]
+    fronts = [mesh for mesh in fronts if len(mesh.triangles)]
     return fronts + [mesh.back() for mesh in fronts if backs and mesh.surface.double_sided]
 
 
 def refine_surface(surface, edge):
     done, corners = [], surface.positions[surface.triangles]
-    # What has no area has no normal.
-    corners = corners[np.linalg.norm(doubled_area(corners), axis=1) > 0]
     while len(corners):
         lengths = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
         longest = lengths.argmax(axis=1)
@@ -185,7 +184,9 @@ def refine_surface(surface, edge):
         a, b, c = (corners[rows, (longest + step) % 3] for step in range(3))
         middle = (a + b) / 2
         corners = np.concatenate([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)])
-    corners = np.concatenate(done)
+    corners = np.concatenate(done or [corners])
+    # What has no area has no normal.
+    corners = corners[np.linalg.norm(doubled_area(corners), axis=1) > 0]
     normals = doubled_area(corners)
     normals = np.repeat(normals / np.linalg.norm(normals, axis=1, keepdims=True), 3, axis=0)
     points = corners.reshape(-1, 3)

@@ -14,7 +14,7 @@ use crate::refinement::{Obstacle, RevealedErrors};
 use crate::relight::{KeptLight, keep_light};
 use crate::settings::BakeSettings;
 use crate::stages::{
-    AskedPoints, BakeReport, Measured, PointLight, Setup, ShootingMesh, check_groups, occluders,
+    AskedPoints, BakeReport, Measured, NewStart, PointLight, Setup, ShootingMesh, check_groups, occluders,
 };
 use scene::Scene;
 
@@ -74,14 +74,14 @@ pub fn bake_with_points(
         let mesh = mesh.take().unwrap_or_else(|| ShootingMesh::new(scene, &settings));
         let mut cx = Context::new(scene, &settings, &mut client, work, clock);
         let setup = Setup::new(&mut cx, mesh)?;
-        let (mut rows, better) = match setup.light(&mut cx)? {
-            ControlFlow::Break(again) => again,
+        let NewStart { mut rows, settings: better } = match setup.light(&mut cx)? {
+            ControlFlow::Break(new_start) => new_start,
             ControlFlow::Continue(lit) => {
                 let (measured, better) = lit.solve(&mut cx)?.meet_error(&mut cx)?;
                 let Some(better) = better else {
                     return finish(measured, cx, occluders, points);
                 };
-                (measured.solved.rows, better)
+                NewStart { rows: measured.solved.rows, settings: better }
             }
         };
         work = Work { restarts: cx.work.restarts + 1, ..cx.work };

@@ -50,11 +50,19 @@ impl Sources {
     }
 }
 
+/// Where a bake is better started anew.
+pub struct NewStart {
+    /// What there was.
+    pub rows: Rows,
+    /// Settings to start with.
+    pub settings: BakeSettings,
+}
+
 impl Setup {
     /// Computes the direct light at the vertices of the shooting mesh and at the refinement samples. Breaks with settings to start anew
     /// with, where more rays spare it the rows of many light sources.
     #[tracing::instrument(skip_all)]
-    pub fn light(self, cx: &mut Context) -> Result<ControlFlow<(Rows, BakeSettings), Lit>> {
+    pub fn light(self, cx: &mut Context) -> Result<ControlFlow<NewStart, Lit>> {
         let Self { mesh, mut rows, mut sources, mut samples, mut middles } = self;
         cx.client.monitor.enter(Phase::Light, mesh.mesh.vertices.len());
         let Rows { source, table } = &mut rows;
@@ -96,10 +104,13 @@ impl Setup {
             let usual_rays = source.rays_of_point(&BakeSettings::for_error(error));
             let gathering = Gathering { level, area, rays, usual_rays, error };
             let may_restart = cx.settings.error.is_some() && cx.work.restarts == 0;
-            if let Some(rays) = emissions.rays_worth_while(&gathering).filter(|_| may_restart) {
-                tracing::debug!(rays, "more rays let more surfaces glow");
-                let better = cx.settings.clone().with_rays(f64::from(rays));
-                return Ok(ControlFlow::Break((rows, better)));
+            let more = if may_restart { emissions.rays_worth_while(&gathering) } else { None };
+            if let Some(more) = more {
+                tracing::debug!(more, "more rays let more surfaces glow");
+                let settings = cx.settings.clone().with_rays(f64::from(more));
+                let settings = BakeSettings { rows: source.strategy(), ..settings };
+                cx.end_step("light");
+                return Ok(ControlFlow::Break(NewStart { rows, settings }));
             }
             let glowing = emissions.glowing(&gathering);
             tracing::debug!(level, surfaces = glowing.len(), "surfaces glow");

@@ -20,12 +20,13 @@ const EQUAL: f64 = 1e-6;
 /// sampled, and of fewer polygons.
 const ALIKE: f64 = 0.25;
 
-/// Most polygons of a joint light source: its row must fit a job. Pictures that emit have no more where emitters are joined. Those parts go
-/// into one first that differ by the least flux: what is small is seen as a whole from nearly everywhere.
+/// Most polygons of a joint light source: its row must fit a job. Where emitters are joined, parts of pictures that emit are taken together
+/// until no more are left, or each facet is one; those first that differ by the least flux: what is small is seen as a whole from nearly
+/// everywhere.
 pub const MOST_JOINED: usize = 4096;
 
 /// Facets that a thread takes at a time.
-const PARTS_AT_ONCE: usize = 64;
+const FACETS_AT_ONCE: usize = 64;
 
 /// A polygon that emits.
 #[derive(Clone)]
@@ -73,8 +74,8 @@ pub fn emitters(scene: &Scene, mesh: &Mesh, joined: Option<f64>) -> Vec<Emitter>
             pictures.insert(index, merged(parts, alike));
         }
     }
-    if joined.is_some() {
-        let flux = flux_to_join(pictures.values().flatten(), MOST_JOINED);
+    let flux = flux_to_merge(pictures.values().flatten(), MOST_JOINED);
+    if joined.is_some() && flux > 0.0 {
         pictures.values_mut().for_each(|parts| {
             *parts = merged(std::mem::take(parts), Alike { exitance: 0.0, flux });
         });
@@ -108,9 +109,9 @@ pub fn weighted(
 /// Which parts count as one.
 #[derive(Clone, Copy)]
 struct Alike {
-    /// Exitances that differ by no more,
+    /// Those with exitances that differ by no more.
     exitance: f64,
-    /// or by no more than this flux over all of their area.
+    /// Those with exitances of which the difference, times all of their area, is no more.
     flux: f64,
 }
 
@@ -160,30 +161,29 @@ impl Part {
     /// The same, with parts that emit alike taken together.
     fn merged(self, alike: Alike) -> Self {
         let Emits::InParts(parts) = self.emits else { return self };
-        let parts = merged(parts, alike);
+        let parts: Vec<Self> = parts.into_iter().map(|part| part.merged(alike)).collect();
         let emits = together(&parts, alike).map_or(Emits::InParts(parts), Emits::Evenly);
         Self { emits, ..self }
     }
 
-    /// The least and the largest exitance, by channel, and the flux from which on it counts as one: a part does before what it is a part
-    /// of. Adds to `joints` those of all its parts that have parts, each with the number of shining polygons that it then saves.
-    fn joints(&self, joints: &mut Vec<(f64, usize)>) -> ([DVec3; 2], f64) {
+    /// Its mean exitance, and the least [`Alike::flux`] with which all of it counts as one. Adds to `merges` that flux of each part that
+    /// has parts, with the number of shining polygons that it saves: none needs less than its own parts do.
+    fn merges(&self, merges: &mut Vec<(f64, usize)>) -> (DVec3, f64) {
         let parts = match &self.emits {
-            Emits::Evenly(exitance) => return ([*exitance; 2], 0.0),
+            Emits::Evenly(exitance) => return (*exitance, 0.0),
             Emits::InParts(parts) => parts,
         };
-        let (mut range, mut flux, mut shining) = (None, 0.0, 0);
+        let (mut emitted, mut range, mut flux, mut shining) = (DVec3::ZERO, None, 0.0, 0);
         for part in parts {
-            let ([low, high], own) = part.joints(joints);
-            let [least, most] = range.unwrap_or([low, high]);
-            range = Some([least.min(low), most.max(high)]);
+            let (exitance, own) = part.merges(merges);
+            emitted += exitance * part.area;
+            range = Some(with(range, exitance));
             flux = f64::max(flux, own);
-            shining += usize::from(high != DVec3::ZERO);
+            shining += usize::from(exitance != DVec3::ZERO);
         }
-        let range = range.unwrap_or_default();
-        flux = flux.max(difference(range) * self.area);
-        joints.push((flux, shining.saturating_sub(1)));
-        (range, flux)
+        flux = flux.max(range.map_or(0.0, difference) * self.area);
+        merges.push((flux, shining.saturating_sub(1)));
+        (if self.area > 0.0 { emitted / self.area } else { DVec3::ZERO }, flux)
     }
 
     /// Number of polygons that shine.
@@ -202,20 +202,20 @@ impl Part {
     }
 }
 
-fn merged(parts: Vec<Part>, alike: Alike) -> Vec<Part> {
-    parts.into_par_iter().with_min_len(PARTS_AT_ONCE).map(|part| part.merged(alike)).collect()
+fn merged(facets: Vec<Part>, alike: Alike) -> Vec<Part> {
+    facets.into_par_iter().with_min_len(FACETS_AT_ONCE).map(|facet| facet.merged(alike)).collect()
 }
 
-/// The least flux from which on parts count as one so that no more than `most` polygons shine.
-fn flux_to_join<'a>(parts: impl Iterator<Item = &'a Part>, most: usize) -> f64 {
-    let (mut joints, mut count) = (vec![], 0);
-    for part in parts {
-        part.joints(&mut joints);
-        count += part.count();
+/// The least [`Alike::flux`] with which no more than `most` polygons shine, or all facets are one.
+fn flux_to_merge<'a>(facets: impl Iterator<Item = &'a Part>, most: usize) -> f64 {
+    let (mut merges, mut count) = (vec![], 0);
+    for facet in facets {
+        facet.merges(&mut merges);
+        count += facet.count();
     }
-    joints.sort_by(|a, b| a.0.total_cmp(&b.0));
+    merges.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut flux = 0.0;
-    for (own, saved) in joints {
+    for (own, saved) in merges {
         if count <= most {
             break;
         }
@@ -225,19 +225,24 @@ fn flux_to_join<'a>(parts: impl Iterator<Item = &'a Part>, most: usize) -> f64 {
     flux
 }
 
-/// Mean exitance of parts that emit alike; `None` where they differ.
+/// Mean exitance of parts that emit alike; `None` where they differ, or have no area.
 fn together(parts: &[Part], alike: Alike) -> Option<DVec3> {
     let (mut flux, mut area, mut range) = (DVec3::ZERO, 0.0, None);
     for part in parts {
         let Emits::Evenly(exitance) = part.emits else { return None };
-        let [low, high] = range.unwrap_or([exitance; 2]);
-        range = Some([exitance.min(low), exitance.max(high)]);
+        range = Some(with(range, exitance));
         (flux, area) = (flux + exitance * part.area, area + part.area);
     }
     let range = range?;
     let is_one = difference(range) <= alike.exitance.max(EQUAL * range[1].max_element())
         || difference(range) * area <= alike.flux;
-    is_one.then_some(flux / area)
+    (is_one && area > 0.0).then(|| flux / area)
+}
+
+/// The least and the largest exitance by channel, with another one.
+fn with(range: Option<[DVec3; 2]>, exitance: DVec3) -> [DVec3; 2] {
+    let [low, high] = range.unwrap_or([exitance; 2]);
+    [low.min(exitance), high.max(exitance)]
 }
 
 /// Largest difference in any channel.
@@ -248,6 +253,7 @@ fn difference([low, high]: [DVec3; 2]) -> f64 {
 #[cfg(test)]
 mod tests {
     use kernel::geometry::PlaneId;
+    use sobol_burley::sample_4d;
 
     use super::*;
 
@@ -282,6 +288,27 @@ mod tests {
     }
 
     #[test]
+    fn a_noisy_picture_keeps_as_many_polygons_as_it_may() {
+        // Square by square, as noise is, the least and largest values are far from the means.
+        fn noisy(edge: f64, levels: u32, place: &mut u32) -> Part {
+            if levels == 0 {
+                *place += 1;
+                let exitance = DVec3::splat(f64::from(sample_4d(0, 0, *place)[0]) + 0.1);
+                return Part { polygon: square(edge), area: edge * edge, emits: Emits::Evenly(exitance) };
+            }
+            Part::of_parts(square(edge), (0..4).map(|_| noisy(edge / 2.0, levels - 1, place)).collect())
+        }
+        let facets = vec![noisy(1.0, 6, &mut 0)];
+        let wanted = flux(&facets);
+        for most in [2000, 500, 100] {
+            let limit = flux_to_merge(facets.iter(), most);
+            let joined = merged(vec![noisy(1.0, 6, &mut 0)], Alike { exitance: 0.0, flux: limit });
+            assert!((most * 9 / 10..=most).contains(&count(&joined)), "{most}: {}", count(&joined));
+            assert!((flux(&joined) - wanted).abs().max_element() < 1e-9 * wanted.x);
+        }
+    }
+
+    #[test]
     fn of_many_pictures_the_smallest_become_one_colour_and_keep_their_flux() {
         // A screen, and a hundred small labels.
         let pictures = || -> Vec<Part> {
@@ -290,9 +317,9 @@ mod tests {
         };
         let of_screen = picture(2.0, 4, &mut 0).count();
         let wanted = flux(&pictures());
-        assert_eq!(flux_to_join(pictures().iter(), count(&pictures())), 0.0);
+        assert_eq!(flux_to_merge(pictures().iter(), count(&pictures())), 0.0);
         for most in [1000, of_screen + 100, of_screen, 40, 1] {
-            let limit = flux_to_join(pictures().iter(), most);
+            let limit = flux_to_merge(pictures().iter(), most);
             let joined = merged(pictures(), Alike { exitance: 0.0, flux: limit });
             // The last ones that are alike go together, and each facet stays.
             let least = if most == 1000 { of_screen + 100 } else { most.min(101) };

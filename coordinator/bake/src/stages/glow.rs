@@ -24,10 +24,10 @@ const FEW_EMITTERS: usize = 32;
 /// error needs it grows as their noise falls.
 const BRIGHTEST: f64 = 8.0;
 
-/// So many times more rays of gather points may be worth the rows that they spare.
+/// Factors of the rays of gather points that may be worth the rows which they spare.
 const MORE_RAYS: [u32; 3] = [2, 4, 8];
 
-/// Time of a joint row over all vertices in that of the usual rays of all gather points.
+/// Time of a joint row over all vertices, in units of that of the usual rays of all gather points.
 const TIME_OF_ROW: usize = 2;
 
 /// Rays that meet what glows from a place, at least, in the mean: of a small lamp they would tell too little to those near it.
@@ -43,9 +43,9 @@ pub struct Gathering {
     pub level: f64,
     /// Area of the scene.
     pub area: f64,
-    /// Rays of a gather point,
+    /// Rays of a gather point.
     pub rays: u32,
-    /// and those that the asked error needs.
+    /// Rays of a gather point that the asked error needs.
     pub usual_rays: u32,
     /// The asked error.
     pub error: f64,
@@ -56,6 +56,8 @@ pub struct Gathering {
 struct Emission {
     /// Polygons that emit in each channel.
     polygons: [usize; 3],
+    /// Polygons of all its sources: one counts three times where each channel is a source.
+    of_sources: usize,
     /// Area, counted in each channel that it emits in.
     area: DVec3,
     /// Sums over its area of the exitance and of its square, and the largest exitance, by channel.
@@ -83,6 +85,7 @@ impl Emissions {
             let own = surfaces.entry(surface).or_default();
             for (polygon, weight) in shooter.shape.weighted_polygons() {
                 let (area, exitance) = (polygon.area(), weight * source.strength);
+                own.of_sources += 1;
                 for channel in (0..3).filter(|channel| exitance[*channel] > 0.0) {
                     own.polygons[channel] += 1;
                     own.area[channel] += area;
@@ -107,18 +110,20 @@ impl Emissions {
         matches!(source.origin, Origin::Surface(surface) if self.surfaces.contains_key(&surface))
     }
 
-    /// The number of rays, if any, with which so many more surfaces glow that it takes less time than their rows: those of joint light
-    /// sources, by channel.
+    /// The number of rays, if any, with which more surfaces glow, and that takes less time than their rows.
     pub fn rays_worth_while(&self, gathering: &Gathering) -> Option<u32> {
         let time_of_rows = |rays: u32| {
             let glowing = self.glowing(&Gathering { rays, ..*gathering });
             let others = self.surfaces.iter().filter(|(surface, _)| !glowing.contains(surface));
-            let polygons: usize = others.filter_map(|(_, own)| own.polygons.into_iter().max()).sum();
-            3 * polygons.div_ceil(MOST_JOINED) * TIME_OF_ROW
+            let polygons: usize = others.map(|(_, own)| own.of_sources).sum();
+            polygons.div_ceil(MOST_JOINED) * TIME_OF_ROW
         };
-        let with = |more: u32| (time_of_rows(more * gathering.rays) + more as usize, more);
-        let (time, more) = MORE_RAYS.map(with).into_iter().min()?;
-        (time <= time_of_rows(gathering.rays)).then_some(more * gathering.rays)
+        let with = |more: u32| {
+            let rays = more * gathering.rays;
+            (time_of_rows(rays) + (rays / gathering.usual_rays) as usize, rays)
+        };
+        let (time, rays) = MORE_RAYS.map(with).into_iter().min()?;
+        (time < time_of_rows(gathering.rays)).then_some(rays)
     }
 
     /// The surfaces that glow: as many of the dimmest as stay under [`BRIGHTEST`], which rays meet often enough for the asked error; and
@@ -128,7 +133,7 @@ impl Emissions {
             return HashSet::new();
         }
         let Gathering { level, area, rays, usual_rays, error } = *gathering;
-        let brightest = BRIGHTEST * (f64::from(rays) / f64::from(usual_rays)).sqrt();
+        let brightest = BRIGHTEST * (f64::from(rays) / f64::from(usual_rays)).max(1.0).sqrt();
         let mut dimmest: Vec<(usize, &Emission)> =
             self.surfaces.iter().map(|(surface, own)| (*surface, own)).collect();
         dimmest.sort_by(|a, b| a.1.largest.max_element().total_cmp(&b.1.largest.max_element()));
@@ -276,19 +281,19 @@ mod tests {
 
     #[test]
     fn more_rays_are_taken_where_they_spare_more_rows() {
-        // A little too bright for those that the error needs.
+        // In scenes that have forty times their area.
         let worth = |count: usize, exitance: f64| {
             let emissions = Emissions::of_many(&[squares(0, count, exitance)]);
-            emissions.rays_worth_while(&Gathering { area: 100.0 * AREA, ..gathering(1.0) })
+            emissions.rays_worth_while(&Gathering { area: 40.0 * count as f64, ..gathering(1.0) })
         };
-        assert_eq!(worth(40_000, 8.5), None);
-        assert_eq!(worth(40_000, 9.5), Some(512));
+        assert_eq!(worth(40_000, 2.0), None);
         assert_eq!(worth(40_000, 14.0), Some(1024));
+        assert_eq!(worth(40_000, 24.0), Some(2048));
         assert_eq!(worth(40_000, 100.0), None);
-        // Few rows cost less.
-        assert_eq!(worth(1000, 14.0), Some(1024));
-        assert_eq!(worth(1000, 20.0), None);
-        assert_eq!(worth(40_000, 20.0), Some(2048));
+        // Few rows take less time.
+        assert_eq!(worth(5000, 10.0), Some(512));
+        assert_eq!(worth(5000, 14.0), None);
+        assert_eq!(worth(1000, 10.0), None);
     }
 
     #[test]

@@ -18,8 +18,8 @@ const FEW_POLYGONS: usize = 8;
 /// Exact rows that take about as long as one of a joint light source.
 const ROWS_OF_JOINT: usize = 32;
 
-/// Lamps of few polygons that give this part of all light keep exact rows of their own: their shadows are looked at. Those that have rays
-/// get as many of them where they are pooled, at places where they give most of the light.
+/// Lamps with exact rows that give this part of all light keep them: their shadows are looked at. The shadows of lamps that share a row with
+/// others have no more noise, relative to all light, than those of one that is sampled alone.
 const LARGE_PART: f64 = 1.0 / 32.0;
 
 /// Lamps that together give no more than this part of all light, in errors asked for, are pooled where they are fewer, too: of their own
@@ -66,7 +66,7 @@ pub fn join(emitters: Vec<Emitter>) -> Vec<Shining> {
     joined
 }
 
-/// The light sources with small lamps taken together; `None` where rows for each lamp take no longer, or where they are few and give
+/// The light sources with lamps that are small or sampled taken together; `None` where rows for each lamp take no longer, or where they are few and give
 /// much of the light. A lamp is all of a surface that emits and has rows; `others` is the flux that half of the scene would make all
 /// of it receive from what had rows before, and `error` the one asked for.
 pub fn pool(sources: &[LightSource], others: DVec3, error: f64) -> Option<Vec<LightSource>> {
@@ -81,18 +81,18 @@ pub fn pool(sources: &[LightSource], others: DVec3, error: f64) -> Option<Vec<Li
         *flux.entry(emitter.surface).or_default() += emitter.flux();
     }
     let all = flux.values().sum::<DVec3>() + others;
-    let is_small = |own: &Vec<Emitter>| match &own[..] {
+    let shares_row = |own: &Vec<Emitter>| match &own[..] {
         [] => false,
         [one] => flux[&one.surface].cmple(LARGE_PART * all).all(),
         _ => true,
     };
-    let (small, large): (Vec<_>, Vec<_>) = sources.iter().zip(lamps).partition(|(_, own)| is_small(own));
+    let (sharing, kept): (Vec<_>, Vec<_>) = sources.iter().zip(lamps).partition(|(_, own)| shares_row(own));
     let cost_of =
         |some: &[(&LightSource, Vec<Emitter>)]| some.iter().map(|(one, _)| cost(one)).sum::<usize>();
-    let (cost, cost_of_large) = (cost_of(&small), cost_of(&large));
-    let emitters: Vec<Emitter> = small.into_iter().flat_map(|(_, own)| own).collect();
+    let (cost, cost_of_kept) = (cost_of(&sharing), cost_of(&kept));
+    let emitters: Vec<Emitter> = sharing.into_iter().flat_map(|(_, own)| own).collect();
     let flux: DVec3 = emitters.iter().map(Emitter::flux).sum();
-    if cost + cost_of_large <= MANY_EMITTERS && flux.cmpgt(FAINT_PART * error * all).any() {
+    if cost + cost_of_kept <= MANY_EMITTERS && flux.cmpgt(FAINT_PART * error * all).any() {
         return None;
     }
     // One that is faint beside the others may be the only one of its room.
@@ -108,7 +108,7 @@ pub fn pool(sources: &[LightSource], others: DVec3, error: f64) -> Option<Vec<Li
         origin: Origin::Lamps,
         is_outside: false,
     });
-    Some(large.into_iter().map(|(source, _)| source.clone()).chain(pooled).collect())
+    Some(kept.into_iter().map(|(source, _)| source.clone()).chain(pooled).collect())
 }
 
 /// The polygons of a light source that has a row, with what they emit.
@@ -251,6 +251,15 @@ mod tests {
         };
         let fine: Vec<LightSource> = (0..80).map(fine).collect();
         assert!(pool(&fine, DVec3::ZERO, 0.05).is_none());
+
+        // A lamp that is sampled shares a row however bright it is.
+        let mut lamps: Vec<LightSource> = (0..400).map(|index| lamp(index, DVec3::ONE)).collect();
+        let even = (0..40).map(|index| Emitter { surface: 400, ..emitter(index, DVec3::splat(1e6)) });
+        lamps.push(source(400, join(even.collect()).pop().unwrap()));
+        let pooled = pool(&lamps, DVec3::ZERO, 0.05).unwrap();
+        assert_eq!(pooled.iter().map(|source| source.origin).collect::<Vec<_>>(), [Origin::Lamps]);
+        let wanted = flux(&shining(&lamps));
+        assert!((flux(&shining(&pooled)) - wanted).abs().max_element() <= 1e-12 * wanted.max_element());
 
         // One is large; the others are of one colour, of two or of many.
         let colours: [fn(usize) -> DVec3; 3] = [

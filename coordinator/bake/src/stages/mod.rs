@@ -44,6 +44,7 @@ mod sky;
 mod solved;
 
 pub use asked::{AskedPoints, PointLight};
+pub use direct_light::NewStart;
 pub use irradiance::{Lights, Place, irradiance_at};
 pub use layers::{PART_TOLERANCE, SKY, check_groups, listed, names_of};
 pub use light_source::{LightSource, Origin};

@@ -51,7 +51,7 @@ pub struct BakeReport {
     pub unshot_bound: f64,
     /// Estimated relative L2 error of the radiosity, by origin.
     pub error: ErrorBudget,
-    /// Restarts with finer shooters or more rays, to meet the error.
+    /// Restarts with finer shooters or more rays, to meet the error, or to spare rows of light sources.
     pub restarts: u32,
     /// Energy balance.
     pub balance: EnergyBalance,
