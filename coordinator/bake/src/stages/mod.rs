@@ -34,6 +34,7 @@ mod light_source;
 mod measure;
 mod meet_error;
 pub mod occluders;
+mod pictures;
 mod pieces;
 mod refine;
 mod report;
