@@ -1,9 +1,9 @@
 """The conversation between `compare` and a peer's process: one line of JSON each way.
 
 A peer says first whether it can work here: {"ready": version} or {"missing": reason}. After that every line {"scene",
-"edge", "samples", "backs", "lit"} is a bake of that scene on a mesh with edges of at most `edge`, with the backs of double-sided
-surfaces or without, written to `lit`, and is answered
-with {"seconds", "cpu_seconds", "vertices"} or {"missing": reason}. The process stays, so that what it compiled stays too."""
+"edge", "samples", "backs", "lit"} is a bake of that scene on a mesh with edges of at most `edge`, with the backs of
+double-sided surfaces or without, written to `lit`, and is answered with {"seconds", "cpu_seconds", "vertices"} or
+{"missing": reason}. The process stays, so that what it compiled stays too."""
 
 import contextlib
 import json

@@ -76,13 +76,10 @@ pub fn bake_with_points(
         let setup = Setup::new(&mut cx, mesh)?;
         let NewStart { mut rows, settings: better } = match setup.light(&mut cx)? {
             ControlFlow::Break(new_start) => new_start,
-            ControlFlow::Continue(lit) => {
-                let (measured, better) = lit.solve(&mut cx)?.meet_error(&mut cx)?;
-                let Some(better) = better else {
-                    return finish(measured, cx, occluders, points);
-                };
-                NewStart { rows: measured.solved.rows, settings: better }
-            }
+            ControlFlow::Continue(lit) => match lit.solve(&mut cx)?.meet_error(&mut cx)? {
+                ControlFlow::Break(new_start) => new_start,
+                ControlFlow::Continue(measured) => return finish(measured, cx, occluders, points),
+            },
         };
         work = Work { restarts: cx.work.restarts + 1, ..cx.work };
         rows.end(&mut client);

@@ -10,6 +10,7 @@ use super::glow::{Emissions, Gathering, make_glow};
 use super::joint::pool;
 use super::light::{self, Direct};
 use super::light_source::{LightSource, Origin};
+use super::new_start::NewStart;
 use super::setup::Setup;
 use crate::context::Context;
 use crate::error::Result;
@@ -48,14 +49,6 @@ impl Sources {
     pub fn each(&self) -> &[LightSource] {
         self.apart.as_ref().unwrap_or(&self.all)
     }
-}
-
-/// Where a bake is better started anew.
-pub struct NewStart {
-    /// What there was.
-    pub rows: Rows,
-    /// Settings to start with.
-    pub settings: BakeSettings,
 }
 
 impl Setup {

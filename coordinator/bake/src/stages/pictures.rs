@@ -5,7 +5,7 @@
 use std::collections::BTreeMap;
 
 use glam::DVec3;
-use kernel::geometry::ConvexPolygon;
+use kernel::geometry::{Bounds, ConvexPolygon};
 use rayon::prelude::*;
 
 use crate::mesh::{Mesh, PatchId};
@@ -130,16 +130,13 @@ impl Part {
             Emits::Evenly(exitance) => return (*exitance, 0.0),
             Emits::InParts(parts) => parts,
         };
-        let (mut emitted, mut range, mut flux, mut shining) = (DVec3::ZERO, None, 0.0, 0);
-        for part in parts {
-            let (exitance, own) = part.merges(merges);
-            emitted += exitance * part.area;
-            range = Some(with(range, exitance));
-            flux = f64::max(flux, own);
-            shining += usize::from(exitance != DVec3::ZERO);
-        }
-        flux = flux.max(range.map_or(0.0, difference) * self.area);
+        let of_parts: Vec<(DVec3, f64)> = parts.iter().map(|part| part.merges(merges)).collect();
+        let of_all = difference(of_parts.iter().map(|(exitance, _)| exitance)) * self.area;
+        let flux = of_parts.iter().map(|(_, own)| *own).fold(of_all, f64::max).max(0.0);
+        let shining = of_parts.iter().filter(|(exitance, _)| *exitance != DVec3::ZERO).count();
         merges.push((flux, shining.saturating_sub(1)));
+        let emitted: DVec3 =
+            parts.iter().zip(&of_parts).map(|(part, (exitance, _))| part.area * *exitance).sum();
         (if self.area > 0.0 { emitted / self.area } else { DVec3::ZERO }, flux)
     }
 
@@ -184,27 +181,22 @@ fn flux_to_merge<'a>(facets: impl Iterator<Item = &'a Part>, most: usize) -> f64
 
 /// Mean exitance of parts that emit alike; `None` where they differ, or have no area.
 fn together(parts: &[Part], alike: Alike) -> Option<DVec3> {
-    let (mut flux, mut area, mut range) = (DVec3::ZERO, 0.0, None);
-    for part in parts {
-        let Emits::Evenly(exitance) = part.emits else { return None };
-        range = Some(with(range, exitance));
-        (flux, area) = (flux + exitance * part.area, area + part.area);
-    }
-    let range = range?;
-    let is_one = difference(range) <= alike.exitance.max(EQUAL * range[1].max_element())
-        || difference(range) * area <= alike.flux;
+    let even = |part: &Part| match part.emits {
+        Emits::Evenly(exitance) => Some(exitance),
+        Emits::InParts(_) => None,
+    };
+    let exitances: Vec<DVec3> = parts.iter().map(even).collect::<Option<_>>()?;
+    let largest = exitances.iter().map(|exitance| exitance.max_element()).fold(0.0, f64::max);
+    let area: f64 = parts.iter().map(|part| part.area).sum();
+    let flux: DVec3 = parts.iter().zip(&exitances).map(|(part, exitance)| part.area * *exitance).sum();
+    let difference = difference(&exitances);
+    let is_one = difference <= alike.exitance.max(EQUAL * largest) || difference * area <= alike.flux;
     (is_one && area > 0.0).then(|| flux / area)
 }
 
-/// The least and the largest exitance by channel, with another one.
-fn with(range: Option<[DVec3; 2]>, exitance: DVec3) -> [DVec3; 2] {
-    let [low, high] = range.unwrap_or([exitance; 2]);
-    [low.min(exitance), high.max(exitance)]
-}
-
-/// Largest difference in any channel.
-fn difference([low, high]: [DVec3; 2]) -> f64 {
-    (high - low).max_element()
+/// Largest difference of exitances in any channel.
+fn difference<'a>(exitances: impl IntoIterator<Item = &'a DVec3>) -> f64 {
+    Bounds::around(exitances).extent().max_element()
 }
 
 #[cfg(test)]

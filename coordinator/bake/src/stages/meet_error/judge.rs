@@ -1,4 +1,4 @@
-//! What the measured error is made of, and whether more vertices lessen it.
+//! Parts of the measured error, and whether more vertices lessen it.
 
 use super::Measured;
 use crate::error_budget::without;

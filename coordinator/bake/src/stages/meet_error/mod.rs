@@ -1,12 +1,15 @@
 //! Refining and measuring until the error is met.
 
+mod better_settings;
 mod explain;
 mod judge;
-mod new_start;
+
+use std::ops::ControlFlow;
 
 use judge::is_balanced;
 
 use super::measure::Measured;
+use super::new_start::NewStart;
 use super::refine::{Aim, UNSEEN_STEP};
 use super::solved::Solved;
 use crate::context::Context;
@@ -41,9 +44,9 @@ const ROUNDS_FOR_BALANCE: u32 = 4;
 const MOST_ADDITIONS: u32 = 3;
 
 impl Solved {
-    /// Refines and measures, until the asked error is met or limited by something else than interpolation. Returns settings for a
-    /// new start, too, where those should meet it.
-    pub fn meet_error(self, cx: &mut Context) -> Result<(Measured, Option<BakeSettings>)> {
+    /// Refines and measures, until the asked error is met or limited by something else than interpolation. Breaks with settings
+    /// for a new start where those should meet it.
+    pub fn meet_error(self, cx: &mut Context) -> Result<ControlFlow<NewStart, Measured>> {
         let mut solved = self;
         let is_exact = solved.rows.source.leaves_cost_rows();
         let part = if is_exact && cx.settings.error.is_some() { PART_OF_ASKED } else { 1.0 };
@@ -98,7 +101,10 @@ impl Solved {
                 better = measured.better_settings(cx, is_last);
             }
             if is_end(&measured, &better, cx) {
-                return Ok((measured, better));
+                return Ok(match better {
+                    Some(settings) => ControlFlow::Break(NewStart { rows: measured.solved.rows, settings }),
+                    None => ControlFlow::Continue(measured),
+                });
             }
             let of_mesh = measured.of_mesh();
             let limit = if measured.is_enough(cx.settings) {
