@@ -53,7 +53,7 @@ pub struct PreparedPolygon {
 /// What a point sees of a polygon when nothing is between.
 #[derive(Debug, Clone)]
 pub struct View {
-    /// The form factor.
+    /// The form factor, at most 1: corners may be bent out of their plane by rounding, and more be summed next to them.
     pub factor: f64,
     /// Mean error of the rule used for the factor; 0 of rules that are exact up to rounding.
     pub error: f64,
@@ -144,7 +144,7 @@ impl PreparedPolygon {
         }
         if above < corners.len() {
             let corners = clip_by_plane(&corners, normal);
-            let factor = contour(normal, &corners);
+            let factor = contour(normal, &corners).min(1.0);
             return (factor > 0.0).then_some(View { factor, error: 0.0, corners });
         }
         let to_centroid = self.centroid - position;
@@ -159,7 +159,7 @@ impl PreparedPolygon {
         let factor = if far {
             self.centred_form(normal, to_centre, squared_distance)
         } else {
-            contour(normal, &corners)
+            contour(normal, &corners).min(1.0)
         };
         (factor > 0.0).then_some(View { factor, error: 0.0, corners })
     }

@@ -116,7 +116,8 @@ impl PreparedPolygon {
             let sight = self.sight(receivers, lane, radius);
             let reciprocals = each::<COUNT>(|i| starts[i].reciprocal[lane] * next(i).reciprocal[lane]);
             let w = each::<COUNT>(|i| {
-                opening(&edges[i], starts[i].distance[lane], next(i).distance[lane], reciprocals[i])
+                let (here, next) = (starts[i].distance[lane], next(i).distance[lane]);
+                opening(edges[i].squared_length, here, next, reciprocals[i])
             });
             let parts = each::<COUNT>(|i| along_normal(&sight, &edges[i]) * reciprocals[i]);
             let terms = each::<COUNT>(|i| term::<A>(parts[i], w[i]));
@@ -135,7 +136,7 @@ impl PreparedPolygon {
         for (lane, w) in w.iter_mut().enumerate() {
             let sight = self.sight(receivers, lane, 0.0);
             let (here, next) = (distance(&sight, edge.start), distance(&sight, edge.end));
-            *w = opening(edge, here, next, (1.0 / here) * (1.0 / next));
+            *w = opening(edge.squared_length, here, next, (1.0 / here) * (1.0 / next));
         }
         w
     }
@@ -218,11 +219,13 @@ pub(super) fn distance(sight: &Sight, corner: DVec3) -> f64 {
     (corner - sight.position).length_squared().sqrt()
 }
 
-/// w of an edge whose ends are at these distances.
+/// w of an edge of this squared length between ends at these distances, of which the product has this reciprocal. Never below 0, where
+/// the polynomial is of no use: next to an end rounding alone would bring it there. Not a number where it is none.
 #[inline(always)]
-fn opening(edge: &Edge, here: f64, next: f64, reciprocal: f64) -> f64 {
+pub(super) fn opening(squared_length: f64, here: f64, next: f64, reciprocal: f64) -> f64 {
     let difference = here - next;
-    (edge.squared_length - difference * difference) * reciprocal
+    let w = (squared_length - difference * difference) * reciprocal;
+    if w < 0.0 { 0.0 } else { w }
 }
 
 /// n . c of an edge.

@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use glam::DVec3;
 
 use super::angle::AngleOverSine;
-use super::contour::{ROUNDING, along_normal, any_obtuse, distance, term};
+use super::contour::{ROUNDING, along_normal, any_obtuse, distance, opening, term};
 use super::{LANES, Lanes, PreparedPolygon, ReceiverLanes, keep, mask};
 use crate::form_factor::edges::Edge;
 
@@ -55,8 +55,8 @@ impl PreparedPolygon {
         crossings: &mut Crossings,
     ) -> Lanes {
         let radius = self.squared_radius.sqrt();
-        let mut opening = [0.0; LANES];
-        for (lane, opening) in opening.iter_mut().enumerate() {
+        let mut openings = [0.0; LANES];
+        for (lane, kept_opening) in openings.iter_mut().enumerate() {
             let sight = self.sight(receivers, lane, radius);
             let start = edge.start - sight.position;
             let (from, to) = (sight.normal.dot(start), sight.normal.dot(edge.end - sight.position));
@@ -70,13 +70,12 @@ impl PreparedPolygon {
             let next = either(ends_below, to_crossing, distance(&sight, edge.end));
             let reciprocal = 1.0 / (here * next);
             let part = either(ends_below, parameter, 1.0) - keep(starts_below, parameter);
-            let difference = here - next;
-            let w = (part * part * edge.squared_length - difference * difference) * reciprocal;
+            let w = opening(part * part * edge.squared_length, here, next, reciprocal);
             let term = term::<A>(along_normal(&sight, edge) * part * reciprocal, w);
             sum.factors[lane] += keep(kept, term);
             let bound = edge.length * part * reciprocal * sight.span * (ROUNDING + w * A::ERROR);
             sum.error_bounds[lane] += keep(kept, bound);
-            *opening = keep(kept, w);
+            *kept_opening = keep(kept, w);
 
             let (down, up) = (ends_below & !starts_below, starts_below & !ends_below);
             for axis in 0..3 {
@@ -85,7 +84,7 @@ impl PreparedPolygon {
             }
             crossings.count[lane] += keep(down, 1.0);
         }
-        opening
+        openings
     }
 
     /// Adds the edge along the horizon.
@@ -101,9 +100,8 @@ impl PreparedPolygon {
             let cross = along.cross(start);
             let (here, next) = (start.length_squared().sqrt(), end.length_squared().sqrt());
             let reciprocal = 1.0 / (here * next);
-            let difference = here - next;
             let length = along.length_squared();
-            let w = (length - difference * difference) * reciprocal;
+            let w = opening(length, here, next, reciprocal);
             let along_normal = normal.dot(cross);
             let term = term::<A>(along_normal * reciprocal, w);
             let turn = PI * along_normal / cross.length_squared().sqrt();

@@ -120,8 +120,7 @@ fn choose(point: &point::Point, sum: &Sum, tolerance: f64) -> ViewLanes {
     for lane in 0..LANES {
         let sees = point.front[lane] & mask(sum.highest[lane] > 0.0);
         let whole = mask(sum.lowest[lane] >= -sum.touching[lane]);
-        // Both are times 2 pi. A sum that is not a number is not answered.
-        let exact = mask(sum.error_bounds[lane] <= tolerance * sum.factors[lane]);
+        let exact = mask(is_exact(sum.factors[lane], sum.error_bounds[lane], tolerance));
         let by_point = sees & mask(sum.lowest[lane] > 0.0) & point.allowed[lane];
         let by_contour = sees & whole & exact & !by_point;
         let factor = keep(by_contour, (sum.factors[lane] / TAU).min(1.0)).to_bits();
@@ -133,6 +132,13 @@ fn choose(point: &point::Point, sum: &Sum, tolerance: f64) -> ViewLanes {
     view.unanswered = bits(&unanswered);
     view.cut = bits(&cut);
     view
+}
+
+/// Whether a contour sum is as exact as it must be, given with its bound times 2 pi. One that is not a number, or more than all of a
+/// hemisphere, is not.
+#[inline(always)]
+fn is_exact(sum: f64, error_bound: f64, tolerance: f64) -> bool {
+    (error_bound <= tolerance * sum) & (sum <= TAU * (1.0 + tolerance))
 }
 
 /// Truth for each lane, as all bits or none: what branches on a condition is not made wide.

@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use super::{EXACT, FULL_DIGITS, LANES, PreparedPolygon, ReceiverLanes, ViewLanes, angle};
+use super::{EXACT, FULL_DIGITS, LANES, PreparedPolygon, ReceiverLanes, ViewLanes, angle, is_exact};
 
 impl PreparedPolygon {
     /// What each receiver of a row sees of the polygon: [`PreparedPolygon::view_lanes`] for each block, and the receivers whose
@@ -49,8 +49,7 @@ impl PreparedPolygon {
             self.cut_lanes::<angle::Quick>(&gathered)
         };
         for (lane, (block, home)) in places.iter().enumerate() {
-            // Both are times 2 pi. A sum that is not a number is not answered.
-            if sum.error_bounds[lane] <= tolerance * sum.factors[lane] {
+            if is_exact(sum.factors[lane], sum.error_bounds[lane], tolerance) {
                 views[*block].factors[*home] = (sum.factors[lane] / TAU).min(1.0);
                 views[*block].unanswered &= !(1 << home);
             }

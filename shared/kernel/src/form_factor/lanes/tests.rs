@@ -63,6 +63,15 @@ fn receivers() -> impl Strategy<Value = Vec<(DVec3, DVec3)>> {
     prop::collection::vec(receiver, LANES)
 }
 
+/// Places next to corners, edges and the lines through them, down to what is rounding in the size of a polygon. Each is an edge by its
+/// number, a place along it, a way from there and how far it goes in powers of ten, and a normal, or one across the edge.
+type NextToEdges = Vec<(usize, f64, DVec3, f64, DVec3, bool)>;
+
+fn next_to_edges() -> impl Strategy<Value = NextToEdges> {
+    let along = prop_oneof![Just(0.0), Just(1.0), -0.5..1.5];
+    prop::collection::vec((0_usize..9, along, direction(), -17.0..-2.0, direction(), any::<bool>()), LANES)
+}
+
 #[derive(Debug, Default)]
 struct Counts {
     whole: usize,
@@ -138,6 +147,36 @@ proptest! {
         let placed: Vec<_> = receivers.iter().map(|(way, normal)| (DVec3::splat(3.0) + *way * size, *normal)).collect();
         check(&polygon, &placed, 10f64.powf(tolerance));
         check(&polygon, &placed, 1e-5);
+    }
+
+    /// Corners are not quite in one plane: a point on an edge may be before the polygon, and sees what is rounding.
+    #[test]
+    fn on_an_edge_of_a_bent_polygon_no_more_than_all_is_seen(
+        angles in angles(),
+        flat in 0.001..1.0,
+        bent in -9.0..-4.0,
+        places in next_to_edges(),
+        tolerance in prop_oneof![Just(0.0), Just(1e-5), Just(1e-3)],
+    ) {
+        const SIZE: f64 = 300.0;
+        let plane = polygon(&angles, flat, SIZE);
+        let mut corners = plane.corners().to_vec();
+        corners[0] += plane.normal() * SIZE * 10f64.powf(bent);
+        let receivers = places.into_iter().map(|(edge, along, way, distance, normal, is_across)| {
+            let [start, end] = [edge, edge + 1].map(|corner| corners[corner % corners.len()]);
+            let normal = if is_across { normal.cross(end - start).normalize() } else { normal };
+            (start.lerp(end, along) + way * SIZE * 10f64.powf(distance), normal)
+        });
+        let mut views = [ViewLanes::default()];
+        let receivers: Vec<_> = receivers.collect();
+        let polygon = prepared(corners.clone());
+        polygon.view_row(&[ReceiverLanes::new(receivers.iter().copied())], tolerance, &mut views);
+        let [view] = views;
+        for (position, normal) in receivers {
+            let factor = polygon.view(position, normal, tolerance).map_or(0.0, |view| view.factor);
+            prop_assert!((0.0..=1.0).contains(&factor), "{}", factor);
+        }
+        prop_assert!(view.factors.iter().chain(&view.errors).all(|seen| (0.0..=1.0).contains(seen)), "{:?}", view);
     }
 
     #[test]
