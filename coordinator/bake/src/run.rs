@@ -71,10 +71,10 @@ pub fn bake_with_points(
     let mut settings = settings.clone();
     let mut work = Work::default();
     loop {
-        let mesh = mesh.take().unwrap_or_else(|| ShootingMesh::new(scene, &settings));
+        let shooting = mesh.take().unwrap_or_else(|| ShootingMesh::new(scene, &settings));
         let mut cx = Context::new(scene, &settings, &mut client, work, clock);
-        let setup = Setup::new(&mut cx, mesh)?;
-        let NewStart { mut rows, settings: better } = match setup.light(&mut cx)? {
+        let setup = Setup::new(&mut cx, shooting)?;
+        let NewStart { mut rows, settings: better, mesh: kept } = match setup.light(&mut cx)? {
             ControlFlow::Break(new_start) => new_start,
             ControlFlow::Continue(lit) => match lit.solve(&mut cx)?.meet_error(&mut cx)? {
                 ControlFlow::Break(new_start) => new_start,
@@ -83,7 +83,7 @@ pub fn bake_with_points(
         };
         work = Work { restarts: cx.work.restarts + 1, ..cx.work };
         rows.end(&mut client);
-        settings = better;
+        (settings, mesh) = (better, kept);
         clock = Instant::now();
     }
 }

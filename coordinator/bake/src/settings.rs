@@ -81,6 +81,9 @@ pub struct BakeSettings {
     pub exact_occluders: u32,
     /// [`Precision::rays_per_hemisphere`].
     pub rays_per_hemisphere: u32,
+    /// Rays to a hemisphere by the part of which joint light sources get theirs, where these are more.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub rays_to_sources: u32,
     /// [`Precision::minimum_rays`].
     pub minimum_rays: u32,
     /// [`Precision::maximum_rays`].
@@ -118,6 +121,21 @@ const COARSEST_SHOOTERS: f64 = 0.4;
 
 /// Finest ones: fifty to the length of a room, some ten thousand shares.
 const FINEST_SHOOTERS: f64 = 0.02;
+
+fn whole_rays(rays: f64) -> u32 {
+    rays.round().clamp(4.0, 262_144.0) as u32
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde gives a reference")]
+fn is_zero(number: &u32) -> bool {
+    *number == 0
+}
+
+/// How many times the rays bring a noise down to an error, as in [`rays_for`].
+#[must_use]
+pub fn more_rays(noise: f64, error: f64) -> f64 {
+    (noise / error).powf(4.0 / 3.0)
+}
 
 /// Rays to a hemisphere for a relative L2 error of the radiosity: the noise of n Owen-scrambled rays falls as n^(-3/4).
 #[must_use]
@@ -180,9 +198,21 @@ impl BakeSettings {
     /// The same with so many rays to a hemisphere; a quarter of them at most for one pair.
     #[must_use]
     pub fn with_rays(self, rays_per_hemisphere: f64) -> Self {
-        let rays = rays_per_hemisphere.round().clamp(4.0, 262_144.0) as u32;
+        let rays = whole_rays(rays_per_hemisphere);
         let maximum_rays = (rays / 4).next_power_of_two().clamp(4, 1 << 16);
         Self { rays_per_hemisphere: rays, maximum_rays, ..self }
+    }
+
+    /// The same with joint light sources that get their part of so many rays, if these are more.
+    #[must_use]
+    pub fn with_rays_to_sources(self, rays_per_hemisphere: f64) -> Self {
+        Self { rays_to_sources: whole_rays(rays_per_hemisphere), ..self }
+    }
+
+    /// Rays to a hemisphere by the part of which joint light sources get theirs.
+    #[must_use]
+    pub fn rays_to_sources(&self) -> u32 {
+        self.rays_to_sources.max(self.rays_per_hemisphere)
     }
 
     /// The same with another longest edge of the shooting patches.
@@ -230,6 +260,7 @@ impl Default for BakeSettings {
             window: 256,
             exact_occluders: precision.exact_occluders,
             rays_per_hemisphere: precision.rays_per_hemisphere,
+            rays_to_sources: 0,
             minimum_rays: precision.minimum_rays,
             maximum_rays: precision.maximum_rays,
             form_factor_error: precision.form_factor_error,

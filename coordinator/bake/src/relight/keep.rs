@@ -263,7 +263,7 @@ impl Solved {
         let strength = |source: &LightSource| {
             key(source).and_then(|key| strengths.get(&key)).copied().unwrap_or_default()
         };
-        let noise = self.noise_of(solution, sources, self.sources.all.iter().map(strength));
+        let noise = self.noise_of(solution, sources, self.sources.all.iter().map(strength)).total();
         noise * solution.samples.level() / whole
     }
 }

@@ -38,6 +38,11 @@ pub trait RowSource: Send {
         self.rays(settings)
     }
 
+    /// Rays of a hemisphere by the part of which joint light sources get theirs.
+    fn rays_to_sources(&self, settings: &BakeSettings) -> u32 {
+        self.rays(settings)
+    }
+
     /// Whether light that the answer is measured by is gathered twice: it is where it comes by rays, and costs little.
     fn measures_twice(&self) -> bool;
 

@@ -1,19 +1,20 @@
 //! Light straight from its sources.
 
 use std::cell::LazyCell;
-use std::collections::HashMap;
 use std::ops::ControlFlow;
 
 use glam::DVec3;
 
 use super::glow::{Emissions, Gathering, make_glow};
 use super::joint::pool;
-use super::light::{self, Direct};
+use super::light::Direct;
 use super::light_source::{LightSource, Origin};
-use super::new_start::NewStart;
+use super::new_start::{MAX_RESTARTS, NewStart};
+use super::samples_first::SamplesFirst;
 use super::setup::Setup;
+use super::shooting_mesh::ShootingMesh;
 use crate::context::Context;
-use crate::error::Result;
+use crate::error::{BakeError, Result};
 use crate::jobs::ReceiverSet;
 use crate::observer::Phase;
 use crate::refinement::SamplePoints;
@@ -56,10 +57,9 @@ impl Setup {
     /// with, where more rays spare it the rows of many light sources.
     #[tracing::instrument(skip_all)]
     pub fn light(self, cx: &mut Context) -> Result<ControlFlow<NewStart, Lit>> {
-        let Self { mesh, mut rows, mut sources, mut samples, mut middles } = self;
+        let Self { mesh, longest_edge, mut rows, mut sources, mut samples, mut middles } = self;
         cx.client.monitor.enter(Phase::Light, mesh.mesh.vertices.len());
         let Rows { source, table } = &mut rows;
-        let mut variances: HashMap<u64, f64> = HashMap::new();
         if samples.count() > 0 {
             let receivers = samples.receivers(samples.count());
             table.samples = Some(source.add_receivers(cx, table, &receivers, None)?);
@@ -74,21 +74,28 @@ impl Setup {
         let vertices = &table.vertices;
         let ids = [table.samples, table.middles, Some(COARSE)].into_iter().flatten();
         let sets: Vec<ReceiverSet> = ids.map(|id| table.set(id)).collect();
-        let (of_samples, of_vertices) = (table.samples.map(|_| 0), sets.len() - 1);
-        let mut look = |set, key, variance| {
-            if Some(set) == of_samples {
-                variances.insert(key, variance);
-            }
-        };
         let emissions =
             if source.joins_sources() { Emissions::of_many(&sources) } else { Emissions::default() };
-        let mut light = light::no_light(&sets);
+        let area: f64 = mesh.energies.iter().map(|share| share.area).sum();
+        let rays = source.joins_sources().then(|| source.rays_to_sources(cx.settings));
+        let mut light = SamplesFirst::new(&sets, &samples);
         let mut apart = None;
-        let others = sources.iter().filter(|source| !emissions.has(source));
-        light::add_direct(&mut light, others, &sets, cx.client, &mut look)?;
-        if !emissions.is_empty() {
-            let received = values.of(&mesh.energies, &vertices.of_coarse(light[of_vertices].all.clone()));
-            let area: f64 = mesh.energies.iter().map(|share| share.area).sum();
+        // Adds the light of sources, or tells of settings that leave less noise.
+        let add =
+            |cx: &mut Context, light: &mut SamplesFirst, sources: &[&LightSource], others: DVec3| {
+                light.add_at_samples(cx, sources)?;
+                let better = rays.and_then(|rays| light.less_noise(cx, rays, others));
+                let better = better.filter(|_| cx.work.restarts < MAX_RESTARTS);
+                if better.is_none() {
+                    light.add_elsewhere(cx, sources)?;
+                }
+                Ok::<_, BakeError>(better)
+            };
+        let others: Vec<&LightSource> = sources.iter().filter(|source| !emissions.has(source)).collect();
+        let mut better = add(cx, &mut light, &others, emissions.mean_light(area))?;
+        if better.is_none() && !emissions.is_empty() {
+            let direct = vertices.of_coarse(light.light[sets.len() - 1].all.clone());
+            let received = values.of(&mesh.energies, &direct);
             let flux: DVec3 =
                 mesh.energies.iter().zip(&received).map(|(share, light)| share.area * *light).sum();
             let level = flux.element_sum() / 3.0 / area;
@@ -100,21 +107,28 @@ impl Setup {
             let more = if may_restart { emissions.rays_worth_while(&gathering) } else { None };
             if let Some(more) = more {
                 tracing::debug!(more, "more rays let more surfaces glow");
-                let settings = cx.settings.clone().with_rays(f64::from(more));
-                let settings = BakeSettings { rows: source.strategy(), ..settings };
-                cx.end_step("light");
-                return Ok(ControlFlow::Break(NewStart { rows, settings }));
+                better = Some(cx.settings.clone().with_rays(f64::from(more)));
+            } else {
+                let glowing = emissions.glowing(&gathering);
+                tracing::debug!(level, surfaces = glowing.len(), "surfaces glow");
+                make_glow(&mut sources, &glowing);
+                if let Some(pooled) = pool(&sources, area * median(&mesh.energies, &received), error) {
+                    apart = Some(std::mem::replace(&mut sources, pooled));
+                }
+                let is_new = |source: &&LightSource| emissions.has(source) || source.origin == Origin::Lamps;
+                let new: Vec<&LightSource> = sources.iter().filter(is_new).collect();
+                better = add(cx, &mut light, &new, emissions.mean_light_of(&glowing, area))?;
             }
-            let glowing = emissions.glowing(&gathering);
-            tracing::debug!(level, surfaces = glowing.len(), "surfaces glow");
-            make_glow(&mut sources, &glowing);
-            if let Some(pooled) = pool(&sources, area * median(&mesh.energies, &received), error) {
-                apart = Some(std::mem::replace(&mut sources, pooled));
-            }
-            let is_new = |source: &&LightSource| emissions.has(source) || source.origin == Origin::Lamps;
-            light::add_direct(&mut light, sources.iter().filter(is_new), &sets, cx.client, &mut look)?;
         }
-        let mut light = light.into_iter();
+        if let Some(better) = better {
+            let settings = BakeSettings { rows: source.strategy(), ..better };
+            tracing::debug!(settings.rays_per_hemisphere, settings.rays_to_sources, "more rays at once");
+            let mesh = ShootingMesh::again(mesh.mesh, longest_edge, &settings);
+            cx.end_step("light");
+            return Ok(ControlFlow::Break(NewStart { rows, settings, mesh }));
+        }
+        let variances = sources.iter().map(|source| light.variance(source)).collect();
+        let mut light = light.light.into_iter();
         if table.samples.is_some() {
             samples.set_direct(light.next().unwrap_or_default().all);
         }
@@ -128,11 +142,6 @@ impl Setup {
             let dark = vec![DVec3::ZERO; mesh.shares.len()];
             (direct.all.clone(), mesh.unshot(&values.of(&mesh.energies, &direct.all), &dark))
         });
-        let variance = |source: &LightSource| {
-            let key = source.shooter.as_ref().map(|shooter| shooter.key);
-            key.and_then(|key| variances.get(&key)).copied().unwrap_or(0.0)
-        };
-        let variances = sources.iter().map(variance).collect();
         let sources = Sources { all: sources, apart, variances };
         Ok(ControlFlow::Continue(Lit { mesh, rows, sources, samples, middles, direct }))
     }

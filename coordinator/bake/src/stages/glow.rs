@@ -105,6 +105,17 @@ impl Emissions {
         self.surfaces.is_empty()
     }
 
+    /// Mean irradiance of a scene of this area from all of them.
+    pub fn mean_light(&self, area: f64) -> DVec3 {
+        self.surfaces.values().map(|own| own.flux).sum::<DVec3>() / area
+    }
+
+    /// The same from some of them.
+    pub fn mean_light_of(&self, surfaces: &HashSet<usize>, area: f64) -> DVec3 {
+        let own = self.surfaces.iter().filter(|(surface, _)| surfaces.contains(surface));
+        own.map(|(_, own)| own.flux).sum::<DVec3>() / area
+    }
+
     /// Whether one of these surfaces is the source.
     pub fn has(&self, source: &LightSource) -> bool {
         matches!(source.origin, Origin::Surface(surface) if self.surfaces.contains_key(&surface))
@@ -137,8 +148,7 @@ impl Emissions {
         let mut dimmest: Vec<(usize, &Emission)> =
             self.surfaces.iter().map(|(surface, own)| (*surface, own)).collect();
         dimmest.sort_by(|a, b| a.1.largest.max_element().total_cmp(&b.1.largest.max_element()));
-        let all: DVec3 = self.surfaces.values().map(|own| own.flux).sum();
-        let level = level + (all / area).element_sum() / 3.0;
+        let level = level + self.mean_light(area).element_sum() / 3.0;
         let allowed = (PART_OF_ERROR * error * level).powi(2);
         let (mut flux, mut square, mut emitting, mut count) = (DVec3::ZERO, DVec3::ZERO, 0.0, 0);
         for (index, (_, own)) in dimmest.iter().enumerate() {

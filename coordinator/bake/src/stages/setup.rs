@@ -20,6 +20,8 @@ const FIRST_MIDDLE: u64 = 1 << 38;
 /// A bake before any light.
 pub struct Setup {
     pub mesh: ShareMesh,
+    /// Longest edge of its patches, in frame units.
+    pub longest_edge: f64,
     pub rows: Rows,
     pub sources: Vec<LightSource>,
     /// Points that guide refinement.
@@ -58,6 +60,6 @@ impl Setup {
             SamplePoints::middles(&mesh.mesh, scene, &leaves, FIRST_MIDDLE)
         };
         cx.end_step("mesh");
-        Ok(Self { mesh, rows, sources, samples, middles })
+        Ok(Self { mesh, longest_edge, rows, sources, samples, middles })
     }
 }

@@ -44,6 +44,11 @@ impl ShootingMesh {
         divide_buried(&mut mesh, scene, longest_edge, shortest_edge, settings.most_vertices(scene));
         Self { mesh, longest_edge, source }
     }
+
+    /// A mesh that was one before, for these settings with a strategy.
+    pub fn again(mesh: Mesh, longest_edge: f64, settings: &BakeSettings) -> Option<Self> {
+        row_source(settings.rows).map(|source| Self { mesh, longest_edge, source })
+    }
 }
 
 /// Cuts a scene into patches.

@@ -53,6 +53,22 @@ pub struct Solved {
     pub measured: Vec<SamplePoints>,
 }
 
+/// Relative standard errors of irradiance at a point from the rays that sampled visibility,
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Noises {
+    /// of shooters,
+    pub of_rows: f64,
+    /// and of hemispheres.
+    pub of_hemispheres: f64,
+}
+
+impl Noises {
+    /// Of both.
+    pub fn total(self) -> f64 {
+        self.of_rows.hypot(self.of_hemispheres)
+    }
+}
+
 /// Adds direct light to refinement samples and middles, where rows are over them.
 fn add_to_points(
     light: impl Iterator<Item = Vec<DVec3>>,
@@ -294,6 +310,11 @@ impl Solved {
 
     /// Relative standard error of irradiance at a point, from the rays that sampled visibility.
     pub fn noise(&self) -> f64 {
+        self.noises().total()
+    }
+
+    /// The same by what the rays are for.
+    pub fn noises(&self) -> Noises {
         let strengths = self.sources.all.iter().map(|source| source.strength);
         self.noise_of(&self.solution, &self.sources.all, strengths)
     }
@@ -304,15 +325,17 @@ impl Solved {
         solution: &Solution,
         sources: &[LightSource],
         strengths: impl Iterator<Item = DVec3>,
-    ) -> f64 {
+    ) -> Noises {
         let Rows { source, table } = &self.rows;
-        let Some(set) = table.samples else { return 0.0 };
+        let Some(set) = table.samples else { return Noises::default() };
         let Solution { samples, radiosity, .. } = solution;
         let lights = strengths.zip(self.sources.variances.iter().copied());
         let shares = radiosity.iter().copied().zip(table.variances(set));
         let glow = glow(&self.mesh, sources);
-        let of_rays = source.ray_noise(&leaving(radiosity, glow.as_deref()), samples.level());
-        samples.noise(shares.chain(lights), samples.count()).hypot(of_rays)
+        Noises {
+            of_rows: samples.noise(shares.chain(lights), samples.count()),
+            of_hemispheres: source.ray_noise(&leaving(radiosity, glow.as_deref()), samples.level()),
+        }
     }
 
     /// Irradiance of all vertices straight from these sources.

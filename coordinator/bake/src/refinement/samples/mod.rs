@@ -158,6 +158,19 @@ impl SamplePoints {
         self.irradiance = irradiance;
     }
 
+    /// Sets the total irradiance as if all that is reflected of the direct light, and of this irradiance beside it, came back evenly:
+    /// as in a closed room, where there is most of it.
+    pub fn reflect_evenly(&mut self, beside: DVec3) {
+        let (mut reflected, mut reflectance, mut all) = (DVec3::ZERO, DVec3::ZERO, 0.0);
+        for (point, direct) in self.points.iter().zip(&self.direct) {
+            reflected += point.weight * point.reflectance * (*direct + beside);
+            reflectance += point.weight * point.reflectance;
+            all += point.weight;
+        }
+        let back = reflected / (all - reflectance).max(DVec3::splat(f64::MIN_POSITIVE));
+        self.set_irradiance(self.direct.iter().map(|direct| *direct + beside + back).collect());
+    }
+
     /// Root mean square over the area of the gathered radiosity.
     pub fn level(&self) -> f64 {
         self.mean_square_radiosity().sqrt()

@@ -142,9 +142,13 @@ impl RowSource for GatherRows {
         true
     }
 
+    fn rays_to_sources(&self, settings: &BakeSettings) -> u32 {
+        rays::to_sources(settings)
+    }
+
     fn open(&mut self, cx: &mut Context, mesh: &ShareMesh) -> RowTable {
         self.polygons = Some(publish_leaves(cx, &mesh.mesh));
-        let rays = f64::from(rays::of_receiver(cx.settings));
+        let rays = f64::from(rays::to_sources(cx.settings));
         cx.set_precision(cx.settings.clone().with_rays(rays).precision());
         // No shooter has a row of its own.
         RowTable::new(vec![], 0)

@@ -2,7 +2,7 @@
 
 use crate::settings::BakeSettings;
 
-/// Fewest rays of a receiver, and of the hemisphere by whose part light sources are seen.
+/// Fewest rays of a receiver, and of the hemisphere by the part of which joint light sources get theirs.
 const LEAST: u32 = 256;
 
 /// Fewest rays of a gather point: interpolation evens out their noise.
@@ -11,6 +11,11 @@ const LEAST_OF_POINT: u32 = 64;
 /// Rays of a receiver that takes no light from gather points.
 pub fn of_receiver(settings: &BakeSettings) -> u32 {
     settings.rays_per_hemisphere.max(LEAST).next_power_of_two()
+}
+
+/// Rays of the hemisphere by the part of which joint light sources get theirs.
+pub fn to_sources(settings: &BakeSettings) -> u32 {
+    settings.rays_to_sources().max(LEAST).next_power_of_two()
 }
 
 /// Rays of a gather point.

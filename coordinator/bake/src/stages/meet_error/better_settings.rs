@@ -2,22 +2,22 @@
 
 use super::Measured;
 use crate::context::Context;
+use crate::error_budget::INTERPOLATED_NOISE;
 use crate::refinement::{Obstacle, room};
-use crate::settings::BakeSettings;
+use crate::settings::{BakeSettings, more_rays};
 use crate::stages::ShootingMesh;
+use crate::stages::new_start::{MAX_RESTARTS, RAYS_PART};
+use crate::stages::solved::{Noises, Solved};
 
 /// Part of the asked error that the shooters may take after a new start.
 const SHOOTERS_PART: f64 = 0.5;
 
-/// Part of the asked error that the rays may take after a new start.
-const RAYS_PART: f64 = 0.3;
+/// A new start for less noise has this times as many rays, at least.
+const LEAST_MORE_RAYS: f64 = 1.5;
 
 /// Noise that is less than this part of the error found hides little of it: what else refinement did not find, as small bright spots,
 /// more rays will not show either.
 const HIDING_PART: f64 = 1.0 / 3.0;
-
-/// Most new starts.
-const MAX_RESTARTS: u32 = 3;
 
 impl Measured {
     /// Settings that should meet the asked error where these did not; `None` when it is met, or cannot be. A new start costs as much
@@ -40,18 +40,15 @@ impl Measured {
         let certainly = error.with_shooters(error.shooters.min(self.shooters_at_least));
         let rest_is_too_small = certainly.without_receivers() > asked;
         let most = error.unshot.max(error.form_factors);
-        let better = cx.settings.clone();
         let better = if noise_hides || (rest_is_too_small && error.visibility > error.shooters.max(most)) {
-            let factor = (error.visibility / (RAYS_PART * asked)).powf(4.0 / 3.0).max(1.5);
-            let rays = self.solved.rows.source.rays(cx.settings);
-            better.with_rays(f64::from(rays) * factor)
+            self.with_less_noise(cx.settings, RAYS_PART * asked)
         } else if rest_is_too_small
             && error.shooters > most
             && (is_last || !self.finer_mesh_helps_shooters(cx.settings))
         {
             // Edges are halved: a factor of more than a half might change nothing.
             let factor = (SHOOTERS_PART * asked / error.shooters).clamp(0.25, 0.5);
-            let finer = better.with_shooter_edge(cx.settings.shooter_edge * factor);
+            let finer = cx.settings.clone().with_shooter_edge(cx.settings.shooter_edge * factor);
             let same = BakeSettings { rows: self.solved.rows.source.strategy(), ..finer.clone() };
             let mesh = ShootingMesh::new(cx.scene, &same).mesh;
             let vertices = mesh.vertices.len();
@@ -64,5 +61,25 @@ impl Measured {
             return None;
         };
         (better != *cx.settings).then_some(better)
+    }
+
+    /// Settings whose rays leave this noise, each kind as far as it has more.
+    fn with_less_noise(&self, settings: &BakeSettings, noise: f64) -> BakeSettings {
+        let Solved { rows, .. } = &self.solved;
+        let Noises { of_rows, of_hemispheres } = self.solved.noises();
+        let [to_sources, of_hemisphere] =
+            [of_rows, of_hemispheres].map(|own| more_rays(own * INTERPOLATED_NOISE.sqrt(), noise));
+        let better = settings.clone();
+        let rays = f64::from(rows.source.rays(settings));
+        if !rows.source.joins_sources() || to_sources.max(of_hemisphere) < LEAST_MORE_RAYS {
+            return better.with_rays(rays * to_sources.max(of_hemisphere).max(LEAST_MORE_RAYS));
+        }
+        let better = if of_hemisphere > 1.0 { better.with_rays(rays * of_hemisphere) } else { better };
+        if to_sources > 1.0 {
+            let rays = f64::from(rows.source.rays_to_sources(settings));
+            better.with_rays_to_sources(rays * to_sources)
+        } else {
+            better
+        }
     }
 }

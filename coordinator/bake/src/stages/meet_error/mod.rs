@@ -102,7 +102,9 @@ impl Solved {
             }
             if is_end(&measured, &better, cx) {
                 return Ok(match better {
-                    Some(settings) => ControlFlow::Break(NewStart { rows: measured.solved.rows, settings }),
+                    Some(settings) => {
+                        ControlFlow::Break(NewStart { rows: measured.solved.rows, settings, mesh: None })
+                    }
                     None => ControlFlow::Continue(measured),
                 });
             }
