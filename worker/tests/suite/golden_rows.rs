@@ -10,7 +10,7 @@ use worker::engine::{Scene, compute_hemisphere, compute_row};
 use crate::room::{block, polygon, wall_receivers};
 
 /// [`ROW_VERSION`] of the digests below.
-const VERSION: u32 = 10;
+const VERSION: u32 = 11;
 
 /// First 6 bytes of the BLAKE3 digest of each kind of rows, encoded.
 const DIGESTS: &[(&str, &str)] = &[
@@ -24,6 +24,7 @@ const DIGESTS: &[(&str, &str)] = &[
     ("transparent occluders", "af35443a2928"),
     ("shooter of many polygons", "605a2693dc8d"),
     ("shooter of many polygons that count as one", "46f6af91bf4e"),
+    ("shooter of many polygons near receivers", "0b56322a4204"),
     ("shooter of many polygons, transparent occluders", "ee5ff3b54a1f"),
     ("shooter of weighted polygons", "d242f2266a42"),
     ("sky", "b14c099ac108"),
@@ -112,6 +113,15 @@ fn weighted_ceiling(weight: impl Fn(usize) -> f64) -> Shape {
     Shape::Weighted(tiles.into_iter().enumerate().map(|(index, tile)| (tile, weight(index))).collect())
 }
 
+/// Shades of large squares between the receivers in the air: near many of them.
+fn shades() -> Shape {
+    let shade = |i: u32| {
+        let place = DVec3::new(f64::from(i % 3), 0.2 * f64::from(i * 5 % 9), f64::from(i / 3 % 3));
+        square(500 + i, DVec3::new(0.8, 0.4, 0.8) + place * DVec3::new(1.2, 1.0, 1.2), 0.6)
+    };
+    Shape::Polygons((0..36).map(shade).collect())
+}
+
 fn lights() -> Vec<Shape> {
     let position = DVec3::new(1.9, 3.7, 2.2);
     let direction = DVec3::new(0.36, -0.8, 0.48);
@@ -178,6 +188,7 @@ fn rows_have_the_bits_of_their_version() {
         ("transparent occluders", rows(transparent(), vec![lamp()], &EXACT)),
         ("shooter of many polygons", rows(few(), vec![ceiling()], &EXACT)),
         ("shooter of many polygons that count as one", rows(few(), vec![panel()], &EXACT)),
+        ("shooter of many polygons near receivers", rows(few(), vec![shades()], &EXACT)),
         ("shooter of many polygons, transparent occluders", rows(transparent(), vec![ceiling()], &EXACT)),
         ("shooter of weighted polygons", rows(few(), vec![weighted_ceiling(|i| i as f64 / 63.0)], &EXACT)),
         ("sky", rows(few(), vec![Shape::Sky(128)], &EXACT)),

@@ -81,16 +81,15 @@ impl Setup {
         let mut light = SamplesFirst::new(&sets, &samples);
         let mut apart = None;
         // Adds the light of sources, or tells of settings that leave less noise.
-        let add =
-            |cx: &mut Context, light: &mut SamplesFirst, sources: &[&LightSource], others: DVec3| {
-                light.add_at_samples(cx, sources)?;
-                let better = rays.and_then(|rays| light.less_noise(cx, rays, others));
-                let better = better.filter(|_| cx.work.restarts < MAX_RESTARTS);
-                if better.is_none() {
-                    light.add_elsewhere(cx, sources)?;
-                }
-                Ok::<_, BakeError>(better)
-            };
+        let add = |cx: &mut Context, light: &mut SamplesFirst, sources: &[&LightSource], others: DVec3| {
+            light.add_at_samples(cx, sources)?;
+            let better = rays.and_then(|rays| light.less_noise(cx, rays, others));
+            let better = better.filter(|_| cx.work.restarts < MAX_RESTARTS);
+            if better.is_none() {
+                light.add_elsewhere(cx, sources)?;
+            }
+            Ok::<_, BakeError>(better)
+        };
         let others: Vec<&LightSource> = sources.iter().filter(|source| !emissions.has(source)).collect();
         let mut better = add(cx, &mut light, &others, emissions.mean_light(area))?;
         if better.is_none() && !emissions.is_empty() {

@@ -116,6 +116,18 @@ impl PreparedPolygon {
         self.centre
     }
 
+    /// Centre of gravity of the area.
+    #[must_use]
+    pub fn centroid(&self) -> DVec3 {
+        self.centroid
+    }
+
+    /// Largest squared distance of a corner from the centre of gravity.
+    #[must_use]
+    pub fn squared_reach(&self) -> f64 {
+        self.squared_reach
+    }
+
     /// The part of the polygon above a point's horizon, relative to the point.
     #[must_use]
     pub fn corners_above(&self, position: DVec3, normal: DVec3) -> Corners {

@@ -4,12 +4,14 @@ mod bounds;
 mod clip;
 pub mod lanes;
 mod polygon;
+mod solid_angle;
 
 use glam::DVec3;
 
 pub use bounds::Bounds;
 pub use clip::{Corners, clip, clip_by_plane, split};
 pub use polygon::{ConvexPolygon, area_vector, uniform_point};
+pub use solid_angle::SeenPolygon;
 
 /// Equal for equal points, and in some order.
 pub(crate) fn position_bits(point: DVec3) -> [u64; 3] {

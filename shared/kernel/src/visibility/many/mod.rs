@@ -5,20 +5,21 @@
 //! proportion to their part of that sum. Where polygons lie apart, as those of many lamps do, most may be hidden from a receiver: what arrives is then told for each of these bodies.
 
 mod bodies;
+mod targets;
 mod tree;
 
 use sobol_burley::sample_4d;
 
 use super::{ReceiverGroups, Stop, TransparentOccluders, faces_away};
-use crate::form_factor::{Lanes, ViewLanes, kernel};
+use crate::form_factor::{Lanes, ViewLanes};
 use crate::geometry::lanes::LANES;
-use crate::geometry::uniform_point;
 use crate::messages::RowStatistics;
 use crate::occluder::Occluder;
 use crate::replica::Receiver;
 use crate::row::{Precision, Shape};
 use crate::simd::widest;
 use bodies::{Body, visible_of};
+use targets::{Target, Targets};
 use tree::{Place, PolygonTree, Sight};
 
 /// A shooter of this many polygons or more is treated as a whole.
@@ -177,7 +178,7 @@ impl<'a> ManyPolygons<'a> {
     /// The visible form factor of a receiver of the group looked at.
     fn visible(
         &mut self,
-        Receiver { position, normal, plane }: &Receiver,
+        receiver: &Receiver,
         lane: usize,
         seed: u32,
         statistics: &mut RowStatistics,
@@ -189,6 +190,7 @@ impl<'a> ManyPolygons<'a> {
             return all;
         }
         let before = |index: usize| if index == 0 { 0.0 } else { ends[index - 1][lane] };
+        let mut targets = Targets::new(receiver);
         bodies.fill(Body::default());
         for (index, place) in faced.places.iter().enumerate() {
             bodies[place.body].all += ends[index][lane] - before(index);
@@ -201,20 +203,19 @@ impl<'a> ManyPolygons<'a> {
             let [choice, x, y, _] = sample_4d(ray, 0, seed).map(f64::from);
             let index = ends.partition_point(|ends| ends[lane] <= choice * all).min(ends.len() - 1);
             let own = ends[index][lane] - before(index);
-            let Place { range, body, shining } = &faced.places[index];
-            let polygon = tree.choose(range, ((choice * all - before(index)) / own).clamp(0.0, 1.0));
-            let target = uniform_point(polygon.corners(), x, y);
-            // Places are chosen by their form factors and weights, polygons and points of them by area and weight.
-            let weight = kernel(*normal, polygon.normal(), target - *position) * shining / own;
+            let place = &faced.places[index];
+            let polygon = tree.choose(&place.range, ((choice * all - before(index)) / own).clamp(0.0, 1.0));
+            let Target { at, seen } = targets.draw((index, place), polygon, [x, y]);
+            let weight = seen / own;
             cast += 1;
             if weight > 0.0 && own > 0.0 {
-                let planes = [*plane, polygon.plane()];
-                let part = if occluder.blocks(*position, target, planes) {
+                let planes = [receiver.plane, polygon.plane()];
+                let part = if occluder.blocks(receiver.position, at, planes) {
                     0.0
                 } else {
-                    transparent.map_or(1.0, |some| some.between(*position, target, planes))
+                    transparent.map_or(1.0, |some| some.between(receiver.position, at, planes))
                 };
-                bodies[*body].ratio.add(ray >= rays / 2, weight, part);
+                bodies[place.body].ratio.add(ray >= rays / 2, weight, part);
             }
             if Some(cast) == probe {
                 let (arrived, sent) = bodies[0].ratio.sums();

@@ -1,0 +1,153 @@
+//! Points of a polygon by the solid angle at which they are seen: next to a point, where few of those that are even over the area look near,
+//! these are as many as they should be.
+
+use std::f64::consts::TAU;
+
+use glam::DVec3;
+// The platform's functions may differ in the last bit between the machines of a cluster.
+use libm::{atan2, cos, sin};
+use smallvec::SmallVec;
+
+/// Smaller solid angles are rounding, or nearly so.
+const LEAST: f64 = 1e-6;
+
+/// The polygon as it is seen from a point: its triangles on the unit sphere.
+pub struct SeenPolygon {
+    /// One corner of all triangles, then the others in turn: unit vectors.
+    corners: SmallVec<[DVec3; 8]>,
+    /// Solid angle of the triangles up to each.
+    ends: SmallVec<[f64; 8]>,
+    /// Largest distance of a corner.
+    farthest: f64,
+    /// Height of the point over the polygon's plane, and its normal.
+    height: f64,
+    normal: DVec3,
+}
+
+impl SeenPolygon {
+    /// A convex polygon with its unit normal, seen from a point in front of it; `None` where it is seen so small that its solid angle is
+    /// rounding.
+    #[must_use]
+    pub fn new(position: DVec3, corners: &[DVec3], normal: DVec3) -> Option<Self> {
+        let relative = || corners.iter().map(|corner| *corner - position);
+        let farthest = relative().map(DVec3::length).fold(0.0, f64::max);
+        let height = normal.dot(position - corners[0]);
+        let corners: SmallVec<[DVec3; 8]> = relative().map(DVec3::normalize_or_zero).collect();
+        let mut end = 0.0;
+        let ends = corners[1..]
+            .windows(2)
+            .map(|pair| {
+                end += solid_angle(corners[0], pair[0], pair[1]);
+                end
+            })
+            .collect();
+        (end > LEAST && end < TAU).then_some(Self { corners, ends, farthest, height, normal })
+    }
+
+    /// Its solid angle.
+    #[must_use]
+    pub fn solid_angle(&self) -> f64 {
+        self.ends[self.ends.len() - 1]
+    }
+
+    /// Maps the unit square to the polygon, uniformly over the solid angle: the way to a point of it; `None` where rounding leaves none.
+    ///
+    /// J. Arvo, Stratified sampling of spherical triangles, SIGGRAPH 1995.
+    #[must_use]
+    pub fn way(&self, x: f64, y: f64) -> Option<DVec3> {
+        let wanted = x * self.solid_angle();
+        let place = self.ends.partition_point(|end| *end <= wanted).min(self.ends.len() - 1);
+        let before = if place == 0 { 0.0 } else { self.ends[place - 1] };
+        let [a, b, c] = [self.corners[0], self.corners[place + 1], self.corners[place + 2]];
+        let [to_b, to_c] = [b, c].map(|corner| (corner - a * corner.dot(a)).normalize_or_zero());
+        let (sine, cosine) = (to_b.cross(to_c).length(), to_b.dot(to_c));
+        // The triangle of a, b and a point between a and c that has this part of the solid angle.
+        let turn = wanted - before - atan2(sine, cosine);
+        let (s, t) = (sin(turn), cos(turn));
+        let (u, v) = (t - cosine, s + sine * a.dot(b));
+        let q = ((v * t - u * s) * cosine - v) / ((v * s + u * t) * sine);
+        let q = q.clamp(-1.0, 1.0);
+        let on_side = a * q + to_c * (1.0 - q * q).sqrt();
+        // A point between that and b.
+        let z = 1.0 - y * (1.0 - on_side.dot(b));
+        let across = (on_side - b * on_side.dot(b)).normalize_or_zero();
+        let way = b * z + across * (1.0 - z * z).max(0.0).sqrt();
+        let distance = (self.height / -self.normal.dot(way)).min(self.farthest);
+        (distance > 0.0).then_some(way * distance).filter(|way| way.is_finite())
+    }
+}
+
+/// Solid angle of a triangle of unit vectors.
+///
+/// A. van Oosterom and J. Strackee, The solid angle of a plane triangle, 1983.
+fn solid_angle(a: DVec3, b: DVec3, c: DVec3) -> f64 {
+    let volume = a.dot(b.cross(c)).abs();
+    2.0 * atan2(volume, 1.0 + a.dot(b) + b.dot(c) + c.dot(a))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::PI;
+
+    use proptest::prelude::*;
+    use sobol_burley::sample_4d;
+
+    use super::*;
+    use crate::form_factor::point_to_polygon;
+
+    const DRAWS: u32 = 4096;
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(200))]
+
+        /// The mean of the cosines over a solid angle is the form factor, in a plane too that is not even with the axes.
+        #[test]
+        fn points_are_even_over_the_solid_angle(
+            count in 3_usize..8,
+            flat in 0.05..1.0,
+            across in -1.5..1.5,
+            along in -1.5..1.5,
+            height in -3.0..1.0,
+        ) {
+            let turn = glam::DQuat::from_euler(glam::EulerRot::XYZ, 0.7, -0.4, 0.3);
+            let corner = |index| {
+                let angle = TAU * index as f64 / count as f64;
+                turn * DVec3::new(angle.cos(), flat * angle.sin(), 0.0) + DVec3::splat(3.0)
+            };
+            let corners: Vec<DVec3> = (0..count).map(corner).collect();
+            let normal = turn * DVec3::Z;
+            let height = 10f64.powf(height);
+            let position = turn * DVec3::new(across, along, height) + DVec3::splat(3.0);
+            let Some(seen) = SeenPolygon::new(position, &corners, normal) else {
+                prop_assert!(height < 1e-2 || flat < 0.1);
+                return Ok(());
+            };
+            let ways: Vec<DVec3> = (0..DRAWS)
+                .map(|index| {
+                    let [x, y, ..] = sample_4d(index, 0, 7).map(f64::from);
+                    seen.way(x, y).unwrap()
+                })
+                .collect();
+            for way in &ways {
+                let place = turn.inverse() * (position + *way - DVec3::splat(3.0));
+                prop_assert!(place.z.abs() < 1e-6, "{} is no place of the plane", place);
+                prop_assert!(place.x.abs() < 1.0 + 1e-6 && place.y.abs() < flat + 1e-6, "{} is outside", place);
+            }
+            for looking in [-normal, turn * DVec3::new(0.6, 0.0, -0.8)] {
+                let cosines: f64 = ways.iter().map(|way| way.normalize().dot(looking).max(0.0)).sum();
+                let found = cosines / f64::from(DRAWS) * seen.solid_angle() / PI;
+                let exact = point_to_polygon(position, looking, &corners);
+                prop_assert!((found - exact).abs() < 2e-3 + 5e-3 * exact, "{} for {}", found, exact);
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_seen_edge_on_has_no_solid_angle() {
+        let corners = [DVec3::ZERO, DVec3::X, DVec3::Y];
+        assert!(SeenPolygon::new(DVec3::new(3.0, 0.5, 1e-9), &corners, DVec3::Z).is_none());
+        assert!(SeenPolygon::new(DVec3::ZERO, &corners, DVec3::Z).is_none());
+        let half = SeenPolygon::new(DVec3::new(0.25, 0.25, 1e-6), &corners, DVec3::Z).unwrap();
+        assert!((half.solid_angle() - TAU).abs() < 1e-4, "{}", half.solid_angle());
+    }
+}
