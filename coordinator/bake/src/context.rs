@@ -30,8 +30,12 @@ pub struct Context<'a, 'b> {
 /// Work that a bake took, earlier attempts included.
 #[derive(Debug, Clone, Default)]
 pub struct Work {
-    /// New starts with other settings.
+    /// New starts with other settings, but for those as soon as direct light was looked at.
     pub restarts: u32,
+    /// The least noise of direct light that was found, with the fewest rays per hemisphere for light sources that bring it.
+    pub noise: Option<(f64, u32)>,
+    /// Whether more rays to light sources are of no use.
+    pub noise_is_bound: bool,
     /// Shots.
     pub shots: u64,
     /// Sweeps.

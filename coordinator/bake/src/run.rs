@@ -81,7 +81,8 @@ pub fn bake_with_points(
                 ControlFlow::Continue(measured) => return finish(measured, cx, occluders, points),
             },
         };
-        work = Work { restarts: cx.work.restarts + 1, ..cx.work };
+        // One for which the mesh is kept comes before most of the work.
+        work = Work { restarts: cx.work.restarts + u32::from(kept.is_none()), ..cx.work };
         rows.end(&mut client);
         (settings, mesh) = (better, kept);
         clock = Instant::now();

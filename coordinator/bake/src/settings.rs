@@ -81,9 +81,9 @@ pub struct BakeSettings {
     pub exact_occluders: u32,
     /// [`Precision::rays_per_hemisphere`].
     pub rays_per_hemisphere: u32,
-    /// Rays to a hemisphere by the part of which joint light sources get theirs, where these are more.
-    #[serde(skip_serializing_if = "is_zero")]
-    pub rays_to_sources: u32,
+    /// Rays per hemisphere for light sources, where they are more than [`Self::rays_per_hemisphere`]: of those that share rows.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rays_to_sources: Option<u32>,
     /// [`Precision::minimum_rays`].
     pub minimum_rays: u32,
     /// [`Precision::maximum_rays`].
@@ -122,25 +122,20 @@ const COARSEST_SHOOTERS: f64 = 0.4;
 /// Finest ones: fifty to the length of a room, some ten thousand shares.
 const FINEST_SHOOTERS: f64 = 0.02;
 
-fn whole_rays(rays: f64) -> u32 {
-    rays.round().clamp(4.0, 262_144.0) as u32
+/// Rays to a hemisphere for a relative L2 error of the radiosity: the noise of n Owen-scrambled rays falls as n^(-3/4).
+#[must_use]
+pub fn rays_for(error: f64) -> f64 {
+    2048.0 * more_rays(0.01, error)
 }
 
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde gives a reference")]
-fn is_zero(number: &u32) -> bool {
-    *number == 0
-}
-
-/// How many times the rays bring a noise down to an error, as in [`rays_for`].
+/// How many times as many rays bring a noise down to an error.
 #[must_use]
 pub fn more_rays(noise: f64, error: f64) -> f64 {
     (noise / error).powf(4.0 / 3.0)
 }
 
-/// Rays to a hemisphere for a relative L2 error of the radiosity: the noise of n Owen-scrambled rays falls as n^(-3/4).
-#[must_use]
-pub fn rays_for(error: f64) -> f64 {
-    2048.0 * (0.01 / error).powf(4.0 / 3.0)
+fn whole_rays(rays: f64) -> u32 {
+    rays.round().clamp(4.0, 262_144.0) as u32
 }
 
 impl BakeSettings {
@@ -203,16 +198,16 @@ impl BakeSettings {
         Self { rays_per_hemisphere: rays, maximum_rays, ..self }
     }
 
-    /// The same with joint light sources that get their part of so many rays, if these are more.
+    /// The same with so many rays to a hemisphere for light sources, if these are more.
     #[must_use]
     pub fn with_rays_to_sources(self, rays_per_hemisphere: f64) -> Self {
-        Self { rays_to_sources: whole_rays(rays_per_hemisphere), ..self }
+        Self { rays_to_sources: Some(whole_rays(rays_per_hemisphere)), ..self }
     }
 
-    /// Rays to a hemisphere by the part of which joint light sources get theirs.
+    /// Rays per hemisphere for light sources.
     #[must_use]
-    pub fn rays_to_sources(&self) -> u32 {
-        self.rays_to_sources.max(self.rays_per_hemisphere)
+    pub fn most_rays(&self) -> u32 {
+        self.rays_to_sources.unwrap_or(0).max(self.rays_per_hemisphere)
     }
 
     /// The same with another longest edge of the shooting patches.
@@ -260,7 +255,7 @@ impl Default for BakeSettings {
             window: 256,
             exact_occluders: precision.exact_occluders,
             rays_per_hemisphere: precision.rays_per_hemisphere,
-            rays_to_sources: 0,
+            rays_to_sources: None,
             minimum_rays: precision.minimum_rays,
             maximum_rays: precision.maximum_rays,
             form_factor_error: precision.form_factor_error,

@@ -177,6 +177,34 @@ fn a_crowd_of_small_things_meets_an_asked_error() {
     assert_eq!(report.restarts, 0);
 }
 
+/// Bars around a lamp of many facets: a few rays do not tell how much of it is seen between them.
+#[test]
+fn a_lamp_behind_bars_gets_more_rays() {
+    let lamp = shapes::icosphere(1)
+        .into_iter()
+        .map(|corners| corners.map(|corner| DVec3::new(1.5, 1.2, 1.5) + 0.15 * corner).to_vec());
+    let half = DVec3::new(0.035, 1.2, 0.035);
+    let bars = (0..24).flat_map(|index| {
+        let (z, x) = (f64::from(index) * std::f64::consts::TAU / 24.0).sin_cos();
+        let middle = DVec3::new(1.5 + 0.3 * x, 1.2, 1.5 + 0.3 * z);
+        shapes::box_facing_out(middle - half, middle + half)
+    });
+    let builder = SceneBuilder::new()
+        .part("room", &shapes::box_facing_in(DVec3::ZERO, DVec3::new(3.0, 2.4, 3.0)), Material::grey(0.1))
+        .part("bars", &bars.collect::<Vec<_>>(), Material::grey(0.0))
+        .part("lamp", &lamp.collect::<Vec<_>>(), Material::grey(0.0).emitting(8.0));
+    // The mesh is not what is looked at.
+    let asked = BakeSettings {
+        rows: RowStrategy::Gather,
+        max_vertices: Some(4000),
+        contrast: None,
+        ..BakeSettings::for_error(0.02)
+    };
+    let report = baked(&imported(&builder.glb()), &asked).report;
+    assert_eq!(report.restarts, 0, "it is found before there is a solution");
+    assert!(report.error.visibility < 0.01, "{:?}", report.error);
+}
+
 /// Where nothing reflects, there is no light to measure.
 #[test]
 fn an_error_that_is_not_measured_is_said_with_the_reason() {

@@ -38,7 +38,7 @@ pub trait RowSource: Send {
         self.rays(settings)
     }
 
-    /// Rays of a hemisphere by the part of which joint light sources get theirs.
+    /// Rays per hemisphere for light sources.
     fn rays_to_sources(&self, settings: &BakeSettings) -> u32 {
         self.rays(settings)
     }

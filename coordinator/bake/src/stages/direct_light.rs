@@ -9,12 +9,12 @@ use super::glow::{Emissions, Gathering, make_glow};
 use super::joint::pool;
 use super::light::Direct;
 use super::light_source::{LightSource, Origin};
-use super::new_start::{MAX_RESTARTS, NewStart};
+use super::new_start::NewStart;
 use super::samples_first::SamplesFirst;
 use super::setup::Setup;
 use super::shooting_mesh::ShootingMesh;
 use crate::context::Context;
-use crate::error::{BakeError, Result};
+use crate::error::Result;
 use crate::jobs::ReceiverSet;
 use crate::observer::Phase;
 use crate::refinement::SamplePoints;
@@ -54,7 +54,7 @@ impl Sources {
 
 impl Setup {
     /// Computes the direct light at the vertices of the shooting mesh and at the refinement samples. Breaks with settings to start anew
-    /// with, where more rays spare it the rows of many light sources.
+    /// with, where more rays spare it the rows of many light sources, or it has too much noise.
     #[tracing::instrument(skip_all)]
     pub fn light(self, cx: &mut Context) -> Result<ControlFlow<NewStart, Lit>> {
         let Self { mesh, longest_edge, mut rows, mut sources, mut samples, mut middles } = self;
@@ -78,20 +78,10 @@ impl Setup {
             if source.joins_sources() { Emissions::of_many(&sources) } else { Emissions::default() };
         let area: f64 = mesh.energies.iter().map(|share| share.area).sum();
         let rays = source.joins_sources().then(|| source.rays_to_sources(cx.settings));
-        let mut light = SamplesFirst::new(&sets, &samples);
+        let mut light = SamplesFirst::new(&sets, &samples, rays);
         let mut apart = None;
-        // Adds the light of sources, or tells of settings that leave less noise.
-        let add = |cx: &mut Context, light: &mut SamplesFirst, sources: &[&LightSource], others: DVec3| {
-            light.add_at_samples(cx, sources)?;
-            let better = rays.and_then(|rays| light.less_noise(cx, rays, others));
-            let better = better.filter(|_| cx.work.restarts < MAX_RESTARTS);
-            if better.is_none() {
-                light.add_elsewhere(cx, sources)?;
-            }
-            Ok::<_, BakeError>(better)
-        };
         let others: Vec<&LightSource> = sources.iter().filter(|source| !emissions.has(source)).collect();
-        let mut better = add(cx, &mut light, &others, emissions.mean_light(area))?;
+        let mut better = light.add(cx, &others, emissions.mean_irradiance(area, |_| true))?;
         if better.is_none() && !emissions.is_empty() {
             let direct = vertices.of_coarse(light.light[sets.len() - 1].all.clone());
             let received = values.of(&mesh.energies, &direct);
@@ -102,7 +92,7 @@ impl Setup {
             let rays = source.rays_of_point(cx.settings);
             let usual_rays = source.rays_of_point(&BakeSettings::for_error(error));
             let gathering = Gathering { level, area, rays, usual_rays, error };
-            let may_restart = cx.settings.error.is_some() && cx.work.restarts == 0;
+            let may_restart = cx.settings.error.is_some() && rays == usual_rays;
             let more = if may_restart { emissions.rays_worth_while(&gathering) } else { None };
             if let Some(more) = more {
                 tracing::debug!(more, "more rays let more surfaces glow");
@@ -116,12 +106,12 @@ impl Setup {
                 }
                 let is_new = |source: &&LightSource| emissions.has(source) || source.origin == Origin::Lamps;
                 let new: Vec<&LightSource> = sources.iter().filter(is_new).collect();
-                better = add(cx, &mut light, &new, emissions.mean_light_of(&glowing, area))?;
+                let from_glowing = emissions.mean_irradiance(area, |surface| glowing.contains(&surface));
+                better = light.add(cx, &new, from_glowing)?;
             }
         }
         if let Some(better) = better {
             let settings = BakeSettings { rows: source.strategy(), ..better };
-            tracing::debug!(settings.rays_per_hemisphere, settings.rays_to_sources, "more rays at once");
             let mesh = ShootingMesh::again(mesh.mesh, longest_edge, &settings);
             cx.end_step("light");
             return Ok(ControlFlow::Break(NewStart { rows, settings, mesh }));

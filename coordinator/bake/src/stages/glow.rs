@@ -105,14 +105,9 @@ impl Emissions {
         self.surfaces.is_empty()
     }
 
-    /// Mean irradiance of a scene of this area from all of them.
-    pub fn mean_light(&self, area: f64) -> DVec3 {
-        self.surfaces.values().map(|own| own.flux).sum::<DVec3>() / area
-    }
-
-    /// The same from some of them.
-    pub fn mean_light_of(&self, surfaces: &HashSet<usize>, area: f64) -> DVec3 {
-        let own = self.surfaces.iter().filter(|(surface, _)| surfaces.contains(surface));
+    /// Mean irradiance of a scene of this area from those surfaces that count.
+    pub fn mean_irradiance(&self, area: f64, counts: impl Fn(usize) -> bool) -> DVec3 {
+        let own = self.surfaces.iter().filter(|(surface, _)| counts(**surface));
         own.map(|(_, own)| own.flux).sum::<DVec3>() / area
     }
 
@@ -148,7 +143,7 @@ impl Emissions {
         let mut dimmest: Vec<(usize, &Emission)> =
             self.surfaces.iter().map(|(surface, own)| (*surface, own)).collect();
         dimmest.sort_by(|a, b| a.1.largest.max_element().total_cmp(&b.1.largest.max_element()));
-        let level = level + self.mean_light(area).element_sum() / 3.0;
+        let level = level + self.mean_irradiance(area, |_| true).element_sum() / 3.0;
         let allowed = (PART_OF_ERROR * error * level).powi(2);
         let (mut flux, mut square, mut emitting, mut count) = (DVec3::ZERO, DVec3::ZERO, 0.0, 0);
         for (index, (_, own)) in dimmest.iter().enumerate() {

@@ -135,12 +135,12 @@ pub fn add_direct<'a>(
     sources: impl Iterator<Item = &'a LightSource>,
     sets: &[ReceiverSet],
     client: &mut RowClient,
-    mut look: impl FnMut(usize, u64, f64),
+    mut look: impl FnMut(usize, &LightSource, f64),
 ) -> Result<(), BakeError> {
     let (sources, shooters): (Vec<&LightSource>, Vec<Shooter>) =
         sources.filter_map(|source| Some((source, source.shooter.clone()?))).unzip();
     client.each_row(&shooters, sets, |set, index, row, variance| {
-        look(set, shooters[index].key, variance);
+        look(set, sources[index], variance);
         light[set].add_row(row, sources[index]);
     })
 }

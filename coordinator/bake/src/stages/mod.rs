@@ -13,7 +13,7 @@
 //! | | lightmap, probes | the solution is asked for the light of points that the caller names |
 //!
 //! Where an error is asked for, refining and measuring are repeated until it is met, or all of it with finer shooters or
-//! more rays. Light at the refinement samples comes first: where it tells that more rays are needed, the stages begin anew at once.
+//! more rays. Light at the refinement samples comes first: where that tells that more rays are needed, the stages start again at once.
 //!
 //! Shooters stay coarse while receivers are refined (substructuring): a share far away sends nearly the same light whether it
 //! is one polygon or sixteen, but a shadow line on the receiving side needs its vertices.

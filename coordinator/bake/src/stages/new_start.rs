@@ -4,9 +4,6 @@ use super::shooting_mesh::ShootingMesh;
 use crate::rows::Rows;
 use crate::settings::BakeSettings;
 
-/// Most new starts.
-pub const MAX_RESTARTS: u32 = 3;
-
 /// Part of the asked error that rays may take after a new start.
 pub const RAYS_PART: f64 = 0.3;
 

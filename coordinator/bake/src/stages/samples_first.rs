@@ -18,11 +18,18 @@ use crate::settings::{BakeSettings, more_rays};
 /// Part of the asked error from which on noise of direct light is too much: the solution would be found to miss the error for it.
 const TOO_MUCH: f64 = 0.7;
 
+/// Noise that does not fall to this part with more rays is as small as it gets once there are so many per hemisphere. With fewer, a small
+/// lamp may have the fewest rays that it can have in any case.
+const LEAST_GAIN: f64 = 0.97;
+const MANY_RAYS: u32 = 1 << 16;
+
 /// Light at sets of receivers, as sources are added.
 pub struct SamplesFirst<'a> {
     sets: &'a [ReceiverSet],
-    /// The first set, if they are one.
+    /// The points of the first set; none where it is none of samples.
     samples: Option<&'a SamplePoints>,
+    /// Rays per hemisphere for light sources; none where there can be no more, and the samples need not come first.
+    rays: Option<u32>,
     /// Light at each set.
     pub light: Vec<Direct>,
     /// Strength of each source by its key, and variance of its row over the samples, summed over these.
@@ -31,53 +38,68 @@ pub struct SamplesFirst<'a> {
 
 impl<'a> SamplesFirst<'a> {
     /// No light yet. The first of the sets is that of the samples, if there are any.
-    pub fn new(sets: &'a [ReceiverSet], samples: &'a SamplePoints) -> Self {
+    pub fn new(sets: &'a [ReceiverSet], samples: &'a SamplePoints, rays: Option<u32>) -> Self {
         let samples = (samples.count() > 0).then_some(samples);
-        Self { sets, samples, light: light::no_light(sets), rows: HashMap::new() }
+        Self { sets, samples, rays, light: light::no_light(sets), rows: HashMap::new() }
     }
 
-    /// Adds the light of sources at the samples.
-    pub fn add_at_samples(&mut self, cx: &mut Context, sources: &[&LightSource]) -> Result<()> {
-        let first = usize::from(self.samples.is_some());
-        let rows = &mut self.rows;
-        let strengths: HashMap<u64, DVec3> = sources
-            .iter()
-            .filter_map(|source| Some((source.shooter.as_ref()?.key, source.strength)))
-            .collect();
-        let look = |_, key, variance| {
-            rows.insert(key, (strengths[&key], variance));
+    /// Adds the light of sources at all sets. Where its noise is too much at the samples it returns settings for less, and all other sets
+    /// are left without this light. `others` is the mean irradiance from sources that were not added.
+    pub fn add(
+        &mut self,
+        cx: &mut Context,
+        sources: &[&LightSource],
+        others: DVec3,
+    ) -> Result<Option<BakeSettings>> {
+        let (Some(samples), Some(rays), Some(asked)) = (self.samples, self.rays, cx.settings.error) else {
+            self.add_at(cx, sources, 0..self.sets.len())?;
+            return Ok(None);
         };
-        light::add_direct(
-            &mut self.light[..first],
-            sources.iter().copied(),
-            &self.sets[..first],
-            cx.client,
-            look,
-        )
+        self.add_at(cx, sources, 0..1)?;
+        let noise = self.noise(samples, others);
+        let found = cx.work.noise.filter(|(least, _)| noise > LEAST_GAIN * least);
+        let (_, fewest) = *cx.work.noise.insert(found.unwrap_or((noise, rays)));
+        if noise > TOO_MUCH * asked && !cx.work.noise_is_bound {
+            cx.work.noise_is_bound = found.is_some() && rays >= MANY_RAYS;
+            let more = f64::from(rays) * more_rays(noise, RAYS_PART * asked);
+            let wanted = if cx.work.noise_is_bound { f64::from(fewest) } else { more };
+            let better = cx.settings.clone().with_rays_to_sources(wanted);
+            if better.most_rays() != rays {
+                tracing::debug!(noise, rays, better.rays_to_sources, "direct light has too much noise");
+                return Ok(Some(better));
+            }
+        }
+        self.add_at(cx, sources, 1..self.sets.len())?;
+        Ok(None)
     }
 
-    /// Adds the light of sources at all other sets.
-    pub fn add_elsewhere(&mut self, cx: &mut Context, sources: &[&LightSource]) -> Result<()> {
-        let first = usize::from(self.samples.is_some());
-        let light = &mut self.light[first..];
-        light::add_direct(light, sources.iter().copied(), &self.sets[first..], cx.client, |_, _, _| ())
+    /// Adds the light of sources at some of the sets.
+    fn add_at(
+        &mut self,
+        cx: &mut Context,
+        sources: &[&LightSource],
+        some: std::ops::Range<usize>,
+    ) -> Result<()> {
+        let Self { sets, samples, light, rows, .. } = self;
+        let of_samples = samples.map(|_| 0);
+        let look = |set, source: &LightSource, variance| {
+            if let Some(shooter) = source.shooter.as_ref().filter(|_| of_samples == Some(some.start + set)) {
+                rows.insert(shooter.key, (source.strength, variance));
+            }
+        };
+        let sources = sources.iter().copied();
+        light::add_direct(&mut light[some.clone()], sources, &sets[some.clone()], cx.client, look)
     }
 
-    /// Settings with more rays to sources, of which there are `rays` to a hemisphere, where the noise at the samples is too much for the
-    /// asked error; `others` is the mean irradiance from sources that were not added.
-    pub fn less_noise(&self, cx: &Context, rays: u32, others: DVec3) -> Option<BakeSettings> {
-        let (asked, samples) = (cx.settings.error?, self.samples?);
+    /// Relative standard error of the light at the samples, where all that is reflected comes back.
+    fn noise(&self, samples: &SamplePoints, others: DVec3) -> f64 {
         let mut samples = samples.clone();
         samples.set_direct(self.light[0].all.clone());
         samples.reflect_evenly(others);
         // In the order of the keys: sums of another order have other bits.
         let mut rows: Vec<(u64, (DVec3, f64))> = self.rows.iter().map(|(key, row)| (*key, *row)).collect();
         rows.sort_unstable_by_key(|(key, _)| *key);
-        let noise = samples.noise(rows.into_iter().map(|(_, row)| row), samples.count());
-        let noise = noise * INTERPOLATED_NOISE.sqrt();
-        let more = f64::from(rays) * more_rays(noise, RAYS_PART * asked);
-        let better = cx.settings.clone().with_rays_to_sources(more);
-        (noise > TOO_MUCH * asked && better.rays_to_sources() > rays).then_some(better)
+        samples.noise(rows.into_iter().map(|(_, row)| row), samples.count()) * INTERPOLATED_NOISE.sqrt()
     }
 
     /// Variance of a source's row over the samples, summed over these.

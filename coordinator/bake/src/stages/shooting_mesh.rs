@@ -45,7 +45,7 @@ impl ShootingMesh {
         Self { mesh, longest_edge, source }
     }
 
-    /// A mesh that was one before, for these settings with a strategy.
+    /// The same mesh for other settings, which name a strategy.
     pub fn again(mesh: Mesh, longest_edge: f64, settings: &BakeSettings) -> Option<Self> {
         row_source(settings.rows).map(|source| Self { mesh, longest_edge, source })
     }

@@ -74,7 +74,7 @@ pub fn shapes(scene: &Scene, settings: &BakeSettings, joined: bool) -> Vec<(Shap
 
 /// Rays of a receiver to an even sky. A power of two has the most even directions.
 fn rays(settings: &BakeSettings) -> u32 {
-    let wanted = RAYS_PART * f64::from(settings.rays_to_sources());
+    let wanted = RAYS_PART * f64::from(settings.most_rays());
     wanted.log2().round().exp2().clamp(LEAST_RAYS, MOST_RAYS) as u32
 }
 

@@ -53,12 +53,12 @@ pub struct Solved {
     pub measured: Vec<SamplePoints>,
 }
 
-/// Relative standard errors of irradiance at a point from the rays that sampled visibility,
+/// Relative standard errors of irradiance at a point.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Noises {
-    /// of shooters,
+    /// From rays between a receiver and a light source or a share.
     pub of_rows: f64,
-    /// and of hemispheres.
+    /// From rays that go anywhere in a hemisphere.
     pub of_hemispheres: f64,
 }
 

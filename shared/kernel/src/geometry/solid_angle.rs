@@ -1,7 +1,5 @@
-//! Points of a polygon by the solid angle at which they are seen: next to a point, where few of those that are even over the area look near,
-//! these are as many as they should be.
-
-use std::f64::consts::TAU;
+//! Points of a polygon that are even over the solid angle at which it is seen. Of those even over its area few would be near a place next
+//! to it, and most of its light comes from there.
 
 use glam::DVec3;
 // The platform's functions may differ in the last bit between the machines of a cluster.
@@ -11,7 +9,7 @@ use smallvec::SmallVec;
 /// Smaller solid angles are rounding, or nearly so.
 const LEAST: f64 = 1e-6;
 
-/// The polygon as it is seen from a point: its triangles on the unit sphere.
+/// A polygon as a point sees it: triangles on the unit sphere.
 pub struct SeenPolygon {
     /// One corner of all triangles, then the others in turn: unit vectors.
     corners: SmallVec<[DVec3; 8]>,
@@ -25,7 +23,7 @@ pub struct SeenPolygon {
 }
 
 impl SeenPolygon {
-    /// A convex polygon with its unit normal, seen from a point in front of it; `None` where it is seen so small that its solid angle is
+    /// A convex polygon with its unit normal. `None` where the point is not in front of it, or sees it so small that its solid angle is
     /// rounding.
     #[must_use]
     pub fn new(position: DVec3, corners: &[DVec3], normal: DVec3) -> Option<Self> {
@@ -41,7 +39,7 @@ impl SeenPolygon {
                 end
             })
             .collect();
-        (end > LEAST && end < TAU).then_some(Self { corners, ends, farthest, height, normal })
+        (end > LEAST && height > 0.0).then_some(Self { corners, ends, farthest, height, normal })
     }
 
     /// Its solid angle.
@@ -72,8 +70,9 @@ impl SeenPolygon {
         let z = 1.0 - y * (1.0 - on_side.dot(b));
         let across = (on_side - b * on_side.dot(b)).normalize_or_zero();
         let way = b * z + across * (1.0 - z * z).max(0.0).sqrt();
-        let distance = (self.height / -self.normal.dot(way)).min(self.farthest);
-        (distance > 0.0).then_some(way * distance).filter(|way| way.is_finite())
+        // Rounding may let it pass the polygon.
+        let distance = self.height / -self.normal.dot(way);
+        (distance > 0.0).then(|| way * distance.min(self.farthest)).filter(|way| way.is_finite())
     }
 }
 
@@ -87,7 +86,7 @@ fn solid_angle(a: DVec3, b: DVec3, c: DVec3) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use std::f64::consts::PI;
+    use std::f64::consts::{PI, TAU};
 
     use proptest::prelude::*;
     use sobol_burley::sample_4d;
@@ -142,9 +141,28 @@ mod tests {
         }
     }
 
+    /// Corners on a straight line, and twice at one place, make triangles without a solid angle: no point is on them.
     #[test]
-    fn what_is_seen_edge_on_has_no_solid_angle() {
+    fn corners_may_be_of_no_use() {
+        let corners = [[0.0, 0.0], [0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0], [0.0, 1.0]]
+            .map(|[x, y]| DVec3::new(x, y, 0.0));
+        let position = DVec3::new(0.4, 0.9, 0.2);
+        let seen = SeenPolygon::new(position, &corners, DVec3::Z).unwrap();
+        let mut cosines = 0.0;
+        for index in 0..DRAWS {
+            let [x, y, ..] = sample_4d(index, 0, 3).map(f64::from);
+            let at = position + seen.way(x, y).unwrap();
+            assert!(at.z.abs() < 1e-9 && at.min_element() > -1e-9 && at.max_element() < 2.0 + 1e-9, "{at}");
+            cosines += 0.2 / (at - position).length() / f64::from(DRAWS);
+        }
+        let exact = point_to_polygon(position, DVec3::NEG_Z, &corners);
+        assert!((cosines * seen.solid_angle() / PI - exact).abs() < 2e-3, "{cosines}");
+    }
+
+    #[test]
+    fn from_behind_and_edge_on_nothing_is_seen() {
         let corners = [DVec3::ZERO, DVec3::X, DVec3::Y];
+        assert!(SeenPolygon::new(DVec3::new(0.2, 0.2, -0.5), &corners, DVec3::Z).is_none());
         assert!(SeenPolygon::new(DVec3::new(3.0, 0.5, 1e-9), &corners, DVec3::Z).is_none());
         assert!(SeenPolygon::new(DVec3::ZERO, &corners, DVec3::Z).is_none());
         let half = SeenPolygon::new(DVec3::new(0.25, 0.25, 1e-6), &corners, DVec3::Z).unwrap();

@@ -30,6 +30,9 @@ const MOST_POINTS: usize = 2048;
 /// small for few.
 const POSITIONS_TWICE: usize = 4;
 
+/// Most light that evenly reflected light brings, relative to what is reflected at first.
+const MOST_RETURNED: f64 = 10.0;
+
 /// Length of the sequence that points are drawn from.
 pub const MOST_DRAWN: usize = 1 << 16;
 
@@ -158,8 +161,8 @@ impl SamplePoints {
         self.irradiance = irradiance;
     }
 
-    /// Sets the total irradiance as if all that is reflected of the direct light, and of this irradiance beside it, came back evenly:
-    /// as in a closed room, where there is most of it.
+    /// Sets the total irradiance as if all that is reflected of the direct light, and of this irradiance beside it, came back evenly,
+    /// to [`MOST_RETURNED`] times as much: as in a closed room, where there is most of it.
     pub fn reflect_evenly(&mut self, beside: DVec3) {
         let (mut reflected, mut reflectance, mut all) = (DVec3::ZERO, DVec3::ZERO, 0.0);
         for (point, direct) in self.points.iter().zip(&self.direct) {
@@ -167,7 +170,8 @@ impl SamplePoints {
             reflectance += point.weight * point.reflectance;
             all += point.weight;
         }
-        let back = reflected / (all - reflectance).max(DVec3::splat(f64::MIN_POSITIVE));
+        let lost = (all - reflectance).max(DVec3::splat(all / MOST_RETURNED));
+        let back = if all > 0.0 { reflected / lost } else { DVec3::ZERO };
         self.set_irradiance(self.direct.iter().map(|direct| *direct + beside + back).collect());
     }
 
@@ -273,6 +277,30 @@ fn part_of_middle(corners: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn light_comes_back_as_in_a_closed_room() {
+        let returned = |reflectance: f64, beside: f64| {
+            let receiver = Receiver { position: DVec3::ZERO, normal: DVec3::Z, plane: PlaneId(0) };
+            let point = |weight| SamplePoint {
+                patch: PatchId(0),
+                reflectance: DVec3::splat(reflectance),
+                receiver,
+                position: DVec3::ZERO,
+                weight,
+            };
+            let direct = vec![DVec3::splat(4.0), DVec3::ZERO];
+            let mut samples =
+                SamplePoints { points: vec![point(0.5), point(1.5)], direct, ..SamplePoints::default() };
+            samples.reflect_evenly(DVec3::splat(beside));
+            samples.irradiance.iter().map(|light| light.x).collect::<Vec<_>>()
+        };
+        // A mean of 1 over the area.
+        assert_eq!(returned(0.5, 0.0), [5.0, 1.0]);
+        assert_eq!(returned(0.5, 1.0), [7.0, 3.0]);
+        assert_eq!(returned(0.0, 1.0), [5.0, 1.0]);
+        assert_eq!(returned(1.0, 0.0), [14.0, 10.0]);
+    }
 
     #[test]
     fn middles_weigh_as_much_as_simpsons_rule_says() {

@@ -2,7 +2,7 @@
 
 use crate::settings::BakeSettings;
 
-/// Fewest rays of a receiver, and of the hemisphere by the part of which joint light sources get theirs.
+/// Fewest rays of a receiver, and per hemisphere for light sources.
 const LEAST: u32 = 256;
 
 /// Fewest rays of a gather point: interpolation evens out their noise.
@@ -13,9 +13,9 @@ pub fn of_receiver(settings: &BakeSettings) -> u32 {
     settings.rays_per_hemisphere.max(LEAST).next_power_of_two()
 }
 
-/// Rays of the hemisphere by the part of which joint light sources get theirs.
+/// Rays per hemisphere for light sources.
 pub fn to_sources(settings: &BakeSettings) -> u32 {
-    settings.rays_to_sources().max(LEAST).next_power_of_two()
+    settings.most_rays().max(LEAST).next_power_of_two()
 }
 
 /// Rays of a gather point.

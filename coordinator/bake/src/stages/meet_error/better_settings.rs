@@ -6,11 +6,14 @@ use crate::error_budget::INTERPOLATED_NOISE;
 use crate::refinement::{Obstacle, room};
 use crate::settings::{BakeSettings, more_rays};
 use crate::stages::ShootingMesh;
-use crate::stages::new_start::{MAX_RESTARTS, RAYS_PART};
-use crate::stages::solved::{Noises, Solved};
+use crate::stages::new_start::RAYS_PART;
+use crate::stages::solved::Noises;
 
 /// Part of the asked error that the shooters may take after a new start.
 const SHOOTERS_PART: f64 = 0.5;
+
+/// Most new starts.
+const MAX_RESTARTS: u32 = 3;
 
 /// A new start for less noise has this times as many rays, at least.
 const LEAST_MORE_RAYS: f64 = 1.5;
@@ -41,7 +44,7 @@ impl Measured {
         let rest_is_too_small = certainly.without_receivers() > asked;
         let most = error.unshot.max(error.form_factors);
         let better = if noise_hides || (rest_is_too_small && error.visibility > error.shooters.max(most)) {
-            self.with_less_noise(cx.settings, RAYS_PART * asked)
+            self.with_less_noise(cx, RAYS_PART * asked)
         } else if rest_is_too_small
             && error.shooters > most
             && (is_last || !self.finer_mesh_helps_shooters(cx.settings))
@@ -63,23 +66,31 @@ impl Measured {
         (better != *cx.settings).then_some(better)
     }
 
-    /// Settings whose rays leave this noise, each kind as far as it has more.
-    fn with_less_noise(&self, settings: &BakeSettings, noise: f64) -> BakeSettings {
-        let Solved { rows, .. } = &self.solved;
+    /// Settings whose rays should leave this noise: those to light sources and those of hemispheres, each if it has more.
+    fn with_less_noise(&self, cx: &Context, noise: f64) -> BakeSettings {
+        let settings = cx.settings;
+        let source = &self.solved.rows.source;
         let Noises { of_rows, of_hemispheres } = self.solved.noises();
         let [to_sources, of_hemisphere] =
             [of_rows, of_hemispheres].map(|own| more_rays(own * INTERPOLATED_NOISE.sqrt(), noise));
-        let better = settings.clone();
-        let rays = f64::from(rows.source.rays(settings));
-        if !rows.source.joins_sources() || to_sources.max(of_hemisphere) < LEAST_MORE_RAYS {
-            return better.with_rays(rays * to_sources.max(of_hemisphere).max(LEAST_MORE_RAYS));
+        let rays = f64::from(source.rays(settings));
+        if !source.joins_sources() {
+            return settings.clone().with_rays(rays * to_sources.max(LEAST_MORE_RAYS));
         }
-        let better = if of_hemisphere > 1.0 { better.with_rays(rays * of_hemisphere) } else { better };
-        if to_sources > 1.0 {
-            let rays = f64::from(rows.source.rays_to_sources(settings));
-            better.with_rays_to_sources(rays * to_sources)
-        } else {
-            better
+        let to_sources = if cx.work.noise_is_bound { 0.0 } else { to_sources };
+        if to_sources == 0.0 && of_hemisphere < 1.0 {
+            return settings.clone();
         }
+        let most = to_sources.max(of_hemisphere);
+        let [to_sources, of_hemisphere] = [to_sources, of_hemisphere]
+            .map(|factor| if factor == most { factor.max(LEAST_MORE_RAYS) } else { factor });
+        let mut better = settings.clone();
+        if of_hemisphere >= LEAST_MORE_RAYS {
+            better = better.with_rays(rays * of_hemisphere);
+        }
+        if to_sources >= LEAST_MORE_RAYS {
+            better = better.with_rays_to_sources(f64::from(source.rays_to_sources(settings)) * to_sources);
+        }
+        better
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! The unoccluded form factors are summed, each times the weight of its polygon, for groups of receivers at once; polygons that lie
 //! and face together count as one from afar. Visibility is sampled for the shooter as a whole: rays choose among its polygons in
-//! proportion to their part of that sum. Where polygons lie apart, as those of many lamps do, most may be hidden from a receiver: what arrives is then told for each of these bodies.
+//! proportion to their part of that sum, and among the points of a polygon that is near by solid angle. Where polygons lie apart, as those of many lamps do, most may be hidden from a receiver: what arrives is then told for each of these bodies.
 
 mod bodies;
 mod targets;
@@ -205,8 +205,8 @@ impl<'a> ManyPolygons<'a> {
             let own = ends[index][lane] - before(index);
             let place = &faced.places[index];
             let polygon = tree.choose(&place.range, ((choice * all - before(index)) / own).clamp(0.0, 1.0));
-            let Target { at, seen } = targets.draw((index, place), polygon, [x, y]);
-            let weight = seen / own;
+            let Target { at, weight } = targets.draw((index, place), polygon, [x, y]);
+            let weight = weight / own;
             cast += 1;
             if weight > 0.0 && own > 0.0 {
                 let planes = [receiver.plane, polygon.plane()];
