@@ -32,7 +32,7 @@ pub struct Context<'a, 'b> {
 pub struct Work {
     /// New starts with other settings, but for those as soon as direct light was looked at.
     pub restarts: u32,
-    /// The least noise of direct light that was found, with the fewest rays per hemisphere for light sources that bring it.
+    /// The least noise of direct light that was found to be too much, with the fewest rays per hemisphere for light sources that bring it.
     pub noise: Option<(f64, u32)>,
     /// Whether more rays to light sources are of no use.
     pub noise_is_bound: bool,

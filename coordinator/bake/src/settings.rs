@@ -198,7 +198,7 @@ impl BakeSettings {
         Self { rays_per_hemisphere: rays, maximum_rays, ..self }
     }
 
-    /// The same with so many rays to a hemisphere for light sources, if these are more.
+    /// The same with this number of rays per hemisphere for light sources, if it is larger.
     #[must_use]
     pub fn with_rays_to_sources(self, rays_per_hemisphere: f64) -> Self {
         Self { rays_to_sources: Some(whole_rays(rays_per_hemisphere)), ..self }

@@ -94,9 +94,10 @@ fn many_polygons_are_one_shooter() {
     let wall = || scene_of(&[(rectangle(3, [0.1, 1.0], 1.2), 1.0)]);
     // One draw has an error of 1 %, and tells little.
     let (exact, draws) = (whole(wall()), 512);
-    let errors = |key| draw(wall(), Shape::Polygons(tiles.clone()), key) / exact - 1.0;
-    let mean = (0..draws).map(errors).sum::<f64>() / draws as f64;
-    let mean_square = (0..draws).map(|key| errors(key).powi(2)).sum::<f64>() / draws as f64;
+    let error = |key| draw(wall(), Shape::Polygons(tiles.clone()), key) / exact - 1.0;
+    let errors: Vec<f64> = (0..draws).map(error).collect();
+    let mean_of = |value: fn(&f64) -> f64| errors.iter().map(value).sum::<f64>() / draws as f64;
+    let (mean, mean_square) = (mean_of(|error| *error), mean_of(|error| error * error));
     assert!(mean.abs() < 0.002 && mean_square.sqrt() < 0.015, "{mean}, {}", mean_square.sqrt());
     let filter = tiled(scene_of(&[(rectangle(2, [-1.0, 1.0], 1.0), 0.25)]));
     assert!((filter / open - 0.75).abs() < 1e-6, "{filter} of {open}");

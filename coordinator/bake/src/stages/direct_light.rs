@@ -77,8 +77,8 @@ impl Setup {
         let emissions =
             if source.joins_sources() { Emissions::of_many(&sources) } else { Emissions::default() };
         let area: f64 = mesh.energies.iter().map(|share| share.area).sum();
-        let rays = source.joins_sources().then(|| source.rays_to_sources(cx.settings));
-        let mut light = SamplesFirst::new(&sets, &samples, rays);
+        let rays_to_sources = source.joins_sources().then(|| source.rays_to_sources(cx.settings));
+        let mut light = SamplesFirst::new(&sets, &samples, rays_to_sources);
         let mut apart = None;
         let others: Vec<&LightSource> = sources.iter().filter(|source| !emissions.has(source)).collect();
         let mut better = light.add(cx, &others, emissions.mean_irradiance(area, |_| true))?;

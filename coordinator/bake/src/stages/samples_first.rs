@@ -1,7 +1,7 @@
 //! Direct light at some sets of receivers, at the refinement samples first: they tell whether its noise is too much, at a small part of
 //! what light at all vertices costs.
 
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 
 use glam::DVec3;
 
@@ -18,9 +18,10 @@ use crate::settings::{BakeSettings, more_rays};
 /// Part of the asked error from which on noise of direct light is too much: the solution would be found to miss the error for it.
 const TOO_MUCH: f64 = 0.7;
 
-/// Noise that does not fall to this part with more rays is as small as it gets once there are so many per hemisphere. With fewer, a small
-/// lamp may have the fewest rays that it can have in any case.
+/// More rays are of no use where they do not bring noise to this part of what it was,
 const LEAST_GAIN: f64 = 0.97;
+
+/// from this number per hemisphere on. A small lamp gets its least number of rays with fewer, too, and more of them change nothing yet.
 const MANY_RAYS: u32 = 1 << 16;
 
 /// Light at sets of receivers, as sources are added.
@@ -33,14 +34,14 @@ pub struct SamplesFirst<'a> {
     /// Light at each set.
     pub light: Vec<Direct>,
     /// Strength of each source by its key, and variance of its row over the samples, summed over these.
-    rows: HashMap<u64, (DVec3, f64)>,
+    rows: BTreeMap<u64, (DVec3, f64)>,
 }
 
 impl<'a> SamplesFirst<'a> {
     /// No light yet. The first of the sets is that of the samples, if there are any.
     pub fn new(sets: &'a [ReceiverSet], samples: &'a SamplePoints, rays: Option<u32>) -> Self {
         let samples = (samples.count() > 0).then_some(samples);
-        Self { sets, samples, rays, light: light::no_light(sets), rows: HashMap::new() }
+        Self { sets, samples, rays, light: light::no_light(sets), rows: BTreeMap::new() }
     }
 
     /// Adds the light of sources at all sets. Where its noise is too much at the samples it returns settings for less, and all other sets
@@ -57,9 +58,9 @@ impl<'a> SamplesFirst<'a> {
         };
         self.add_at(cx, sources, 0..1)?;
         let noise = self.noise(samples, others);
-        let found = cx.work.noise.filter(|(least, _)| noise > LEAST_GAIN * least);
-        let (_, fewest) = *cx.work.noise.insert(found.unwrap_or((noise, rays)));
         if noise > TOO_MUCH * asked && !cx.work.noise_is_bound {
+            let found = cx.work.noise.filter(|(least, _)| noise > LEAST_GAIN * least);
+            let (_, fewest) = *cx.work.noise.insert(found.unwrap_or((noise, rays)));
             cx.work.noise_is_bound = found.is_some() && rays >= MANY_RAYS;
             let more = f64::from(rays) * more_rays(noise, RAYS_PART * asked);
             let wanted = if cx.work.noise_is_bound { f64::from(fewest) } else { more };
@@ -96,10 +97,7 @@ impl<'a> SamplesFirst<'a> {
         let mut samples = samples.clone();
         samples.set_direct(self.light[0].all.clone());
         samples.reflect_evenly(others);
-        // In the order of the keys: sums of another order have other bits.
-        let mut rows: Vec<(u64, (DVec3, f64))> = self.rows.iter().map(|(key, row)| (*key, *row)).collect();
-        rows.sort_unstable_by_key(|(key, _)| *key);
-        samples.noise(rows.into_iter().map(|(_, row)| row), samples.count()) * INTERPOLATED_NOISE.sqrt()
+        samples.noise(self.rows.values().copied(), samples.count()) * INTERPOLATED_NOISE.sqrt()
     }
 
     /// Variance of a source's row over the samples, summed over these.

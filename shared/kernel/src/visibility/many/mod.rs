@@ -2,7 +2,8 @@
 //!
 //! The unoccluded form factors are summed, each times the weight of its polygon, for groups of receivers at once; polygons that lie
 //! and face together count as one from afar. Visibility is sampled for the shooter as a whole: rays choose among its polygons in
-//! proportion to their part of that sum, and among the points of a polygon that is near by solid angle. Where polygons lie apart, as those of many lamps do, most may be hidden from a receiver: what arrives is then told for each of these bodies.
+//! proportion to their part of that sum, and among the points of a polygon that is near by solid angle. Where polygons lie apart, as
+//! those of many lamps do, most may be hidden from a receiver: what arrives is then told for each of these bodies.
 
 mod bodies;
 mod targets;
