@@ -1,5 +1,7 @@
 //! Points drawn at random on leaves.
 
+use std::ops::Range;
+
 use glam::DVec3;
 use kernel::geometry::uniform_point;
 use kernel::replica::Receiver;
@@ -24,14 +26,14 @@ pub struct SamplePoint {
     pub weight: f64,
 }
 
-/// Draws points on these leaves, by a `seed` and a round.
+/// Draws points on these leaves, by a `seed` and a round: those of their sequence at these places.
 pub fn draw_on(
     mesh: &Mesh,
     scene: &Scene,
     leaves: &[PatchId],
     expected: &[f64],
     (seed, round): (u64, u32),
-    count: usize,
+    places: Range<usize>,
 ) -> Vec<SamplePoint> {
     if leaves.is_empty() {
         return vec![];
@@ -58,9 +60,10 @@ pub fn draw_on(
         let (id, _, weight) = parts[place];
         point_on(mesh, scene, id, [y, z], weight)
     };
-    let mut points: Vec<SamplePoint> = (0..count).map(point).collect();
+    let mut points: Vec<SamplePoint> = places.map(point).collect();
     // The first of them are used alone: they stay a random part of all. Rows over neighbours cost least.
-    let (first, others) = points.split_at_mut(FIRST.min(count));
+    let first = FIRST.min(points.len());
+    let (first, others) = points.split_at_mut(first);
     for part in [first, others] {
         part.sort_by_cached_key(|point| along_curve(point.position));
     }

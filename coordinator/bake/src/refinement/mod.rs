@@ -22,4 +22,4 @@ pub use fit::{best_fit, best_fit_of_part};
 pub use plan::{Obstacle, Plan, Step, long_patches, room};
 pub use prediction::{LEAST_WEIGHT, MeshError};
 pub use revealed::RevealedErrors;
-pub use samples::{MOST_DRAWN, SamplePoints};
+pub use samples::{Draw, MOST_DRAWN, SamplePoints};

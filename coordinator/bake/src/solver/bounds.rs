@@ -48,6 +48,13 @@ impl Bounds {
         self.vertices += sums.len();
     }
 
+    /// Adds the next vertices as another has them.
+    pub fn append(&mut self, next: Self) {
+        let first = self.vertices;
+        self.reduced.extend(next.reduced.into_iter().map(|(index, factor)| (first + index, factor)));
+        self.vertices += next.vertices;
+    }
+
     /// Number of vertices added.
     pub fn vertices(&self) -> usize {
         self.vertices

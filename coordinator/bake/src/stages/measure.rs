@@ -2,10 +2,9 @@
 
 use glam::DVec3;
 
-use super::glow::glow;
-use super::irradiance::{Irradiance, Lights, Place, Received, irradiance_at};
 use super::refine::Refined;
 use super::solved::Solved;
+use super::validation::Validation;
 use crate::context::Context;
 use crate::error::Result;
 use crate::error_budget::{
@@ -14,7 +13,6 @@ use crate::error_budget::{
 use crate::mesh::PatchId;
 use crate::observer::Phase;
 use crate::refinement::{FIRST, Obstacle, SamplePoints};
-use crate::rows::leaving;
 
 /// Part of the error of the shooters that is left when the leaves of the refined mesh, with edges half as long where light changes,
 /// become the shares. The error falls with the square of the edge, next to contacts with the edge.
@@ -46,19 +44,12 @@ impl Refined {
         let fitted = solved.fitted();
         let prediction = solved.predict(cx, &fitted);
         solved.rounds_measured += 1;
-        // Points of their own: the mesh was refined where the refinement samples found errors, and is better there than
-        // elsewhere.
-        let (round, expected) = (solved.rounds_measured, prediction.leaves());
-        let draw = (round, solved.rows.source.measures_twice());
-        let mut validation = SamplePoints::draw(&solved.mesh.mesh, cx.scene, cx.settings, expected, draw);
-        let found_between = solved.light_samples(cx, &mut validation)?;
+        let Validation { samples: validation, receivers, found_between } =
+            solved.validate(cx, &fitted, prediction.leaves())?;
         let noise = solved.noise();
         let reflectance = solved.mean_reflectance();
-        let [receivers, receivers_at_least] = if validation.count() > 0 {
-            validation.interpolation_error(&solved.mesh.mesh, &fitted, reflectance, noise)
-        } else {
-            [solved.found_per_predicted * prediction.relative(); 2]
-        };
+        let [receivers, receivers_at_least] =
+            receivers.unwrap_or([solved.found_per_predicted * prediction.relative(); 2]);
         let errors: Vec<DVec3> = found_between.iter().map(|(_, error)| *error).collect();
         let between = without_noise(validation.relative(&errors), noise);
         // As the next refinement will predict it.
@@ -108,41 +99,6 @@ impl Measured {
 }
 
 impl Solved {
-    /// Gathers the light of all sources and shares at sample points. Returns the errors that the radiosity has where light is
-    /// interpolated between gather points, each with its leaf.
-    fn light_samples(
-        &mut self,
-        cx: &mut Context,
-        samples: &mut SamplePoints,
-    ) -> Result<Vec<(PatchId, DVec3)>> {
-        if samples.count() == 0 {
-            return Ok(vec![]);
-        }
-        let receivers = samples.receivers(samples.count());
-        let lights = Lights { sources: &self.sources.all, radiosity: self.solution.radiosity() };
-        let Received { light, cover } =
-            irradiance_at(cx, &self.mesh, &mut self.rows, Place::Once(&receivers), &[lights])?;
-        samples.set_row_sums(&cover.sums);
-        let mut glowing = vec![];
-        for Irradiance { direct, glow, all } in light {
-            samples.set_direct(direct.all);
-            samples.set_irradiance(all);
-            glowing = glow;
-        }
-        // What glows is interpolated between them, too.
-        let glow = glow(&self.mesh, &self.sources.all);
-        let leaving = leaving(&self.solution.radiosity, glow.as_deref());
-        let mut between = self.rows.source.interpolated(cx, &receivers, &leaving)?;
-        if let Some(between) = &mut between {
-            between.iter_mut().zip(glowing).for_each(|(light, glowing)| *light -= glowing);
-        }
-        let Some(between) = between else { return Ok(vec![]) };
-        let mut measured = samples.clone();
-        measured.set_gathered(&between);
-        self.measured.push(measured);
-        Ok(samples.on_leaves(&self.mesh.mesh, samples.differences(&between)))
-    }
-
     /// Relative error of the light of shares that count as wholes: against that of the leaves of the refined mesh, each with its own
     /// mean, at all samples, or at the first where leaves cost rows. Returns what it is at least, too.
     fn error_of_shooters(

@@ -45,6 +45,7 @@ mod shooting_mesh;
 mod sides;
 mod sky;
 mod solved;
+mod validation;
 
 pub use asked::{AskedPoints, PointLight};
 pub use irradiance::{Lights, Place, irradiance_at};

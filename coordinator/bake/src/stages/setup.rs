@@ -8,7 +8,7 @@ use super::shooting_mesh::ShootingMesh;
 use crate::context::Context;
 use crate::error::{BakeError, Result};
 use crate::mesh::PatchId;
-use crate::refinement::SamplePoints;
+use crate::refinement::{Draw, SamplePoints};
 use crate::rows::{Rows, ShareMesh};
 
 /// Longest edge of the smallest leaves whose middles are looked at, relative to that of the largest.
@@ -47,7 +47,7 @@ impl Setup {
         let table = source.open(cx, &mesh);
         let mut rows = Rows { source, table };
         rows.add_coarse(cx, &mesh.mesh)?;
-        let samples = SamplePoints::draw(&mesh.mesh, scene, settings, &[], (0, false));
+        let samples = SamplePoints::draw(&mesh.mesh, scene, settings, &[], Draw::default());
         let middles = if rows.source.leaves_cost_rows() {
             SamplePoints::default()
         } else {

@@ -39,6 +39,11 @@ impl SamplePoints {
         self.points.len() > 1 && self.points[0].position == self.points[1].position
     }
 
+    /// Number of positions.
+    pub fn positions(&self) -> usize {
+        self.points.len() / if self.is_drawn_twice() { 2 } else { 1 }
+    }
+
     /// Differences of the radiosity at the first points where other shooters give these irradiances.
     pub fn differences(&self, other: &[DVec3]) -> Vec<DVec3> {
         let mut all: Vec<DVec3> =

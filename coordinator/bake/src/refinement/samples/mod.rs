@@ -36,6 +36,33 @@ const MOST_RETURNED: f64 = 10.0;
 /// Length of the sequence that points are drawn from.
 pub const MOST_DRAWN: usize = 1 << 16;
 
+/// Which points to draw.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Draw {
+    /// Each round draws points of its own.
+    pub round: u32,
+    /// Whether light is gathered twice at each position, of which there are more then.
+    pub is_twice: bool,
+    /// Positions drawn before in this round: as many more are drawn.
+    pub positions_before: usize,
+}
+
+impl Draw {
+    /// Number of positions on so many patches, where at least so many points were asked for.
+    fn positions(&self, least: usize, patches: usize) -> usize {
+        let most = if self.is_twice { MOST_DRAWN / 2 } else { MOST_DRAWN };
+        let positions = match (least, self.positions_before) {
+            (0, _) => 0,
+            (_, 0) => {
+                let once = least.max(patches / PATCHES_PER_POINT).min(MOST_POINTS.max(least));
+                if self.is_twice { (once * POSITIONS_TWICE).min(MOST_POINTS.max(once)) } else { once }
+            }
+            (_, before) => before,
+        };
+        positions.min(most - self.positions_before)
+    }
+}
+
 /// Sample points, and the light gathered at them.
 ///
 /// Two points in turn at one position are two draws of the light there, with rays of their own. The noise of one is independent of the
@@ -57,14 +84,13 @@ pub struct SamplePoints {
 
 impl SamplePoints {
     /// Draws points on the reflecting surfaces: half of them uniformly over the area, half by the square error that `expected`
-    /// tells of each leaf, where it is known. Another `round` is another draw. Where light is gathered `twice`, each is there two
-    /// times, and there are more of them.
+    /// tells of each leaf, where it is known.
     pub fn draw(
         mesh: &Mesh,
         scene: &Scene,
         settings: &BakeSettings,
         expected: &[(PatchId, f64)],
-        (round, twice): (u32, bool),
+        draw: Draw,
     ) -> Self {
         let reflects =
             |id: &PatchId| scene.surfaces[mesh.patch(*id).surface as usize].reflectance != DVec3::ZERO;
@@ -72,23 +98,25 @@ impl SamplePoints {
         let mut errors = vec![0.0; mesh.patches.len()];
         expected.iter().for_each(|(id, error)| errors[id.index()] = *error);
         let expected: Vec<f64> = reflecting.iter().map(|id| errors[id.index()]).collect();
-        let count = match settings.validation_samples {
-            0 => 0,
-            least => {
-                least.max(reflecting.len() / PATCHES_PER_POINT).min(MOST_POINTS.max(least)).min(MOST_DRAWN)
-            }
-        };
-        let count = if twice {
-            (count * POSITIONS_TWICE).min(MOST_POINTS.max(count)).min(MOST_DRAWN / 2)
-        } else {
-            count
-        };
-        let first_key = FIRST_KEY + u64::from(round) * MOST_DRAWN as u64;
-        let mut points = draw_on(mesh, scene, &reflecting, &expected, (settings.seed, round), count);
-        if twice {
-            points = points.into_iter().flat_map(|point| [point.clone(), point]).collect();
-        }
+        let draws = if draw.is_twice { 2 } else { 1 };
+        let first = draw.positions_before;
+        let positions = draw.positions(settings.validation_samples, reflecting.len());
+        let seed = (settings.seed, draw.round);
+        let points = draw_on(mesh, scene, &reflecting, &expected, seed, first..first + positions);
+        let first_key = FIRST_KEY + u64::from(draw.round) * MOST_DRAWN as u64 + (first * draws) as u64;
+        let points = points.into_iter().flat_map(|point| std::iter::repeat_n(point, draws)).collect();
         Self { first_key, points, ..Self::default() }
+    }
+
+    /// Appends points of the same draw, with the light gathered at them.
+    pub fn append(&mut self, more: Self) {
+        if self.points.is_empty() {
+            self.first_key = more.first_key;
+        }
+        self.points.extend(more.points);
+        self.direct.extend(more.direct);
+        self.irradiance.extend(more.irradiance);
+        self.bounds.append(more.bounds);
     }
 
     /// Draws this many points, at most [`MOST_DRAWN`], on all surfaces in the same way. `expected` is that of each leaf, or empty.
@@ -102,7 +130,7 @@ impl SamplePoints {
         count: usize,
     ) -> Self {
         let leaves: Vec<PatchId> = mesh.leaves().map(|(id, _)| id).collect();
-        Self { first_key, points: draw_on(mesh, scene, &leaves, expected, seed, count), ..Self::default() }
+        Self { first_key, points: draw_on(mesh, scene, &leaves, expected, seed, 0..count), ..Self::default() }
     }
 
     /// The middles of these leaves. Keys of receivers start at `first_key`.
