@@ -10,8 +10,8 @@ use kernel::occluder::Occluder;
 use kernel::replica::{Receiver, Receivers, ScenePolygons};
 use kernel::row::{Hemisphere, Precision, Rounding, Row, Shape, Shooter};
 use kernel::visibility::{
-    MANY_POLYGONS, ManyPolygons, ReceiverGroups, Stop, TransparentOccluders, VisibilityKernel, pair_seed,
-    sky_factor,
+    FactorsOfMany, MANY_POLYGONS, ReceiverGroups, Stop, TransparentOccluders, VisibilityKernel,
+    factors_of_many, pair_seed, sky_factor,
 };
 use protocol::worker::RowStatistics;
 
@@ -117,31 +117,74 @@ pub fn compute_row(
     shooter: &Shooter,
     precision: &Precision,
 ) -> (Vec<f32>, RowStatistics) {
-    compute_row_until(scene, groups, first_key, shooter, precision, &|| false).unwrap_or_default()
+    let rows =
+        compute_rows_until(scene, groups, first_key, std::slice::from_ref(shooter), precision, &|| false);
+    rows.and_then(|mut rows| rows.pop()).unwrap_or_default()
 }
 
-/// The same, asking `stop` every few milliseconds; nothing where it says so.
+/// The same of consecutive channels of one shape, or of one shooter, asking `stop` every few milliseconds; nothing where it says so. Work
+/// that the rows of all channels share counts for the first, whichever of them are asked for.
 #[must_use]
-pub fn compute_row_until(
+pub fn compute_rows_until(
+    scene: &Scene,
+    groups: &ReceiverGroups,
+    first_key: u64,
+    shooters: &[Shooter],
+    precision: &Precision,
+    stop: Stop,
+) -> Option<Vec<(Vec<f32>, RowStatistics)>> {
+    let [first, ..] = shooters else { return Some(vec![]) };
+    let rounded = |shooter: &Shooter, row: &mut dyn Iterator<Item = f64>| -> Vec<f32> {
+        let rounding = Rounding::new(precision.factor_rounding);
+        let seed = |index: usize| pair_seed(precision.seed, shooter.key, first_key + index as u64);
+        let rounded = |(index, factor)| if factor == 0.0 { 0.0 } else { rounding.apply(factor, seed(index)) };
+        row.enumerate().map(rounded).collect()
+    };
+    if !is_of_many(&first.shape) {
+        let (row, statistics) = factors_of(scene, groups, first_key, first, precision, stop);
+        return (!stop()).then(|| vec![(rounded(first, &mut row.into_iter()), statistics)]);
+    }
+    let seed = |index: usize| pair_seed(precision.seed, first.key_of_rays(), first_key + index as u64);
+    let among = (scene.occluder(), scene.transparent());
+    let mut shared = RowStatistics::default();
+    let many = (&first.shape, groups);
+    let FactorsOfMany { factors, variances } =
+        factors_of_many(many, among, precision, seed, stop, &mut shared);
+    if stop() {
+        return None;
+    }
+    let row = |shooter: &Shooter| {
+        let channel = shooter.shape.channel();
+        let row = rounded(shooter, &mut factors.iter().map(|factors| factors[channel]));
+        let statistics = if channel == 0 { shared } else { RowStatistics::default() };
+        (row, RowStatistics { sampling_variance: variances[channel], ..statistics })
+    };
+    Some(shooters.iter().map(row).collect())
+}
+
+/// Whether all polygons of a shape are looked at as a whole.
+fn is_of_many(shape: &Shape) -> bool {
+    match shape {
+        Shape::Polygons(polygons) => polygons.len() >= MANY_POLYGONS,
+        Shape::Weighted(..) => true,
+        _ => false,
+    }
+}
+
+/// The row of one shooter that is not of many polygons, before rounding.
+fn factors_of(
     scene: &Scene,
     groups: &ReceiverGroups,
     first_key: u64,
     shooter: &Shooter,
     precision: &Precision,
     stop: Stop,
-) -> Option<(Vec<f32>, RowStatistics)> {
+) -> (Vec<f64>, RowStatistics) {
     let mut statistics = RowStatistics::default();
     let receivers = groups.receivers();
-    let rounding = Rounding::new(precision.factor_rounding);
     let seed = |index: usize| pair_seed(precision.seed, shooter.key, first_key + index as u64);
     let wanted = || receivers.iter().enumerate().take_while(|_| !stop());
-    let of_many = |statistics: &mut RowStatistics| {
-        let mut many = ManyPolygons::new(&shooter.shape, scene.occluder(), scene.transparent(), precision);
-        many.factors(groups, seed, stop, statistics)
-    };
     let row: Vec<f64> = match &shooter.shape {
-        Shape::Polygons(polygons) if polygons.len() >= MANY_POLYGONS => of_many(&mut statistics),
-        Shape::Weighted(_) => of_many(&mut statistics),
         Shape::Polygons(polygons) => {
             let mut kernel = VisibilityKernel::new(scene.occluder(), precision).until(stop);
             let mut factors = vec![0.0; receivers.len()];
@@ -191,14 +234,10 @@ pub fn compute_row_until(
             };
             wanted().map(factor).collect()
         }
-        // Its row is over polygons, not over receivers: a job that mixes both is refused.
-        Shape::Hemisphere(_) => vec![0.0; receivers.len()],
+        // Weighted polygons are always many. A hemisphere's row is over polygons, not over receivers: a job that mixes both is refused.
+        Shape::Weighted(..) | Shape::Hemisphere(_) => vec![0.0; receivers.len()],
     };
-    if stop() {
-        return None;
-    }
-    let rounded = |(index, factor)| if factor == 0.0 { 0.0 } else { rounding.apply(factor, seed(index)) };
-    Some((row.into_iter().enumerate().map(rounded).collect(), statistics))
+    (row, statistics)
 }
 
 /// V w cos / r^2: what a point light of unit intensity, times `weight` of the direction to it, gives a receiver.

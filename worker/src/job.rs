@@ -14,7 +14,7 @@ use protocol::worker::{
 };
 use tokio::time::Instant;
 
-use crate::engine::{ReceiverSet, Scene, compute_hemisphere, compute_row_until};
+use crate::engine::{ReceiverSet, Scene, compute_hemisphere, compute_rows_until};
 use crate::pool::Panicked;
 use crate::store::{Replica, ReplicaStore};
 
@@ -230,7 +230,7 @@ impl Job {
     ))]
     pub fn compute_until(&self, stop: Stop) -> Option<Finished> {
         let part;
-        let compute: &dyn Fn(&Shooter) -> Option<(Row, RowStatistics)> = match &self.receivers {
+        let compute: &dyn Fn(&[Shooter]) -> Option<Vec<(Row, RowStatistics)>> = match &self.receivers {
             Over::Receivers { receivers, first_key } => {
                 let all = receivers.groups.receivers();
                 let first = self.request.first_receiver as usize;
@@ -241,31 +241,37 @@ impl Job {
                     part = ReceiverGroups::new(all[range].to_vec());
                     &part
                 };
-                &move |shooter| {
+                &move |shooters| {
                     let precision = &self.request.precision;
-                    let (row, statistics) =
-                        compute_row_until(&self.scene, groups, *first_key, shooter, precision, stop)?;
-                    Some((Row::new(&row), statistics))
+                    let rows =
+                        compute_rows_until(&self.scene, groups, *first_key, shooters, precision, stop)?;
+                    Some(rows.iter().map(|(row, statistics)| (Row::new(row), *statistics)).collect())
                 }
             }
-            Over::Polygons => &|shooter| match &shooter.shape {
-                // Of some thousand rays.
-                Shape::Hemisphere(_) if stop() => None,
-                Shape::Hemisphere(hemisphere) => {
-                    Some(compute_hemisphere(&self.scene, hemisphere, shooter.key, &self.request.precision))
-                }
-                // Checked when the job was read.
-                _ => Some((Row::of_some(self.scene.polygons(), &[]), RowStatistics::default())),
+            Over::Polygons => &|shooters| {
+                let row = |shooter: &Shooter| match &shooter.shape {
+                    // Of some thousand rays.
+                    Shape::Hemisphere(_) if stop() => None,
+                    Shape::Hemisphere(hemisphere) => {
+                        let precision = &self.request.precision;
+                        Some(compute_hemisphere(&self.scene, hemisphere, shooter.key, precision))
+                    }
+                    // Checked when the job was read.
+                    _ => Some((Row::of_some(self.scene.polygons(), &[]), RowStatistics::default())),
+                };
+                shooters.iter().map(row).collect()
             },
         };
-        let row = |shooter| {
-            let start = Instant::now();
-            let (row, mut statistics) = compute(shooter)?;
-            statistics.busy_nanoseconds = start.elapsed().as_nanos().try_into().unwrap_or(u64::MAX);
-            Some((encode_row(&row), statistics))
-        };
-        let rows: Option<Vec<_>> = self.request.shooters.iter().map(row).collect();
-        let (rows, statistics): (Vec<_>, _) = rows?.into_iter().unzip();
+        let (mut rows, mut statistics) = (vec![], vec![]);
+        for shooters in self.request.shooters.chunk_by(|before, own| own.is_next_channel_of(before)) {
+            let mut start = Instant::now();
+            for (row, own) in compute(shooters)? {
+                rows.push(encode_row(&row));
+                let busy_nanoseconds = start.elapsed().as_nanos().try_into().unwrap_or(u64::MAX);
+                statistics.push(RowStatistics { busy_nanoseconds, ..own });
+                start = Instant::now();
+            }
+        }
         let digest = digest_of_rows(&rows).to_bytes();
         Some(Finished { job_id: self.id, rows, statistics, digest })
     }
@@ -283,7 +289,8 @@ pub fn answer(job_id: u64, result: Result<Body, JobError>) -> Body {
 #[cfg(test)]
 mod tests {
     use glam::DVec3;
-    use kernel::geometry::PlaneId;
+    use kernel::geometry::{ConvexPolygon, PlaneId};
+    use kernel::messages;
     use kernel::replica::{EncodedReplica, Receiver, Receivers, encode_receivers, encode_scene};
     use kernel::row::{Precision, Shape, Shooter, decode_row};
 
@@ -328,6 +335,43 @@ mod tests {
         let row = decode_row(&finished.rows[0], 2).unwrap();
         // A light 2 above the first receiver of the range, and sqrt(5) from the second: cos / r^2.
         assert_eq!(row.to_dense(), [0.25, (2.0 / 5.0_f64.powf(1.5)) as f32]);
+    }
+
+    /// Its polygons travel once, and the work on all channels counts once.
+    #[test]
+    fn channels_of_one_shape_have_the_same_rows_together_and_alone() {
+        let (mut store, request) = prepared();
+        let tile = |step: u32| {
+            let corner = |[x, z]: [f64; 2]| DVec3::new(f64::from(step) + x, 3.0, z);
+            let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(corner).to_vec();
+            ConvexPolygon { plane: PlaneId(1), corners }
+        };
+        let weights =
+            |step: u32| [step, 8 - step, u32::from(step == 3)].map(|eighth| f64::from(eighth) / 8.0);
+        let shapes = Shape::of_colours((0..8).map(|step| (tile(step), weights(step))).collect());
+        let shooters: Vec<Shooter> = (40..).zip(shapes).map(|(key, shape)| Shooter { key, shape }).collect();
+        let polygons = |shooter: &messages::Shooter| match &shooter.shape {
+            Some(messages::shooter::Shape::Weighted(set)) => set.polygons.len(),
+            _ => 0,
+        };
+        let mut compute = |shooters: &[Shooter]| {
+            let message = RowRequest { shooters: shooters.to_vec(), ..request.clone() }.to_job(9);
+            (
+                Job::new(&message, &mut store).unwrap().compute(),
+                message.shooters.iter().map(polygons).sum::<usize>(),
+            )
+        };
+        let (together, sent) = compute(&shooters);
+        let alone: Vec<_> = shooters.chunks(1).map(&mut compute).collect();
+        for (at, (own, own_sent)) in alone.iter().enumerate() {
+            assert_eq!(own.rows, [together.rows[at].clone()], "{at}");
+            assert_eq!((sent, *own_sent), (8, 8));
+            let counts = |statistics: &RowStatistics| {
+                (statistics.pairs, statistics.rays, statistics.sampling_variance.to_bits())
+            };
+            assert_eq!(counts(&own.statistics[0]), counts(&together.statistics[at]));
+            assert_eq!(own.statistics[0].pairs, if at == 0 { 16 } else { 0 });
+        }
     }
 
     #[test]

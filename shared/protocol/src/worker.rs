@@ -15,7 +15,7 @@ tonic::include_proto!("radiosity.worker.v1");
 pub const DESCRIPTORS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/worker-descriptors.bin"));
 
 /// Version of the protocol. Both sides refuse a peer of another version, see [`check_versions`].
-pub const PROTOCOL_VERSION: u32 = 8;
+pub const PROTOCOL_VERSION: u32 = 9;
 
 /// Largest message that either side accepts, in bytes. A row of a million receivers takes 4 MiB, and jobs are cut long before that.
 pub const MAX_MESSAGE_BYTES: usize = 64 << 20;

@@ -3,14 +3,14 @@
 use glam::DVec3;
 use kernel::geometry::{ConvexPolygon, PlaneId};
 use kernel::replica::{Digest, Receiver, ScenePolygons};
-use kernel::row::{Hemisphere, Precision, ROW_VERSION, Row, Shape, Shooter, Spot, encode_row};
+use kernel::row::{CHANNELS, Hemisphere, Precision, ROW_VERSION, Row, Shape, Shooter, Spot, encode_row};
 use kernel::visibility::ReceiverGroups;
 use worker::engine::{Scene, compute_hemisphere, compute_row};
 
 use crate::room::{block, polygon, wall_receivers};
 
 /// [`ROW_VERSION`] of the digests below.
-const VERSION: u32 = 11;
+const VERSION: u32 = 12;
 
 /// First 6 bytes of the BLAKE3 digest of each kind of rows, encoded.
 const DIGESTS: &[(&str, &str)] = &[
@@ -27,6 +27,7 @@ const DIGESTS: &[(&str, &str)] = &[
     ("shooter of many polygons near receivers", "0b56322a4204"),
     ("shooter of many polygons, transparent occluders", "ee5ff3b54a1f"),
     ("shooter of weighted polygons", "d242f2266a42"),
+    ("shooter of coloured polygons", "8800ed642bd3"),
     ("sky", "b14c099ac108"),
     ("sky, transparent occluders", "401f76110040"),
     ("lights without an area", "62ff3ebc5dd4"),
@@ -110,7 +111,14 @@ fn panel() -> Shape {
 /// The same, its tiles of different exitance.
 fn weighted_ceiling(weight: impl Fn(usize) -> f64) -> Shape {
     let Shape::Polygons(tiles) = ceiling() else { unreachable!("a ceiling has tiles") };
-    Shape::Weighted(tiles.into_iter().enumerate().map(|(index, tile)| (tile, weight(index))).collect())
+    Shape::of_one_colour(tiles.into_iter().enumerate().map(|(index, tile)| (tile, weight(index))))
+}
+
+/// The same, its tiles of different colours: a shape for each channel.
+fn coloured_ceiling() -> [Shape; CHANNELS] {
+    let Shape::Polygons(tiles) = ceiling() else { unreachable!("a ceiling has tiles") };
+    let weights = |index: usize| [index % 5, index * 3 % 7, index / 40].map(|step| step as f64 / 7.0);
+    Shape::of_colours(tiles.into_iter().enumerate().map(|(index, tile)| (tile, weights(index))).collect())
 }
 
 /// Shades of large squares between the receivers in the air: near many of them.
@@ -191,6 +199,7 @@ fn rows_have_the_bits_of_their_version() {
         ("shooter of many polygons near receivers", rows(few(), vec![shades()], &EXACT)),
         ("shooter of many polygons, transparent occluders", rows(transparent(), vec![ceiling()], &EXACT)),
         ("shooter of weighted polygons", rows(few(), vec![weighted_ceiling(|i| i as f64 / 63.0)], &EXACT)),
+        ("shooter of coloured polygons", rows(few(), coloured_ceiling().to_vec(), &EXACT)),
         ("sky", rows(few(), vec![Shape::Sky(128)], &EXACT)),
         ("sky, transparent occluders", rows(transparent(), vec![Shape::Sky(128)], &EXACT)),
         ("lights without an area", rows(many(), lights(), &EXACT)),
@@ -227,5 +236,26 @@ fn weights_are_factors_of_polygons() {
     assert!(rising != falling && all.iter().any(|factor| *factor > 0.1));
     for ((all, rising), falling) in all.iter().zip(rising).zip(falling) {
         assert!((all - rising - falling).abs() <= 1e-6, "{all}, not {rising} + {falling}");
+    }
+}
+
+/// Where nothing stands between, a channel has the factors of its weights alone; elsewhere it has its part of what arrives.
+#[test]
+fn channels_have_the_rows_of_their_own_weights() {
+    let row = |scene: ScenePolygons, shape: Shape| {
+        let groups = ReceiverGroups::new(receivers());
+        compute_row(&Scene::from(scene), &groups, 5, &Shooter { key: 7, shape }, &EXACT).0
+    };
+    for channel in coloured_ceiling() {
+        let own = channel.weighted_polygons().map(|(tile, weight)| (tile.clone(), weight));
+        let alone = Shape::of_one_colour(own.collect::<Vec<_>>());
+        let none = || opaque(vec![]);
+        for (found, wanted) in row(none(), channel.clone()).iter().zip(row(none(), alone.clone())) {
+            assert!((found - wanted).abs() <= 1e-6, "{found}, not {wanted}");
+        }
+        let (found, wanted) = (row(opaque(blocks()), channel), row(opaque(blocks()), alone));
+        let [found, wanted] =
+            [found, wanted].map(|row| row.iter().map(|factor| f64::from(*factor)).sum::<f64>());
+        assert!(found > 1.0 && (found / wanted - 1.0).abs() <= 0.02, "{found}, not {wanted}");
     }
 }

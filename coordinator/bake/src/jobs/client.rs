@@ -9,7 +9,7 @@ use kernel::replica::{Digest, EncodedReplica, Receivers, encode_receivers, encod
 use kernel::row::{FinishedJob, JobId, Precision, Row, RowRequest, Shooter};
 
 use super::monitor::Monitor;
-use super::plan::{Piece, Plan, ReceiverSet};
+use super::plan::{Piece, Plan, ReceiverSet, end_of_channels};
 use super::service::RowService;
 use super::sizes::{Pace, RowKind};
 use super::time::{Division, ThreadTime};
@@ -150,39 +150,49 @@ impl<'a> RowClient<'a> {
     ) -> Result<()> {
         let plans: Vec<Plan> = sets.iter().map(|set| Plan::new(shooters, *set)).collect();
         let count = |plan: &Plan| plan.pieces.as_ref().map_or(shooters.len(), Vec::len);
-        self.monitor.expect_rows(plans.iter().map(count).sum::<usize>() as u64);
+        let rows = |plan: &Plan| match &plan.pieces {
+            Some(pieces) => pieces.iter().map(|piece| piece.shooters.len()).sum(),
+            None => shooters.len(),
+        };
+        self.monitor.expect_rows(plans.iter().map(rows).sum::<usize>() as u64);
         let (mut place, mut asked) = (0, 0);
         let batches = |client: &Self| {
             while asked == count(plans.get(place)?) {
                 (place, asked) = (place + 1, 0);
             }
             let Plan { set, pieces } = &plans[place];
-            let (first, set, count, is_last) = match pieces {
+            let Piece { shooters: some, set, is_last } = match pieces {
                 Some(pieces) => {
-                    let Piece { shooter, set, is_last } = pieces[asked];
-                    (shooter, set, 1, is_last)
+                    asked += 1;
+                    pieces[asked - 1].clone()
                 }
-                None => (asked, *set, client.rows_of_next_job(*set, shooters.len() - asked), true),
+                None => {
+                    let end = asked + client.rows_of_next_job(*set, shooters.len() - asked);
+                    let shooters = asked..end_of_channels(shooters, end);
+                    asked = shooters.end;
+                    Piece { shooters, set: *set, is_last: true }
+                }
             };
-            asked += count;
-            let shooters = shooters[first..first + count].to_vec();
-            Some(((place, is_last), RowBatch { shooters, set, again: vec![false; count] }))
+            let batch =
+                RowBatch { shooters: shooters[some.clone()].to_vec(), set, again: vec![false; some.len()] };
+            Some(((place, some.start, is_last), batch))
         };
-        let (mut at, mut next, mut rows, mut variance) = (0, 0, vec![], 0.0);
-        self.in_order(batches, |(place, is_last), finished| {
-            if place != at {
-                (at, next) = (place, 0);
-            }
-            for (row, statistics) in finished.rows.into_iter().zip(&finished.statistics) {
-                variance += statistics.sampling_variance;
+        // The parts of the rows of one or more shooters, and their variances.
+        let mut parts: Vec<(Vec<Row>, f64)> = vec![];
+        self.in_order(batches, |(place, first, is_last), finished| {
+            parts.resize(finished.rows.len(), (vec![], 0.0));
+            for ((rows, variance), (row, own)) in
+                parts.iter_mut().zip(finished.rows.into_iter().zip(finished.statistics))
+            {
                 rows.push(row);
-                if is_last {
+                *variance += own.sampling_variance;
+            }
+            if is_last {
+                for (at, (rows, variance)) in parts.drain(..).enumerate() {
                     match &rows[..] {
-                        [row] => take(place, next, row, variance),
-                        rows => take(place, next, &Row::joined(rows), variance),
+                        [row] => take(place, first + at, row, variance),
+                        rows => take(place, first + at, &Row::joined(rows), variance),
                     }
-                    rows.clear();
-                    (next, variance) = (next + 1, 0.0);
                 }
             }
         })

@@ -1,5 +1,7 @@
 //! What rows are over, and how they are cut into jobs: pure.
 
+use std::ops::Range;
+
 use kernel::replica::Digest;
 use kernel::row::{Shape, Shooter};
 use kernel::visibility::{MANY_POLYGONS, least_rays};
@@ -77,10 +79,17 @@ fn cost_of_many(shooter: &Shooter) -> Option<usize> {
     match &shooter.shape {
         Shape::Polygons(polygons) if polygons.len() >= MANY_POLYGONS => Some(joint(polygons.len(), 1)),
         // Each may be a lamp by itself.
-        Shape::Weighted(polygons) => Some(joint(polygons.len(), polygons.len())),
+        Shape::Weighted(polygons, _) => Some(joint(polygons.len(), polygons.len())),
         Shape::Sky(rays) => Some((*rays as usize / RAYS_PER_COST).max(1)),
         _ => None,
     }
+}
+
+/// Where the channels of a shape end, of which the last shooter before `end` is one: jobs have rows of all.
+pub(super) fn end_of_channels(shooters: &[Shooter], end: usize) -> usize {
+    let is_end =
+        |at: &usize| !shooters.get(*at).is_some_and(|next| next.is_next_channel_of(&shooters[at - 1]));
+    (end..).find(is_end).unwrap_or(end)
 }
 
 /// How the rows of some shooters over a set are cut into jobs.
@@ -91,10 +100,10 @@ pub(super) struct Plan {
     pub(super) pieces: Option<Vec<Piece>>,
 }
 
-/// A row over a part of a set.
-#[derive(Clone, Copy)]
+/// A row over a part of a set, or those of the channels of one shape.
+#[derive(Clone)]
 pub(super) struct Piece {
-    pub(super) shooter: usize,
+    pub(super) shooters: Range<usize>,
     pub(super) set: ReceiverSet,
     pub(super) is_last: bool,
 }
@@ -108,7 +117,9 @@ impl Plan {
         let pairs = shooters.len() * set.count;
         let few_polygons =
             (pairs / ENOUGH_PARTS).clamp(LEAST_RANGE, MOST_RANGE).next_multiple_of(LEAST_RANGE_OF_MANY);
-        let cost_of_all = shooters.iter().filter_map(cost_of_many).sum::<usize>() * set.count;
+        // The other channels of a shape cost next to nothing.
+        let first_channels = shooters.iter().filter(|shooter| shooter.shape.channel() == 0);
+        let cost_of_all = first_channels.filter_map(cost_of_many).sum::<usize>() * set.count;
         let size_of_many = (cost_of_all / ENOUGH_PARTS).clamp(LEAST_SIZE_OF_MANY, MOST_SIZE_OF_MANY);
         // Most receivers of a piece.
         let range = |shooter: &Shooter| match cost_of_many(shooter) {
@@ -126,11 +137,20 @@ impl Plan {
         if shooters.len() >= FEW_ROWS || shooters.iter().all(|shooter| set.count <= range(shooter)) {
             return Self { set, pieces: None };
         }
-        let pieces_of = |(shooter, of): (usize, &Shooter)| {
-            let range = range(of);
-            let last = set.count.div_ceil(range) - 1;
-            set.parts(range).enumerate().map(move |(at, set)| Piece { shooter, set, is_last: at == last })
-        };
-        Self { set, pieces: Some(shooters.iter().enumerate().flat_map(pieces_of).collect()) }
+        let (all, mut pieces, mut first) = (shooters, vec![], 0);
+        while first < all.len() {
+            let shooters = first..end_of_channels(all, first + 1);
+            let range = range(&all[first]);
+            pieces.extend(set.parts(range).map(|set| Piece {
+                shooters: shooters.clone(),
+                set,
+                is_last: false,
+            }));
+            first = shooters.end;
+            if let Some(last) = pieces.last_mut() {
+                last.is_last = true;
+            }
+        }
+        Self { set, pieces: Some(pieces) }
     }
 }

@@ -19,6 +19,8 @@ struct Backwards {
     jobs: Vec<(JobId, RowRequest)>,
     /// Jobs that had been asked for when the first answer was.
     asked_ahead: Option<usize>,
+    /// Rows of each job.
+    sizes: Vec<usize>,
 }
 
 impl RowService for Backwards {
@@ -27,6 +29,7 @@ impl RowService for Backwards {
     fn release(&mut self, _: Digest) {}
 
     fn submit(&mut self, requests: Vec<(JobId, RowRequest)>) {
+        self.sizes.extend(requests.iter().map(|(_, request)| request.shooters.len()));
         self.jobs.extend(requests);
     }
 
@@ -94,6 +97,31 @@ fn rows_come_in_order_whole_and_once_whatever_the_order_of_the_jobs() {
         1 + 2 + 1 + 1 + 1,
         "many polygons over many in two pieces; no set waits for another"
     );
+}
+
+/// One job has them all, whatever it is cut into.
+#[test]
+fn channels_of_one_shape_are_not_parted() {
+    let mut service = Backwards::default();
+    let mut observer = Unobserved;
+    let began = (std::time::Instant::now(), ThreadTime::default());
+    let mut client = RowClient::new(&mut service, &mut observer, encode_scene(&[]), began);
+    let polygon = ConvexPolygon { plane: PlaneId(1), corners: vec![DVec3::X, DVec3::Y, DVec3::Z] };
+    let coloured = || Shape::of_colours(vec![(polygon.clone(), [1.0, 0.5, 0.2]); 4 * MANY_POLYGONS]);
+    let shapes = coloured().into_iter().chain([Shape::Point(DVec3::Z)]).chain(coloured());
+    let shooters: Vec<Shooter> = (0..).zip(shapes).map(|(key, shape)| Shooter { key, shape }).collect();
+    let sets = [3000, 5].map(|count| client.publish_receivers(&receivers(count)));
+    let mut taken = vec![];
+    let take = |set: usize, row: usize, factors: &Row, _| {
+        let expected: Vec<f32> = (0..sets[set].count() as u32).map(|at| factor(row as u64, at)).collect();
+        assert_eq!(factors.to_dense(), expected, "row {row} over set {set}");
+        taken.push((set, row));
+    };
+    client.each_row(&shooters, &sets, take).unwrap();
+    drop(client);
+    assert_eq!(taken, (0..2).flat_map(|set| (0..7).map(move |row| (set, row))).collect::<Vec<_>>());
+    assert!(!service.sizes.is_empty());
+    assert!(service.sizes.iter().all(|rows| [1, 3, 4, 7].contains(rows)), "{:?}", service.sizes);
 }
 
 /// The vertices of one round of refinement would else be one job for each lamp.

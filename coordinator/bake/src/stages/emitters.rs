@@ -47,16 +47,25 @@ pub fn emitters(scene: &Scene, mesh: &Mesh, joined: Option<f64>) -> Vec<Emitter>
     emitters
 }
 
-/// Polygons with their exitances as one shape: each is weighted by its exitance in a channel, or in the strongest of several. With the
-/// exitance that a weight of 1 stands for; `None` where all are dark.
-pub fn weighted(
-    polygons: impl Iterator<Item = (ConvexPolygon, DVec3)>,
-    channels: DVec3,
-) -> Option<(Shape, f64)> {
-    let strength = |(polygon, exitance): (_, DVec3)| (polygon, (exitance * channels).max_element());
-    let mut lit: Vec<(ConvexPolygon, f64)> =
-        polygons.map(strength).filter(|(_, strength)| *strength > 0.0).collect();
-    let most = lit.iter().map(|(_, strength)| *strength).fold(0.0, f64::max);
-    lit.iter_mut().for_each(|(_, weight)| *weight /= most);
-    (most > 0.0).then_some((Shape::Weighted(lit), most))
+/// Polygons of one colour as one shape: each is weighted by its exitance in the strongest channel. With the exitance that a weight of 1
+/// stands for; `None` where all are dark.
+pub fn weighted(polygons: impl Iterator<Item = (ConvexPolygon, DVec3)>) -> Option<(Shape, f64)> {
+    let (lit, most) = lit(polygons)?;
+    let weight = |(polygon, exitance): (_, DVec3)| (polygon, exitance.max_element() / most);
+    Some((Shape::of_one_colour(lit.into_iter().map(weight)), most))
+}
+
+/// Polygons of many colours as a shape for each channel, with the exitance that a weight of 1 stands for; none where all are dark.
+pub fn weighted_by_channel(polygons: impl Iterator<Item = (ConvexPolygon, DVec3)>) -> Vec<(Shape, DVec3)> {
+    let Some((lit, most)) = lit(polygons) else { return vec![] };
+    let weights = |(polygon, exitance): (_, DVec3)| (polygon, (exitance / most).to_array());
+    let shapes = Shape::of_colours(lit.into_iter().map(weights).collect());
+    shapes.into_iter().zip(DVec3::AXES).map(|(shape, channel)| (shape, most * channel)).collect()
+}
+
+/// Those that are not dark, and their largest exitance in any channel.
+fn lit(polygons: impl Iterator<Item = (ConvexPolygon, DVec3)>) -> Option<(Vec<(ConvexPolygon, DVec3)>, f64)> {
+    let lit: Vec<_> = polygons.filter(|(_, exitance)| exitance.max_element() > 0.0).collect();
+    let most = lit.iter().map(|(_, exitance)| exitance.max_element()).fold(0.0, f64::max);
+    (most > 0.0).then_some((lit, most))
 }

@@ -83,7 +83,7 @@ impl Emissions {
                 continue;
             };
             let own = surfaces.entry(surface).or_default();
-            for (polygon, weight) in shooter.shape.weighted_polygons() {
+            for (polygon, weight) in shooter.shape.weighted_polygons().filter(|(_, weight)| *weight > 0.0) {
                 let (area, exitance) = (polygon.area(), weight * source.strength);
                 own.of_sources += 1;
                 for channel in (0..3).filter(|channel| exitance[*channel] > 0.0) {

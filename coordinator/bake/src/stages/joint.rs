@@ -7,8 +7,8 @@ use kernel::geometry::ConvexPolygon;
 use kernel::row::{Shape, Shooter};
 use kernel::visibility::MANY_POLYGONS;
 
-use super::colours::colours_of;
-use super::emitters::{Emitter, MOST_JOINED, weighted};
+use super::colours::have_one_colour;
+use super::emitters::{Emitter, MOST_JOINED, weighted, weighted_by_channel};
 use super::light_source::{LightSource, Origin};
 
 /// Emitters of a scene beyond which those of a surface are joined from [`FEW_POLYGONS`] on: an exact row for each takes too long.
@@ -71,6 +71,8 @@ pub fn join(emitters: Vec<Emitter>) -> Vec<Shining> {
 /// of it receive from what had rows before, and `error` the one asked for.
 pub fn pool(sources: &[LightSource], others: DVec3, error: f64) -> Option<Vec<LightSource>> {
     let cost = |source: &LightSource| match (source.origin, &source.shooter) {
+        // The other channels cost next to nothing.
+        (Origin::Surface(_), Some(shooter)) if shooter.shape.channel() > 0 => 0,
         (Origin::Surface(_), Some(shooter)) if shooter.shape.polygons() > 1 => ROWS_OF_JOINT,
         (Origin::Surface(_), Some(_)) => 1,
         _ => 0,
@@ -97,7 +99,7 @@ pub fn pool(sources: &[LightSource], others: DVec3, error: f64) -> Option<Vec<Li
     }
     // One that is faint beside the others may be the only one of its room.
     let pools = by_colour(&emitters, 0.0);
-    if cost <= pools.len() * ROWS_OF_JOINT {
+    if cost <= pools.iter().filter(|(shape, _)| shape.channel() == 0).count() * ROWS_OF_JOINT {
         return None;
     }
     let keys = sources.iter().filter_map(|source| Some(source.shooter.as_ref()?.key));
@@ -130,26 +132,23 @@ fn parts_of(emitters: &[Emitter]) -> impl Iterator<Item = &[Emitter]> {
     emitters.chunks(emitters.len().div_ceil(parts))
 }
 
-/// Emitters as shapes with weights: some for each colour where these are few, else some for each channel.
+/// Emitters as shapes with weights: of one colour where they have one, else for each channel.
 fn by_colour(emitters: &[Emitter], faint: f64) -> Vec<(Shape, DVec3)> {
-    let Some(colours) = colours_of(emitters, faint) else {
-        let channels =
-            |part| [DVec3::X, DVec3::Y, DVec3::Z].map(|channel| in_channels(part, channel, channel));
-        return parts_of(emitters).flat_map(channels).flatten().collect();
-    };
+    if !have_one_colour(emitters, faint) {
+        return parts_of(emitters).flat_map(|part| weighted_by_channel(polygons_of(part))).collect();
+    }
     let in_one = |own: &[Emitter]| {
         let flux: DVec3 = own.iter().map(Emitter::flux).sum();
         let strongest: f64 = own.iter().map(|emitter| emitter.flux().max_element()).sum();
         // In parts of what the strongest channel would give: so that the flux is right in each.
-        (strongest > 0.0).then(|| in_channels(own, DVec3::ONE, flux / strongest)).flatten()
+        weighted(polygons_of(own)).map(|(shape, most)| (shape, flux / strongest * most))
     };
-    colours.iter().flat_map(|own| parts_of(own)).filter_map(in_one).collect()
+    parts_of(emitters).filter_map(in_one).collect()
 }
 
-/// Emitters as one shape, each weighted by its exitance in the strongest of these channels; all have this colour.
-fn in_channels(emitters: &[Emitter], channels: DVec3, colour: DVec3) -> Option<(Shape, DVec3)> {
-    let polygons = emitters.iter().map(|emitter| (emitter.polygon.clone(), emitter.exitance));
-    weighted(polygons, channels).map(|(shape, most)| (shape, colour * most))
+/// The polygons of emitters, with their exitances.
+fn polygons_of(emitters: &[Emitter]) -> impl Iterator<Item = (ConvexPolygon, DVec3)> {
+    emitters.iter().map(|emitter| (emitter.polygon.clone(), emitter.exitance))
 }
 
 #[cfg(test)]
@@ -243,7 +242,7 @@ mod tests {
         // No more than a shared row takes.
         assert!(pool(&few[..ROWS_OF_JOINT], 1.1 * others, 0.05).is_none());
 
-        // Rows for each channel would be more than those of lamps that are large enough to fill one.
+        // No fewer are needed for lamps that are large enough to fill one each.
         let fine = |surface: usize| {
             let colour = DVec3::from_array([0, 1, 2].map(|channel| ((surface + channel) % 5) as f64 + 1.0));
             let own = (0..MOST_JOINED as u32).map(|index| Emitter { surface, ..emitter(index, colour) });
@@ -267,7 +266,7 @@ mod tests {
             |index| if index % 2 == 0 { DVec3::ONE } else { DVec3::X },
             |index| DVec3::from_array([0, 1, 2].map(|channel| ((index + channel) % 5) as f64 + 1.0)),
         ];
-        for (colour, rows) in colours.into_iter().zip([1, 2, 3]) {
+        for (colour, rows) in colours.into_iter().zip([1, 3, 3]) {
             let mut lamps: Vec<LightSource> = (0..400).map(|index| lamp(index, colour(index))).collect();
             lamps[7].strength *= 1000.0;
             let pooled = pool(&lamps, DVec3::ZERO, 0.05).unwrap();

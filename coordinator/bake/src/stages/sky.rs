@@ -11,7 +11,7 @@ use glam::DVec3;
 use kernel::geometry::{ConvexPolygon, PlaneId};
 use kernel::row::Shape;
 
-use super::emitters::weighted;
+use super::emitters::{weighted, weighted_by_channel};
 use crate::settings::BakeSettings;
 use scene::{Scene, SkyCell, SkyPattern};
 
@@ -96,12 +96,12 @@ fn of_pattern(pattern: &SkyPattern, planes: u32, error: f64, joined: bool) -> Ve
     let (suns, others): (Vec<_>, Vec<_>) =
         cells.into_iter().partition(|cell| cell.part >= SUN_PART && cell.along_edge >= SUN_CELLS);
     let mut shapes: Vec<_> = suns.iter().map(alone).collect();
-    let channels =
-        if pattern.has_one_colour() { vec![DVec3::ONE] } else { vec![DVec3::X, DVec3::Y, DVec3::Z] };
-    for channel in channels {
-        // Where all have one colour, relative radiance is that of any channel.
-        let cells = others.iter().map(|cell| (polygon(cell), cell.radiance));
-        shapes.extend(weighted(cells, channel).map(|(shape, most)| (shape, channel * most)));
+    let others = others.iter().map(|cell| (polygon(cell), cell.radiance));
+    if pattern.has_one_colour() {
+        // Relative radiance is that of any channel.
+        shapes.extend(weighted(others).map(|(shape, most)| (shape, DVec3::splat(most))));
+    } else {
+        shapes.extend(weighted_by_channel(others));
     }
     shapes
 }

@@ -1,7 +1,7 @@
 //! Encoding of one row in the file: length, key, cost, the encoded row, and a checksum.
 
 use kernel::replica::Digest;
-use kernel::row::{Row, RowRequest, decode_row, encode_row};
+use kernel::row::{Row, RowRequest, Shooter, decode_row, encode_row};
 use prost::Message;
 use prost::bytes::{Buf, BufMut};
 use protocol::worker::RowStatistics;
@@ -17,16 +17,16 @@ pub const LONGEST: usize = protocol::worker::MAX_MESSAGE_BYTES;
 
 /// Digests of all that each row of a request depends on.
 pub fn keys(request: &RowRequest) -> Vec<Digest> {
-    let mut job = request.to_job(0);
-    let shooters = std::mem::take(&mut job.shooters);
-    let mut common = blake3::Hasher::new();
-    common.update(&job.encode_length_delimited_to_vec());
-    let key = |shooter: &protocol::worker::Shooter| {
-        let mut hasher = common.clone();
-        hasher.update(&shooter.encode_to_vec());
+    let common =
+        RowRequest { shooters: vec![], ..request.clone() }.to_job(0).encode_length_delimited_to_vec();
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(&common);
+    let key = |shooter: &Shooter| {
+        let mut hasher = hasher.clone();
+        hasher.update(&shooter.to_message().encode_to_vec());
         Digest(*hasher.finalize().as_bytes())
     };
-    shooters.iter().map(key).collect()
+    request.shooters.iter().map(key).collect()
 }
 
 /// Encodes a record.

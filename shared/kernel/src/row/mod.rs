@@ -18,12 +18,12 @@ pub use error::RequestError;
 pub use job::{FinishedJob, JobId};
 pub use request::{Precision, RowRequest};
 pub use rounding::Rounding;
-pub use shooter::{Hemisphere, Shape, Shooter, Spot};
+pub use shooter::{CHANNELS, Channel, Hemisphere, Shape, Shooter, Spot, WeightedPolygons};
 pub use sparse::{GROUP, Place, Row};
 
 /// Version of the bits of rows. Files and workers of another version are refused, because rows of both would not fit together. Bump it
 /// whenever a change of the kernel changes a bit of any row.
-pub const ROW_VERSION: u32 = 11;
+pub const ROW_VERSION: u32 = 12;
 
 /// Line that names this release in files of rows or of light: rows and meshes of another release may have other bits.
 #[must_use]

@@ -94,13 +94,19 @@ impl RowRequest {
     /// The request as it travels.
     #[must_use]
     pub fn to_job(&self, job_id: u64) -> messages::RowJob {
+        let before = std::iter::once(None).chain(self.shooters.iter().map(Some));
         messages::RowJob {
             job_id,
             scene_digest: self.scene.to_bytes(),
             receivers_digest: self.receivers.to_bytes(),
             first_receiver: self.first_receiver,
             receiver_count: self.receiver_count,
-            shooters: self.shooters.iter().map(Shooter::to_message).collect(),
+            shooters: self
+                .shooters
+                .iter()
+                .zip(before)
+                .map(|(own, before)| own.to_message_after(before))
+                .collect(),
             precision: Some(self.precision.to_message()),
         }
     }
@@ -111,12 +117,16 @@ impl RowRequest {
     /// When a part is missing, a coordinate is not finite or the precision is out of range.
     pub fn from_job(job: &messages::RowJob) -> Result<Self, RequestError> {
         let precision = job.precision.as_ref().ok_or(RequestError::Invalid("precision is missing"))?;
+        let mut shooters: Vec<Shooter> = vec![];
+        for message in &job.shooters {
+            shooters.push(Shooter::from_message(message, shooters.last())?);
+        }
         Ok(Self {
             scene: Digest::try_from(job.scene_digest.as_ref())?,
             receivers: Digest::try_from(job.receivers_digest.as_ref())?,
             first_receiver: job.first_receiver,
             receiver_count: job.receiver_count,
-            shooters: job.shooters.iter().map(Shooter::from_message).collect::<Result<_, _>>()?,
+            shooters,
             precision: Precision::from_message(precision)?,
         })
     }

@@ -1,3 +1,5 @@
+use std::sync::Arc;
+
 use glam::DVec3;
 
 use super::error::RequestError;
@@ -22,8 +24,8 @@ pub struct Shooter {
 pub enum Shape {
     /// Convex polygons that do not overlap; rows hold visible form factors.
     Polygons(Vec<ConvexPolygon>),
-    /// Convex polygons that do not overlap, each with a weight from 0 to 1; rows hold the sum of visible form factors times weights.
-    Weighted(Vec<(ConvexPolygon, f64)>),
+    /// Polygons with weights; rows hold the sum of visible form factors times weights in this channel.
+    Weighted(Arc<WeightedPolygons>, Channel),
     /// An isotropic point light; rows hold V cos / r^2.
     Point(DVec3),
     /// A point light weighted by the cosine of a horizontal plane through it; rows hold 2 V |cos(plane)| cos / r^2.
@@ -39,6 +41,15 @@ pub enum Shape {
     /// the receivers' place: the request names the scene for both, and asks for all of them.
     Hemisphere(Hemisphere),
 }
+
+/// Convex polygons that do not overlap, each with a weight from 0 to 1 in each channel.
+pub type WeightedPolygons = Vec<(ConvexPolygon, [f64; CHANNELS])>;
+
+/// Number of channels that a polygon has weights in.
+pub const CHANNELS: usize = 3;
+
+/// A channel of weights, below [`CHANNELS`].
+pub type Channel = usize;
 
 /// A receiver, and what it looks around with.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -60,7 +71,7 @@ impl Shape {
     pub fn polygons(&self) -> usize {
         match self {
             Self::Polygons(polygons) => polygons.len(),
-            Self::Weighted(polygons) => polygons.len(),
+            Self::Weighted(polygons, _) => polygons.len(),
             Self::Point(_)
             | Self::PlanarPoint(_)
             | Self::Spot(_)
@@ -70,15 +81,41 @@ impl Shape {
         }
     }
 
+    /// The channel of its weights; the first where it has none.
+    #[must_use]
+    pub fn channel(&self) -> Channel {
+        if let Self::Weighted(_, channel) = self { *channel } else { 0 }
+    }
+
     /// Its polygons, each with its weight; none of points, directions and skies.
     pub fn weighted_polygons(&self) -> impl Iterator<Item = (&ConvexPolygon, f64)> {
+        let channel = self.channel();
+        self.polygons_of_channels().map(move |(polygon, weights)| (polygon, weights[channel]))
+    }
+
+    /// Its polygons with their weights in all channels: those that have one weight have it in the first.
+    pub fn polygons_of_channels(&self) -> impl Iterator<Item = (&ConvexPolygon, [f64; CHANNELS])> + Clone {
         let (even, weighted): (&[_], &[_]) = match self {
             Self::Polygons(polygons) => (polygons, &[]),
-            Self::Weighted(polygons) => (&[], polygons),
+            Self::Weighted(polygons, _) => (&[], polygons),
             _ => (&[], &[]),
         };
-        let weighted = weighted.iter().map(|(polygon, weight)| (polygon, *weight));
-        even.iter().map(|polygon| (polygon, 1.0)).chain(weighted)
+        let weighted = weighted.iter().map(|(polygon, weights)| (polygon, *weights));
+        even.iter().map(|polygon| (polygon, [1.0, 0.0, 0.0])).chain(weighted)
+    }
+
+    /// Polygons of one colour, each with its weight from 0 to 1.
+    #[must_use]
+    pub fn of_one_colour(polygons: impl IntoIterator<Item = (ConvexPolygon, f64)>) -> Self {
+        let in_one = |(polygon, weight)| (polygon, [weight, 0.0, 0.0]);
+        Self::Weighted(Arc::new(polygons.into_iter().map(in_one).collect()), 0)
+    }
+
+    /// Polygons of many colours, in each channel.
+    #[must_use]
+    pub fn of_colours(polygons: WeightedPolygons) -> [Self; CHANNELS] {
+        let polygons = Arc::new(polygons);
+        std::array::from_fn(|channel| Self::Weighted(polygons.clone(), channel))
     }
 }
 
@@ -118,16 +155,38 @@ impl Spot {
 }
 
 impl Shooter {
-    pub(super) fn to_message(&self) -> messages::Shooter {
+    /// Key of the rays: those of the channels of one shape are the same.
+    #[must_use]
+    pub fn key_of_rays(&self) -> u64 {
+        self.key.wrapping_sub(self.shape.channel() as u64)
+    }
+
+    /// Whether this is the next channel of the shape of the shooter before it: rows of both take no longer than one of them.
+    #[must_use]
+    pub fn is_next_channel_of(&self, before: &Self) -> bool {
+        match (&before.shape, &self.shape) {
+            (Shape::Weighted(a, before_channel), Shape::Weighted(b, channel)) => {
+                Arc::ptr_eq(a, b)
+                    && before_channel + 1 == *channel
+                    && before.key.checked_add(1) == Some(self.key)
+            }
+            _ => false,
+        }
+    }
+
+    /// The shooter as it travels.
+    #[must_use]
+    pub fn to_message(&self) -> messages::Shooter {
         let point = |p: &DVec3| messages::Point { coordinates: p.to_array().to_vec() };
         let direction = |d: &DVec3| messages::Direction { coordinates: d.to_array().to_vec() };
         let shape = match &self.shape {
             Shape::Polygons(polygons) => shooter::Shape::Polygons(messages::Polygons {
                 polygons: polygons.iter().map(polygon_message).collect(),
             }),
-            Shape::Weighted(polygons) => shooter::Shape::Weighted(messages::WeightedPolygons {
+            Shape::Weighted(polygons, channel) => shooter::Shape::Weighted(messages::WeightedPolygons {
                 polygons: polygons.iter().map(|(polygon, _)| polygon_message(polygon)).collect(),
-                weights: polygons.iter().map(|(_, weight)| *weight).collect(),
+                weights: polygons.iter().flat_map(|(_, weights)| *weights).collect(),
+                channel: *channel as u32,
             }),
             Shape::Point(position) => shooter::Shape::Point(point(position)),
             Shape::PlanarPoint(position) => shooter::Shape::PlanarPoint(point(position)),
@@ -151,21 +210,26 @@ impl Shooter {
         messages::Shooter { key: self.key, shape: Some(shape) }
     }
 
-    pub(super) fn from_message(message: &messages::Shooter) -> Result<Self, RequestError> {
+    /// The shooter as it travels after one with the same polygons.
+    pub(super) fn to_message_after(&self, before: Option<&Self>) -> messages::Shooter {
+        match self.shape {
+            Shape::Weighted(_, channel) if before.is_some_and(|before| self.is_next_channel_of(before)) => {
+                let shape = messages::WeightedPolygons { channel: channel as u32, ..Default::default() };
+                messages::Shooter { key: self.key, shape: Some(shooter::Shape::Weighted(shape)) }
+            }
+            _ => self.to_message(),
+        }
+    }
+
+    pub(super) fn from_message(
+        message: &messages::Shooter,
+        before: Option<&Self>,
+    ) -> Result<Self, RequestError> {
         let shape = match message.shape.as_ref().ok_or(RequestError::Invalid("shooter without a shape"))? {
             shooter::Shape::Polygons(set) => {
                 Shape::Polygons(set.polygons.iter().map(polygon_of).collect::<Result<_, _>>()?)
             }
-            shooter::Shape::Weighted(set) => {
-                let is_weight = |weight: &f64| (0.0..=1.0).contains(weight);
-                if set.polygons.len() != set.weights.len() || !set.weights.iter().all(is_weight) {
-                    return Err(RequestError::Invalid("each weighted polygon has a weight from 0 to 1"));
-                }
-                let polygons = set.polygons.iter().zip(&set.weights);
-                let weighted =
-                    polygons.map(|(polygon, weight)| polygon_of(polygon).map(|polygon| (polygon, *weight)));
-                Shape::Weighted(weighted.collect::<Result<_, _>>()?)
-            }
+            shooter::Shape::Weighted(set) => weighted_of(set, before)?,
             shooter::Shape::Point(position) => Shape::Point(position_of(position)?),
             shooter::Shape::PlanarPoint(position) => Shape::PlanarPoint(position_of(position)?),
             shooter::Shape::Spot(spot) => Shape::Spot(spot_of(spot)?),
@@ -190,6 +254,28 @@ fn polygon_of(polygon: &messages::ConvexPolygon) -> Result<ConvexPolygon, Reques
         return Err(RequestError::Invalid("a polygon needs three corners or more"));
     }
     Ok(ConvexPolygon { plane: PlaneId(polygon.plane), corners })
+}
+
+/// Weighted polygons, or those of the shooter before.
+fn weighted_of(set: &messages::WeightedPolygons, before: Option<&Shooter>) -> Result<Shape, RequestError> {
+    let channel = set.channel as usize;
+    if channel >= CHANNELS {
+        return Err(RequestError::Invalid("channels of weights are 0, 1 and 2"));
+    }
+    if set.polygons.is_empty() && set.weights.is_empty() {
+        return match before.map(|before| &before.shape) {
+            Some(Shape::Weighted(polygons, _)) => Ok(Shape::Weighted(polygons.clone(), channel)),
+            _ => Err(RequestError::Invalid("weighted polygons are missing")),
+        };
+    }
+    let (weights, rest) = set.weights.as_chunks::<CHANNELS>();
+    let are_weights = weights.as_flattened().iter().all(|weight| (0.0..=1.0).contains(weight));
+    if set.polygons.len() != weights.len() || !rest.is_empty() || !are_weights {
+        return Err(RequestError::Invalid("each weighted polygon has three weights from 0 to 1"));
+    }
+    let polygons = set.polygons.iter().zip(weights);
+    let weighted = polygons.map(|(polygon, weights)| polygon_of(polygon).map(|polygon| (polygon, *weights)));
+    Ok(Shape::Weighted(Arc::new(weighted.collect::<Result<_, _>>()?), channel))
 }
 
 fn position_of(point: &messages::Point) -> Result<DVec3, RequestError> {
@@ -262,11 +348,11 @@ mod tests {
             Hemisphere { receiver: tilted, ..HEMISPHERE },
         ] {
             let message = Shooter { key: 0, shape: Shape::Hemisphere(hemisphere) }.to_message();
-            assert!(Shooter::from_message(&message).is_err(), "{message:?}");
+            assert!(Shooter::from_message(&message, None).is_err(), "{message:?}");
         }
         for rays in [0, Hemisphere::MOST_RAYS + 1] {
             let message = Shooter { key: 0, shape: Shape::Sky(rays) }.to_message();
-            assert!(Shooter::from_message(&message).is_err(), "{message:?}");
+            assert!(Shooter::from_message(&message, None).is_err(), "{message:?}");
         }
     }
 
@@ -275,7 +361,7 @@ mod tests {
         let corners = vec![DVec3::ZERO, DVec3::X, DVec3::Y];
         let shapes = [
             Shape::Polygons(vec![ConvexPolygon { plane: PlaneId(7), corners: corners.clone() }]),
-            Shape::Weighted(vec![(ConvexPolygon { plane: PlaneId(7), corners }, 0.5)]),
+            Shape::of_one_colour([(ConvexPolygon { plane: PlaneId(7), corners }, 0.5)]),
             Shape::Point(DVec3::ONE),
             Shape::PlanarPoint(DVec3::NEG_ONE),
             Shape::Spot(SPOT),
@@ -285,7 +371,40 @@ mod tests {
         ];
         for shape in shapes {
             let shooter = Shooter { key: 3, shape };
-            assert_eq!(Shooter::from_message(&shooter.to_message()).unwrap(), shooter);
+            assert_eq!(Shooter::from_message(&shooter.to_message(), None).unwrap(), shooter);
+        }
+    }
+
+    #[test]
+    fn weighted_polygons_that_make_no_sense_are_refused() {
+        let corners = vec![DVec3::ZERO, DVec3::X, DVec3::Y];
+        let polygon = ConvexPolygon { plane: PlaneId(7), corners };
+        let shapes = Shape::of_colours(vec![(polygon, [0.5, 1.0, 0.0])]);
+        let [red, green, _] = [0, 1, 2].map(|at| Shooter { key: 4 + at as u64, shape: shapes[at].clone() });
+        let after = green.to_message_after(Some(&red));
+        assert_eq!(Shooter::from_message(&after, Some(&red)).unwrap(), green);
+        // Its polygons are those of no other.
+        let point = Shooter { key: 3, shape: Shape::Point(DVec3::ONE) };
+        assert!(Shooter::from_message(&after, None).is_err());
+        assert!(Shooter::from_message(&after, Some(&point)).is_err());
+        assert_eq!(green.to_message_after(Some(&Shooter { key: 9, ..red })), green.to_message());
+        let changed = |change: fn(&mut messages::WeightedPolygons)| {
+            let mut message = green.to_message();
+            let Some(shooter::Shape::Weighted(set)) = &mut message.shape else {
+                unreachable!("it is weighted")
+            };
+            change(set);
+            message
+        };
+        for message in [
+            changed(|set| set.channel = 3),
+            changed(|set| set.weights[1] = 1.1),
+            changed(|set| set.weights[1] = f64::NAN),
+            changed(|set| set.weights.truncate(1)),
+            changed(|set| set.weights.push(0.0)),
+            changed(|set| set.polygons.clear()),
+        ] {
+            assert!(Shooter::from_message(&message, None).is_err(), "{message:?}");
         }
     }
 
@@ -306,11 +425,11 @@ mod tests {
             [DVec3::ZERO, DVec3::ONE, DVec3::new(0.0, f64::INFINITY, 0.0)].map(Shape::Directional);
         for shape in spots.into_iter().map(Shape::Spot).chain(directions) {
             let message = Shooter { key: 0, shape }.to_message();
-            assert!(Shooter::from_message(&message).is_err(), "{message:?}");
+            assert!(Shooter::from_message(&message, None).is_err(), "{message:?}");
         }
         let two = messages::Direction { coordinates: vec![1.0, 0.0, 0.0, 1.0, 0.0, 0.0] };
         let message = messages::Shooter { key: 0, shape: Some(shooter::Shape::Directional(two)) };
-        assert!(Shooter::from_message(&message).is_err());
+        assert!(Shooter::from_message(&message, None).is_err());
     }
 
     /// Full inside, none outside, a quarter where the ramp over the cosines is half way.

@@ -27,7 +27,7 @@ use crate::simd::widest;
 
 pub use cut::{Cone, Cones, Pieces, cut};
 pub use groups::{Node, ReceiverGroups, ReceiverLanes};
-pub use many::{MANY_POLYGONS, ManyPolygons, least_rays};
+pub use many::{FactorsOfMany, MANY_POLYGONS, factors_of_many, least_rays};
 use partial::PartialView;
 pub use sample::pair_seed;
 pub use sky::sky_factor;

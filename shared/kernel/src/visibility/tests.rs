@@ -7,7 +7,7 @@ use super::*;
 use crate::geometry::{ConvexPolygon, PlaneId};
 use crate::occluder::convex_bodies;
 use crate::replica::Receiver;
-use crate::row::Shape;
+use crate::row::{CHANNELS, Shape};
 
 const PRECISION: Precision = Precision {
     rays_per_hemisphere: 4096,
@@ -273,10 +273,11 @@ fn of_shape(
 ) -> (Vec<f64>, RowStatistics) {
     let occluder = Occluder::new(occluders);
     let precision = Precision { rays_per_hemisphere, ..Precision::DEFAULT };
-    let mut many = ManyPolygons::new(shape, &occluder, None, &precision);
     let groups = ReceiverGroups::new(receivers.to_vec());
     let mut statistics = RowStatistics::default();
-    (many.factors(&groups, seeds, &|| false, &mut statistics), statistics)
+    let among = (&occluder, None);
+    let many = factors_of_many((shape, &groups), among, &precision, seeds, &|| false, &mut statistics);
+    (many.factors.into_iter().map(|[factor, ..]| factor).collect(), statistics)
 }
 
 /// Where few rays are asked for, those that all arrive are fewer still, and tell a little too much; where many are, and where little
@@ -364,6 +365,40 @@ fn what_is_far_counts_as_points_within_a_thousandth() {
     }
 }
 
+/// Rays that are shared tell of each channel what its own would, also where some hide one colour.
+#[test]
+fn shared_rays_are_right_in_each_channel() {
+    let weights = |tile: &ConvexPolygon| {
+        let at = tile.corner_mean();
+        [(0.5 + 5.0 * at.x).clamp(0.0, 1.0), f64::from(at.y > 0.0), 0.02]
+    };
+    let lamps: Vec<_> = tiles().into_iter().map(|tile| (tile.clone(), weights(&tile))).collect();
+    let receiver = floor(0.0, 0.0);
+    let wall = [square(DVec3::new(-1.0, 0.0, 1.3), DVec3::X, DVec3::Y, 2)];
+    let (occluder, groups) = (Occluder::new(&wall), ReceiverGroups::new(vec![receiver]));
+    let precision = Precision { rays_per_hemisphere: 2048, ..Precision::DEFAULT };
+    let [shape, ..] = Shape::of_colours(lamps.clone());
+    let draws = 1000;
+    let mut means = [0.0; CHANNELS];
+    for seed in 0..draws {
+        let mut statistics = RowStatistics::default();
+        let (many, among) = ((&shape, &groups), (&occluder, None));
+        let many = factors_of_many(many, among, &precision, |_| seed, &|| false, &mut statistics);
+        for (mean, factor) in means.iter_mut().zip(many.factors[0]) {
+            *mean += factor / f64::from(draws);
+        }
+        assert!(many.variances.iter().all(|variance| *variance > 0.0));
+    }
+    for (channel, mean) in means.iter().enumerate() {
+        let sum = |walls: &[ConvexPolygon]| -> f64 {
+            lamps.iter().map(|(lamp, weights)| weights[channel] * visible(walls, &[receiver], lamp)[0]).sum()
+        };
+        let (exact, all) = (sum(&wall), sum(&[]));
+        assert!(exact > 0.02 * all && exact < 0.98 * all, "{exact} of {all}");
+        assert!((mean / exact - 1.0).abs() <= 0.004, "{channel}: {mean}, not {exact}");
+    }
+}
+
 /// Two lamps side by side, of tiles that are the brighter the farther along x; far away they are few places.
 #[test]
 fn rays_to_polygons_that_count_as_one_know_which_are_bright() {
@@ -384,7 +419,7 @@ fn rays_to_polygons_that_count_as_one_know_which_are_bright() {
     };
     let (exact, all) = (sum(&wall), sum(&[]));
     assert!(exact > 0.5 * all && exact < 0.95 * all, "{exact} of {all}");
-    let (shape, draws) = (Shape::Weighted(lamps.clone()), 2000);
+    let (shape, draws) = (Shape::of_one_colour(lamps.clone()), 2000);
     let draw = |seed| of_shape(&wall, &shape, &[receiver], (2048, |_| seed));
     let mean = (0..draws).map(|seed| draw(seed).0[0]).sum::<f64>() / f64::from(draws);
     assert!((mean / exact - 1.0).abs() <= 0.002, "{mean}, not {exact}");

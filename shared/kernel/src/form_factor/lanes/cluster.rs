@@ -15,10 +15,10 @@ const NARROW: f64 = 0.965_925_826_289;
 /// Rounding of distances and of ways across, relative to them.
 const ROUNDING: f64 = 1e-7;
 
-/// Some polygons, each with a weight, by what their form factors are together.
+/// Some polygons, each with weights in `N` channels, by what their form factors are together.
 #[derive(Debug, Clone)]
-pub struct PolygonCluster {
-    /// Centre of gravity of their areas times weights, and how far corners are from it at most.
+pub struct PolygonCluster<const N: usize> {
+    /// Centre of gravity of their areas times the sums of their weights, and how far corners are from it at most.
     centre: DVec3,
     reach: f64,
     /// Mean square of the distance from it.
@@ -28,7 +28,7 @@ pub struct PolygonCluster {
     sine: f64,
     cosine: f64,
     whole: Area,
-    weighted: Area,
+    weighted: [Area; N],
 }
 
 /// Polygons up to first order in their places.
@@ -44,11 +44,11 @@ struct Area {
 /// What [`LANES`] receivers see of a cluster when nothing is between.
 #[derive(Debug, Clone, PartialEq)]
 #[repr(align(64))]
-pub struct ClusterLanes {
+pub struct ClusterLanes<const N: usize> {
     /// The sum of the form factors of its polygons; 0 where it does not count as one.
     pub factors: Lanes,
-    /// The sum of them, each times the weight of its polygon.
-    pub weighted: Lanes,
+    /// The sum of them in each channel, each times the weight of its polygon.
+    pub weighted: [Lanes; N],
     /// Mean error of each of `factors`.
     pub errors: Lanes,
     /// Receivers that it counts as one to, a bit each.
@@ -57,24 +57,29 @@ pub struct ClusterLanes {
     pub open: u32,
 }
 
-impl PolygonCluster {
-    /// The cluster of some polygons, at least one, with weights over 0.
+impl<const N: usize> PolygonCluster<N> {
+    /// The cluster of some polygons, at least one, with weights over 0 in one channel at least.
     #[must_use]
-    pub fn new<'a>(polygons: impl Iterator<Item = (&'a PreparedPolygon, f64)> + Clone) -> Self {
-        let shining: f64 = polygons.clone().map(|(polygon, weight)| polygon.area() * weight).sum();
-        let pull =
-            |(polygon, weight): (&PreparedPolygon, f64)| polygon.area() * weight / shining * polygon.centroid;
+    pub fn new<'a>(polygons: impl Iterator<Item = (&'a PreparedPolygon, [f64; N])> + Clone) -> Self {
+        let area =
+            |polygon: &PreparedPolygon, weights: [f64; N]| polygon.area() * weights.iter().sum::<f64>();
+        let shining: f64 = polygons.clone().map(|(polygon, weights)| area(polygon, weights)).sum();
+        let pull = |(polygon, weights): (&PreparedPolygon, [f64; N])| {
+            area(polygon, weights) / shining * polygon.centroid
+        };
         let centre: DVec3 = polygons.clone().map(pull).sum();
         let corners = polygons.clone().flat_map(|(polygon, _)| polygon.corners());
         let reach = corners.map(|corner| corner.distance_squared(centre)).fold(0.0, f64::max).sqrt();
-        let (mut whole, mut weighted, mut spread) = (Area::NONE, Area::NONE, 0.0);
-        for (polygon, weight) in polygons.clone() {
+        let (mut whole, mut weighted, mut spread) = (Area::NONE, [Area::NONE; N], 0.0);
+        for (polygon, weights) in polygons.clone() {
             let (vector, way) = (polygon.doubled_area / 2.0, polygon.centroid - centre);
             whole.add(vector, way);
-            weighted.add(weight * vector, way);
+            for (weighted, weight) in weighted.iter_mut().zip(weights) {
+                weighted.add(weight * vector, way);
+            }
             // A polygon's own mean square is largest of a needle.
             let square = way.length_squared() + polygon.squared_reach / 3.0;
-            spread += polygon.area() * weight / shining * square;
+            spread += area(polygon, weights) / shining * square;
         }
         let axis = whole.vector.normalize_or_zero();
         let cosine = polygons.map(|(polygon, _)| polygon.normal.dot(axis)).fold(1.0, f64::min);
@@ -97,10 +102,11 @@ impl PolygonCluster {
     /// d itself. To be called under [`crate::simd::widest`].
     #[inline(always)]
     #[must_use]
-    pub fn view_lanes(&self, receivers: &ReceiverLanes, tolerance: f64, looking: u32) -> ClusterLanes {
+    pub fn view_lanes(&self, receivers: &ReceiverLanes, tolerance: f64, looking: u32) -> ClusterLanes<N> {
         let narrow = mask(self.is_narrow());
         let (mut as_one, mut open): (Mask, Mask) = ([0; LANES], [0; LANES]);
-        let (mut factors, mut weighted, mut errors) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+        let (mut factors, mut errors) = ([0.0; LANES], [0.0; LANES]);
+        let mut weighted = [[0.0; LANES]; N];
         for lane in 0..LANES {
             let (position, normal) = (receivers.position(lane), receivers.normal(lane));
             let to_centre = self.centre - position;
@@ -124,7 +130,9 @@ impl PolygonCluster {
             let sum = |area: &Area| scale * area.seen(to_centre, normal, height, reciprocal);
             let factor = sum(&self.whole);
             factors[lane] = keep(counts, factor);
-            weighted[lane] = keep(counts, sum(&self.weighted));
+            for (weighted, own) in weighted.iter_mut().zip(&self.weighted) {
+                weighted[lane] = keep(counts, sum(own));
+            }
             errors[lane] = keep(counts, factor * (3.0 * MEAN_POINT_RULE_ERROR * self.spread * reciprocal));
             as_one[lane] = counts;
             open[lane] = looks & !(counts | mask(behind | below));
@@ -197,8 +205,8 @@ mod tests {
         (0..AROUND * (RINGS - 1)).map(tile).collect()
     }
 
-    fn cluster(polygons: &[(PreparedPolygon, f64)]) -> PolygonCluster {
-        PolygonCluster::new(polygons.iter().map(|(polygon, weight)| (polygon, *weight)))
+    fn cluster(polygons: &[(PreparedPolygon, f64)]) -> PolygonCluster<1> {
+        PolygonCluster::new(polygons.iter().map(|(polygon, weight)| (polygon, [*weight])))
     }
 
     /// Receivers all around at some distances, looking all ways.
@@ -242,14 +250,17 @@ mod tests {
                 assert!(!(is(view.as_one) && is(view.open)));
                 if is(view.as_one) {
                     one += 1;
-                    let error = view.weighted[lane] / weighted - 1.0;
+                    let error = view.weighted[0][lane] / weighted - 1.0;
                     assert!(error.abs() <= tolerance, "{position} {normal}: {error}");
                     squares += error * error;
                     // The tolerance is that of the bright ones; the error stated is of all, in the mean.
                     let error = view.factors[lane] / sum - 1.0;
                     assert!(error.abs() <= tolerance, "{position} {normal}: {error}");
                 } else {
-                    assert_eq!((view.factors[lane], view.weighted[lane], view.errors[lane]), (0.0, 0.0, 0.0));
+                    assert_eq!(
+                        (view.factors[lane], view.weighted[0][lane], view.errors[lane]),
+                        (0.0, 0.0, 0.0)
+                    );
                     open += u32::from(is(view.open));
                     dark += u32::from(!is(view.open));
                     assert!(is(view.open) || sum == 0.0, "{position} {normal}: {sum}");
@@ -259,6 +270,25 @@ mod tests {
         assert!(one > 1000 && open > 1000 && dark > 1000, "{one} as one, {open} open, {dark} dark");
         let mean = (squares / f64::from(one)).sqrt();
         assert!(mean <= tolerance / 4.0, "{mean}");
+    }
+
+    /// Three channels are three clusters with one centre.
+    #[test]
+    fn each_channel_has_the_sum_of_its_own_weights() {
+        let polygons = roof();
+        let weights = |index: usize| [0, 1, 2].map(|channel| ((index + channel) % 4) as f64 / 3.0);
+        let coloured = || polygons.iter().enumerate().map(|(index, (polygon, _))| (polygon, weights(index)));
+        let cluster = PolygonCluster::new(coloured());
+        let receiver = (DVec3::new(1.0, 2.0, 9.0), DVec3::new(0.0, 0.6, -0.8));
+        let view = cluster.view_lanes(&ReceiverLanes::new([receiver]), 5e-3, 1);
+        assert_eq!(view.as_one, 1);
+        for (channel, found) in view.weighted.iter().enumerate() {
+            let own = |(polygon, weights): (&PreparedPolygon, [f64; 3])| {
+                polygon.view(receiver.0, receiver.1, 0.0).map_or(0.0, |view| view.factor) * weights[channel]
+            };
+            let wanted: f64 = coloured().map(own).sum();
+            assert!((found[0] / wanted - 1.0).abs() <= 5e-3, "{channel}: {} for {wanted}", found[0]);
+        }
     }
 
     #[test]

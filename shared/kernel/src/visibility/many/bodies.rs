@@ -9,51 +9,64 @@ use crate::geometry::{ConvexPolygon, position_bits};
 /// Rays that are enough to tell of a body by itself, in the mean.
 const ENOUGH_RAYS: f64 = 2.0;
 
-/// A body, as the receiver at hand sees it.
-#[derive(Clone, Default)]
-pub(super) struct Body {
+/// A body, as the receiver at hand sees it, in `N` channels.
+#[derive(Clone)]
+pub(super) struct Body<const N: usize> {
     /// Sum of weighted form factors.
-    pub(super) all: f64,
+    pub(super) all: [f64; N],
     /// What its rays told.
-    pub(super) ratio: RayRatio,
+    pub(super) ratios: [RayRatio; N],
 }
 
-/// The part of all bodies that arrives: rays tell of those that get enough of them one by one, and of all others together. And the
-/// difference of what the one half of the rays tells and the other.
-pub(super) fn visible_of(bodies: &[Body], rays: u32) -> (f64, f64) {
-    let all: f64 = bodies.iter().map(|body| body.all).sum();
+/// The part of all bodies that arrives in each channel: rays tell of those that get enough of them one by one, and of all others
+/// together. And the difference of what the one half of the rays tells and the other.
+pub(super) fn visible_of<const N: usize>(bodies: &[Body<N>], rays: u32) -> [(f64, f64); N] {
+    let all: f64 = bodies.iter().map(Body::sum).sum();
     let enough = all * ENOUGH_RAYS / f64::from(rays);
-    let (mut others, mut halved) = (Body::default(), Body::default());
-    let (mut visible, mut told, mut difference) = (0.0, 0.0, 0.0);
-    let mut tell = |Body { all, ratio }: &Body| {
-        let (arrived, cast) = ratio.sums();
-        // Rays to bodies that are barely over the horizon may all end under it.
-        if cast > 0.0 {
-            visible += all * (arrived / cast);
-            told += all;
+    std::array::from_fn(|channel| {
+        let all: f64 = bodies.iter().map(|body| body.all[channel]).sum();
+        let (mut others, mut halved) = ((0.0, RayRatio::default()), (0.0, RayRatio::default()));
+        let (mut visible, mut told, mut difference) = (0.0, 0.0, 0.0);
+        let mut tell = |all: f64, ratio: RayRatio| {
+            let (arrived, cast) = ratio.sums();
+            // Rays to bodies that are barely over the horizon may all end under it.
+            if cast > 0.0 {
+                visible += all * (arrived / cast);
+                told += all;
+            }
+            match ratio.estimate() {
+                Some((_, own)) => difference += all * own,
+                // With rays in one half only: their difference is that of all such.
+                None => {
+                    halved.0 += all;
+                    halved.1 += ratio;
+                }
+            }
+        };
+        for body in bodies {
+            let (all, ratio) = (body.all[channel], body.ratios[channel]);
+            if body.sum() >= enough {
+                tell(all, ratio);
+            } else {
+                others.0 += all;
+                others.1 += ratio;
+            }
         }
-        match ratio.estimate() {
-            Some((_, own)) => difference += all * own,
-            // With rays in one half only: their difference is that of all such.
-            None => halved.add(*all, *ratio),
-        }
-    };
-    for body in bodies {
-        if body.all >= enough {
-            tell(body);
-        } else {
-            others.add(body.all, body.ratio);
-        }
-    }
-    tell(&others);
-    difference += halved.ratio.estimate().map_or(0.0, |(_, own)| halved.all * own);
-    (if told > 0.0 { visible * (all / told) } else { all }, difference)
+        tell(others.0, others.1);
+        difference += halved.1.estimate().map_or(0.0, |(_, own)| halved.0 * own);
+        (if told > 0.0 { visible * (all / told) } else { all }, difference)
+    })
 }
 
-impl Body {
-    fn add(&mut self, all: f64, ratio: RayRatio) {
-        self.all += all;
-        self.ratio += ratio;
+impl<const N: usize> Body<N> {
+    /// A body of which nothing is known yet.
+    pub(super) fn new() -> Self {
+        Self { all: [0.0; N], ratios: [RayRatio::default(); N] }
+    }
+
+    /// Sum of weighted form factors in all channels.
+    fn sum(&self) -> f64 {
+        self.all.iter().sum()
     }
 }
 

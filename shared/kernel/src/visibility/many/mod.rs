@@ -3,7 +3,8 @@
 //! The unoccluded form factors are summed, each times the weight of its polygon, for groups of receivers at once; polygons that lie
 //! and face together count as one from afar. Visibility is sampled for the shooter as a whole: rays choose among its polygons in
 //! proportion to their part of that sum, and among the points of a polygon that is near by solid angle. Where polygons lie apart, as
-//! those of many lamps do, most may be hidden from a receiver: what arrives is then told for each of these bodies.
+//! those of many lamps do, most may be hidden from a receiver: what arrives is then told for each of these bodies. Polygons of many colours
+//! have a weight in each channel: rays choose by the sum of these, and tell of all channels.
 
 mod bodies;
 mod targets;
@@ -13,15 +14,16 @@ use sobol_burley::sample_4d;
 
 use super::{ReceiverGroups, Stop, TransparentOccluders, faces_away};
 use crate::form_factor::{Lanes, ViewLanes};
+use crate::geometry::ConvexPolygon;
 use crate::geometry::lanes::LANES;
 use crate::messages::RowStatistics;
 use crate::occluder::Occluder;
 use crate::replica::Receiver;
-use crate::row::{Precision, Shape};
+use crate::row::{CHANNELS, Precision, Shape};
 use crate::simd::widest;
 use bodies::{Body, visible_of};
 use targets::{Target, Targets};
-use tree::{Place, PolygonTree, Sight};
+use tree::{Part, Place, PolygonTree, Sight};
 
 /// A shooter of this many polygons or more is treated as a whole.
 pub const MANY_POLYGONS: usize = 32;
@@ -51,44 +53,75 @@ const TOLERANCE: f64 = 1e-3;
 /// The same of polygons that count as one. The bound is for the worst of directions: some times what is found in the mean.
 const TOLERANCE_AS_ONE: f64 = 3e-3;
 
-/// The polygons of one shooter.
-pub struct ManyPolygons<'a> {
-    tree: PolygonTree,
+/// The polygons of one shooter, with weights in `N` channels.
+struct ManyPolygons<'a, const N: usize> {
+    tree: PolygonTree<N>,
     occluder: &'a Occluder,
     transparent: Option<&'a TransparentOccluders>,
     precision: &'a Precision,
     least_rays: u32,
     /// Rays that are enough where all of them arrive; `None` where all are sent.
     probe: Option<u32>,
-    faced: Faced,
-    bodies: Vec<Body>,
+    faced: Faced<N>,
+    bodies: Vec<Body<N>>,
 }
 
 /// The view of some receivers before occlusion.
-#[derive(Default)]
-struct Faced {
+struct Faced<const N: usize> {
     /// The places that any of them sees.
     places: Vec<Place>,
-    /// Sum of weighted form factors up to each, for each receiver.
-    ends: Vec<[f64; LANES]>,
+    /// Sum of weighted form factors up to each, by channel and receiver.
+    ends: Vec<[[f64; LANES]; N]>,
     /// Sum of form factors of each receiver.
     covered: [f64; LANES],
     /// Number of polygons that each receiver sees.
     counts: [u32; LANES],
 }
 
-impl<'a> ManyPolygons<'a> {
-    /// Prepares a shooter, a shape of polygons, among these occluders.
-    #[must_use]
-    pub fn new(
-        shape: &Shape,
-        occluder: &'a Occluder,
-        transparent: Option<&'a TransparentOccluders>,
-        precision: &'a Precision,
+/// Visible form factors to many polygons, by weight.
+pub struct FactorsOfMany {
+    /// For each receiver, in each channel; 0 in those that all weights are 0 in.
+    pub factors: Vec<[f64; CHANNELS]>,
+    /// The variance of each channel, summed over the receivers.
+    pub variances: [f64; CHANNELS],
+}
+
+/// The visible form factors from receivers to all polygons of a shape among these occluders, in all of its channels at once. `seed` gives
+/// the seed of each receiver's rays; `stop` is asked before each of them, and ends it with less. The result for a receiver does not depend
+/// on the others.
+pub fn factors_of_many(
+    (shape, groups): (&Shape, &ReceiverGroups),
+    (occluder, transparent): (&Occluder, Option<&TransparentOccluders>),
+    precision: &Precision,
+    seed: impl Fn(usize) -> u32,
+    stop: Stop,
+    statistics: &mut RowStatistics,
+) -> FactorsOfMany {
+    let of_channels = shape.polygons_of_channels();
+    let is_one = of_channels.clone().all(|(_, [_, others @ ..])| others == [0.0; CHANNELS - 1]);
+    let among = (occluder, transparent, precision);
+    if is_one {
+        let polygons = of_channels.map(|(polygon, [weight, ..])| (polygon, [weight]));
+        let (factors, [variance]) =
+            ManyPolygons::new(polygons, among).factors(groups, seed, stop, statistics);
+        let factors = factors.into_iter().map(|[factor]| [factor, 0.0, 0.0]).collect();
+        return FactorsOfMany { factors, variances: [variance, 0.0, 0.0] };
+    }
+    let (factors, variances) = ManyPolygons::new(of_channels, among).factors(groups, seed, stop, statistics);
+    FactorsOfMany { factors, variances }
+}
+
+impl<'a, const N: usize> ManyPolygons<'a, N> {
+    /// Prepares polygons with their weights among these occluders.
+    fn new<'b>(
+        polygons: impl Iterator<Item = (&'b ConvexPolygon, [f64; N])>,
+        (occluder, transparent, precision): (&'a Occluder, Option<&'a TransparentOccluders>, &'a Precision),
     ) -> Self {
-        let tree = PolygonTree::new(shape.weighted_polygons().filter(|(_, weight)| *weight > 0.0));
-        let bodies = vec![Body::default(); tree.bodies()];
+        let tree =
+            PolygonTree::new(polygons.filter(|(_, weights)| weights.iter().any(|weight| *weight > 0.0)));
+        let bodies = vec![Body::new(); tree.bodies()];
         let probe = PROBE.max(precision.rays_per_hemisphere / (NO_PROBE / LEAST_RAYS));
+        let faced = Faced { places: vec![], ends: vec![], covered: [0.0; LANES], counts: [0; LANES] };
         Self {
             tree,
             occluder,
@@ -96,21 +129,21 @@ impl<'a> ManyPolygons<'a> {
             precision,
             least_rays: least_rays(bodies.len()),
             probe: (bodies.len() == 1 && probe < LEAST_RAYS).then_some(probe),
-            faced: Faced::default(),
+            faced,
             bodies,
         }
     }
 
-    /// The visible form factors from receivers to all of them, by weight. `seed` gives the seed of each receiver's rays; `stop` is
-    /// asked before each of them. The result for a receiver does not depend on the others.
-    pub fn factors(
+    /// The visible form factors of receivers by channel, and the variance of each channel, summed over them.
+    fn factors(
         &mut self,
         groups: &ReceiverGroups,
         seed: impl Fn(usize) -> u32,
         stop: Stop,
         statistics: &mut RowStatistics,
-    ) -> Vec<f64> {
-        let mut factors = vec![0.0; groups.receivers().len()];
+    ) -> (Vec<[f64; N]>, [f64; N]) {
+        let mut factors = vec![[0.0; N]; groups.receivers().len()];
+        let mut variances = [0.0; N];
         statistics.pairs += (self.tree.len() * factors.len()) as u64;
         for (group, (factors, receivers)) in
             factors.chunks_mut(LANES).zip(groups.receivers().chunks(LANES)).enumerate()
@@ -118,12 +151,16 @@ impl<'a> ManyPolygons<'a> {
             self.look(groups, group, statistics);
             for (lane, (factor, receiver)) in factors.iter_mut().zip(receivers).enumerate() {
                 if stop() {
-                    return vec![];
+                    return (vec![], variances);
                 }
-                *factor = self.visible(receiver, lane, seed(group * LANES + lane), statistics);
+                let visible = self.visible(receiver, lane, seed(group * LANES + lane), statistics);
+                *factor = visible.map(|(visible, _)| visible);
+                for (variance, (_, difference)) in variances.iter_mut().zip(visible) {
+                    *variance += difference * difference / 4.0;
+                }
             }
         }
-        factors
+        (factors, variances)
     }
 
     /// Finds what the receivers of a group see of the polygons before occlusion.
@@ -136,10 +173,12 @@ impl<'a> ManyPolygons<'a> {
         faced.ends.clear();
         (faced.covered, faced.counts) = ([0.0; LANES], [0; LANES]);
         let tolerance = precision.form_factor_error.max(TOLERANCE);
-        let mut all = [0.0; LANES];
-        let mut add = |place: Place, factors: &Lanes, weighted: &Lanes, errors: &Lanes| {
-            for (lane, all) in all.iter_mut().enumerate() {
-                *all += weighted[lane];
+        let mut all = [[0.0; LANES]; N];
+        let mut add = |place: Place, factors: &Lanes, weighted: &[Lanes; N], errors: &Lanes| {
+            for (all, weighted) in all.iter_mut().zip(weighted) {
+                all.iter_mut().zip(weighted).for_each(|(all, own)| *all += own);
+            }
+            for lane in 0..LANES {
                 faced.covered[lane] += factors[lane];
                 faced.counts[lane] += u32::from(factors[lane] > 0.0) * place.range.len() as u32;
                 statistics.factor_sum += factors[lane];
@@ -157,7 +196,7 @@ impl<'a> ManyPolygons<'a> {
                     #[inline(always)]
                     |place, sight| match sight {
                         Sight::AsOne(view) => add(place, &view.factors, &view.weighted, &view.errors),
-                        Sight::Alone(polygon, weight, looking) => {
+                        Sight::Alone(Part { polygon, weights }, looking) => {
                             if around.is_some_and(|around| faces_away(around, polygon)) {
                                 return;
                             }
@@ -166,7 +205,8 @@ impl<'a> ManyPolygons<'a> {
                                 (factors[lane], errors[lane]) = (0.0, 0.0);
                             }
                             if factors != [0.0; LANES] {
-                                add(place, &factors, &factors.map(|factor| factor * weight), &errors);
+                                let weighted = weights.map(|weight| factors.map(|factor| factor * weight));
+                                add(place, &factors, &weighted, &errors);
                             }
                         }
                     },
@@ -176,25 +216,31 @@ impl<'a> ManyPolygons<'a> {
         statistics.factors += faced.counts.iter().map(|count| u64::from(*count)).sum::<u64>();
     }
 
-    /// The visible form factor of a receiver of the group looked at.
+    /// The visible form factors of a receiver of the group looked at, each with the difference of what both halves of its rays tell.
     fn visible(
         &mut self,
         receiver: &Receiver,
         lane: usize,
         seed: u32,
         statistics: &mut RowStatistics,
-    ) -> f64 {
+    ) -> [(f64, f64); N] {
         let Self { tree, occluder, transparent, precision, least_rays, probe, faced, bodies } = self;
         let ends = &faced.ends;
-        let all = ends.last().map_or(0.0, |ends| ends[lane]);
+        let of_channels = ends.last().map_or([0.0; N], |ends| ends.map(|ends| ends[lane]));
+        let sum = |ends: &[[f64; LANES]; N]| ends.iter().map(|ends| ends[lane]).sum::<f64>();
+        let all: f64 = of_channels.iter().sum();
         if all == 0.0 || (occluder.is_empty() && transparent.is_none()) {
-            return all;
+            return of_channels.map(|all| (all, 0.0));
         }
-        let before = |index: usize| if index == 0 { 0.0 } else { ends[index - 1][lane] };
+        let before = |index: usize| if index == 0 { 0.0 } else { sum(&ends[index - 1]) };
         let mut targets = Targets::new(receiver);
-        bodies.fill(Body::default());
-        for (index, place) in faced.places.iter().enumerate() {
-            bodies[place.body].all += ends[index][lane] - before(index);
+        bodies.fill(Body::new());
+        let mut last = [0.0; N];
+        for (ends, place) in ends.iter().zip(&faced.places) {
+            for (channel, all) in bodies[place.body].all.iter_mut().enumerate() {
+                *all += ends[channel][lane] - last[channel];
+                last[channel] = ends[channel][lane];
+            }
         }
         let wanted = PART * faced.covered[lane] * f64::from(precision.rays_per_hemisphere);
         let rays = (wanted as u32).next_power_of_two().clamp(*least_rays, MOST_RAYS);
@@ -202,10 +248,11 @@ impl<'a> ManyPolygons<'a> {
         let mut cast = 0;
         for ray in 0..rays {
             let [choice, x, y, _] = sample_4d(ray, 0, seed).map(f64::from);
-            let index = ends.partition_point(|ends| ends[lane] <= choice * all).min(ends.len() - 1);
-            let own = ends[index][lane] - before(index);
+            let index = ends.partition_point(|ends| sum(ends) <= choice * all).min(ends.len() - 1);
+            let own = sum(&ends[index]) - before(index);
             let place = &faced.places[index];
-            let polygon = tree.choose(&place.range, ((choice * all - before(index)) / own).clamp(0.0, 1.0));
+            let Part { polygon, weights } =
+                tree.choose(&place.range, ((choice * all - before(index)) / own).clamp(0.0, 1.0));
             let Target { at, weight } = targets.draw((index, place), polygon, [x, y]);
             let weight = weight / own;
             cast += 1;
@@ -216,11 +263,16 @@ impl<'a> ManyPolygons<'a> {
                 } else {
                     transparent.map_or(1.0, |some| some.between(receiver.position, at, planes))
                 };
-                bodies[place.body].ratio.add(ray >= rays / 2, weight, part);
+                let of_all: f64 = weights.iter().sum();
+                for (ratio, own) in bodies[place.body].ratios.iter_mut().zip(weights) {
+                    ratio.add(ray >= rays / 2, weight * (own / of_all), part);
+                }
             }
             if Some(cast) == probe {
-                let (arrived, sent) = bodies[0].ratio.sums();
-                if arrived == sent && sent > 0.0 {
+                let sums = bodies[0].ratios.map(|ratio| ratio.sums());
+                if sums.iter().all(|(arrived, sent)| arrived == sent)
+                    && sums.iter().any(|(_, sent)| *sent > 0.0)
+                {
                     break;
                 }
             }
@@ -228,9 +280,7 @@ impl<'a> ManyPolygons<'a> {
         statistics.rays += u64::from(cast);
         statistics.sampled_pairs += u64::from(faced.counts[lane]);
         statistics.occluded_pairs += u64::from(faced.counts[lane]);
-        let (visible, difference) = visible_of(bodies, rays);
-        statistics.sampling_variance += difference * difference / 4.0;
-        visible
+        visible_of(bodies, rays)
     }
 }
 

@@ -9,28 +9,28 @@ use crate::geometry::{Bounds, ConvexPolygon};
 /// Most polygons that are looked at one by one where they do not count as one.
 const LEAF: usize = 2;
 
-/// A polygon of a shooter.
-struct Part {
-    polygon: PreparedPolygon,
-    weight: f64,
+/// A polygon of a shooter, with its weights in `N` channels.
+pub(super) struct Part<const N: usize> {
+    pub(super) polygon: PreparedPolygon,
+    pub(super) weights: [f64; N],
 }
 
 /// Polygons by body, and those of a body in a tree.
-pub(super) struct PolygonTree {
-    parts: Vec<Part>,
+pub(super) struct PolygonTree<const N: usize> {
+    parts: Vec<Part<N>>,
     /// Their numbers, those of a node side by side.
     order: Vec<usize>,
-    /// Sum of the areas times weights of those of a body in this order, up to each.
+    /// Sum of the areas times all weights of those of a body in this order, up to each.
     ends: Vec<f64>,
-    nodes: Vec<Node>,
+    nodes: Vec<Node<N>>,
     /// Numbers of the nodes of whole bodies.
     roots: Vec<usize>,
 }
 
 /// Polygons of one body.
-struct Node {
+struct Node<const N: usize> {
     place: Place,
-    cluster: PolygonCluster,
+    cluster: PolygonCluster<N>,
     /// Numbers of its two parts; none of a leaf.
     halves: Option<[usize; 2]>,
 }
@@ -42,26 +42,33 @@ pub(super) struct Place {
     pub(super) range: Range<usize>,
     /// The body that they belong to.
     pub(super) body: usize,
-    /// Sum of their areas times weights.
+    /// Sum of their areas times all weights.
     pub(super) shining: f64,
 }
 
 /// How some receivers see a place.
-pub(super) enum Sight<'a> {
+pub(super) enum Sight<'a, const N: usize> {
     /// Those that it counts as one to.
-    AsOne(&'a ClusterLanes),
-    /// A polygon with its weight by itself, of those that have a bit here.
-    Alone(&'a PreparedPolygon, f64, u32),
+    AsOne(&'a ClusterLanes<N>),
+    /// A polygon by itself, of those that have a bit here.
+    Alone(&'a Part<N>, u32),
 }
 
-impl PolygonTree {
+impl<const N: usize> Part<N> {
+    /// Area times all weights.
+    fn shining(&self) -> f64 {
+        self.polygon.area() * self.weights.iter().sum::<f64>()
+    }
+}
+
+impl<const N: usize> PolygonTree<N> {
     /// A tree of polygons with their weights.
-    pub(super) fn new<'a>(polygons: impl Iterator<Item = (&'a ConvexPolygon, f64)>) -> Self {
-        let (polygons, weights): (Vec<&ConvexPolygon>, Vec<f64>) = polygons.unzip();
+    pub(super) fn new<'a>(polygons: impl Iterator<Item = (&'a ConvexPolygon, [f64; N])>) -> Self {
+        let (polygons, weights): (Vec<&ConvexPolygon>, Vec<[f64; N]>) = polygons.unzip();
         let bodies = bodies_of(&polygons);
-        let part = |(polygon, weight): (&ConvexPolygon, f64)| Part {
+        let part = |(polygon, weights): (&ConvexPolygon, [f64; N])| Part {
             polygon: PreparedPolygon::new(polygon),
-            weight,
+            weights,
         };
         let mut order: Vec<usize> = (0..polygons.len()).collect();
         order.sort_by_key(|index| bodies[*index]);
@@ -93,25 +100,24 @@ impl PolygonTree {
         self.roots.len()
     }
 
-    /// The polygon of some that is at this part, from 0 to 1, of their area times weight.
-    pub(super) fn choose(&self, range: &Range<usize>, part: f64) -> &PreparedPolygon {
+    /// The polygon of some that is at this part, from 0 to 1, of their area times all weights.
+    pub(super) fn choose(&self, range: &Range<usize>, part: f64) -> &Part<N> {
         let ends = &self.ends[range.clone()];
         let own = |at: usize| ends[at] - self.shining(range.start + at);
         let wanted = own(0) + part * (ends[range.len() - 1] - own(0));
         let place = ends.partition_point(|end| *end <= wanted).min(range.len() - 1);
-        &self.parts[self.order[range.start + place]].polygon
+        &self.parts[self.order[range.start + place]]
     }
 
-    /// Area times weight of the polygon at this place of the order.
+    /// Area times all weights of the polygon at this place of the order.
     fn shining(&self, at: usize) -> f64 {
-        let Part { polygon, weight } = &self.parts[self.order[at]];
-        polygon.area() * weight
+        self.parts[self.order[at]].shining()
     }
 
     /// Adds a node of polygons, at least one; returns its number. Those before it are in the tree.
     fn add(&mut self, range: Range<usize>, body: usize) -> usize {
         let parts = self.order[range.clone()].iter().map(|index| &self.parts[*index]);
-        let cluster = PolygonCluster::new(parts.map(|part| (&part.polygon, part.weight)));
+        let cluster = PolygonCluster::new(parts.map(|part| (&part.polygon, part.weights)));
         let is_narrow = cluster.is_narrow();
         let shining = range.clone().map(|at| self.shining(at)).sum();
         let number = self.nodes.len();
@@ -132,7 +138,7 @@ impl PolygonTree {
         &self,
         (receivers, count): (&ReceiverLanes, usize),
         tolerance: f64,
-        mut see: impl FnMut(Place, Sight),
+        mut see: impl FnMut(Place, Sight<N>),
     ) {
         let all = (1 << count) - 1;
         let mut open: Vec<(usize, u32)> = self.roots.iter().rev().map(|root| (*root, all)).collect();
@@ -151,9 +157,9 @@ impl PolygonTree {
                 Some([one, other]) => open.extend([(*other, left), (*one, left)]),
                 None => {
                     for at in place.range.clone() {
-                        let Part { polygon, weight } = &self.parts[self.order[at]];
-                        let alone = Place { range: at..at + 1, body: place.body, shining: self.shining(at) };
-                        see(alone, Sight::Alone(polygon, *weight, left));
+                        let part = &self.parts[self.order[at]];
+                        let alone = Place { range: at..at + 1, body: place.body, shining: part.shining() };
+                        see(alone, Sight::Alone(part, left));
                     }
                 }
             }
@@ -163,7 +169,7 @@ impl PolygonTree {
 
 /// Puts the one half of these polygons before the other, which faces another way, or lies elsewhere where all face together; returns the
 /// size of the first.
-fn split(parts: &[Part], order: &mut [usize], is_narrow: bool) -> usize {
+fn split<const N: usize>(parts: &[Part<N>], order: &mut [usize], is_narrow: bool) -> usize {
     let point = |index: usize| {
         let polygon = &parts[index].polygon;
         if is_narrow { polygon.centre() } else { polygon.normal() }
@@ -212,13 +218,13 @@ mod tests {
 
     /// The ranges that a receiver at this height over the panel sees.
     fn places(polygons: &[ConvexPolygon], height: f64) -> Vec<Range<usize>> {
-        let tree = PolygonTree::new(polygons.iter().map(|polygon| (polygon, 1.0)));
+        let tree = PolygonTree::new(polygons.iter().map(|polygon| (polygon, [1.0])));
         let receivers = ReceiverLanes::new([(DVec3::new(4.0, 4.0, height), DVec3::NEG_Z)]);
         let mut places = vec![];
         tree.look((&receivers, 1), 3e-3, |place, sight| {
             match sight {
                 Sight::AsOne(view) => assert_eq!((view.as_one, view.factors[1..].iter().sum()), (1, 0.0)),
-                Sight::Alone(_, weight, looking) => assert_eq!((weight, looking), (1.0, 1)),
+                Sight::Alone(part, looking) => assert_eq!((part.weights, looking), ([1.0], 1)),
             }
             let own: f64 = place.range.clone().map(|at| tree.shining(at)).sum();
             assert_eq!(place.shining, own);
@@ -241,7 +247,7 @@ mod tests {
     fn polygons_without_an_area_harm_no_others() {
         let seen = places(&panel(true), 300.0);
         assert!(!seen.is_empty() && seen.len() < 40, "{seen:?}");
-        let tree = PolygonTree::new(panel(true)[..8].iter().map(|polygon| (polygon, 1.0)));
+        let tree = PolygonTree::new(panel(true)[..8].iter().map(|polygon| (polygon, [1.0])));
         assert_eq!((tree.len(), tree.bodies()), (8, 1));
     }
 
@@ -250,15 +256,16 @@ mod tests {
     fn polygons_are_chosen_by_what_they_emit() {
         let polygons = panel(false);
         let weight = |index: usize| f64::from(1 + index as u32 % 2);
-        let tree = PolygonTree::new((0..).map(weight).zip(&polygons).map(|(weight, own)| (own, weight)));
+        let tree = PolygonTree::new((0..).map(weight).zip(&polygons).map(|(weight, own)| (own, [weight])));
         for range in [0..64, 24..32, 63..64] {
             let all: f64 = range.clone().map(|at| tree.shining(at)).sum();
             let draws = 9600;
             let mut found = vec![0.0; 64];
             for draw in 0..draws {
                 let chosen = tree.choose(&range, (f64::from(draw) + 0.5) / f64::from(draws));
-                let at =
-                    range.clone().find(|at| tree.parts[tree.order[*at]].polygon.centre() == chosen.centre());
+                let at = range
+                    .clone()
+                    .find(|at| tree.parts[tree.order[*at]].polygon.centre() == chosen.polygon.centre());
                 found[at.unwrap()] += 1.0;
             }
             for at in range {
