@@ -13,6 +13,46 @@ use scene::Scene;
 /// Number of points at the front that are a random part of all.
 pub const FIRST: usize = 256;
 
+/// Length of the sequence that points are drawn from.
+pub const MOST_DRAWN: usize = 1 << 16;
+
+/// Scenes with many patches get one point for this many of them.
+const PATCHES_PER_POINT: usize = 16;
+
+/// Most points, unless more were asked for.
+const MOST_POINTS: usize = 2048;
+
+/// Positions where light is gathered twice, where few would be enough for light gathered once, relative to these: hot spots are too
+/// small for few.
+const POSITIONS_TWICE: usize = 4;
+
+/// Which points to draw.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Draw {
+    /// Each round draws points of its own.
+    pub round: u32,
+    /// Whether light is gathered twice at each position, of which there are more then.
+    pub is_twice: bool,
+    /// Positions drawn before in this round: as many more are drawn.
+    pub positions_before: usize,
+}
+
+impl Draw {
+    /// Number of positions on so many patches, where at least so many points were asked for.
+    pub fn positions(&self, least: usize, patches: usize) -> usize {
+        let most = if self.is_twice { MOST_DRAWN / 2 } else { MOST_DRAWN };
+        let positions = match (least, self.positions_before) {
+            (0, _) => 0,
+            (_, 0) => {
+                let once = least.max(patches / PATCHES_PER_POINT).min(MOST_POINTS.max(least));
+                if self.is_twice { (once * POSITIONS_TWICE).min(MOST_POINTS.max(once)) } else { once }
+            }
+            (_, before) => before,
+        };
+        positions.min(most - self.positions_before)
+    }
+}
+
 /// A point on the surface.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SamplePoint {
@@ -93,5 +133,26 @@ pub fn point_at(mesh: &Mesh, scene: &Scene, id: PatchId, position: DVec3, weight
         receiver: Receiver { position: position + normal * lift, normal, plane: facet.plane },
         position,
         weight,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn as_many_positions_are_drawn_again_until_the_sequence_ends() {
+        let draw = |is_twice, positions_before| Draw { round: 3, is_twice, positions_before };
+        // As many as were asked for, or one for each 16 patches; four times as many where light is gathered twice.
+        assert_eq!(draw(false, 0).positions(256, 100), 256);
+        assert_eq!(draw(false, 0).positions(256, 16_000), 1000);
+        assert_eq!(draw(true, 0).positions(256, 100), 1024);
+        assert_eq!(draw(true, 0).positions(256, 1 << 20), MOST_POINTS);
+        assert_eq!(draw(true, 1024).positions(256, 100), 1024);
+        assert_eq!(draw(true, MOST_DRAWN / 2 - 5).positions(256, 100), 5);
+        assert_eq!(draw(false, 0).positions(MOST_DRAWN + 1, 100), MOST_DRAWN);
+        for before in [0, 1024] {
+            assert_eq!(draw(true, before).positions(0, 100), 0);
+        }
     }
 }

@@ -17,9 +17,9 @@ mod prediction;
 mod revealed;
 mod samples;
 
-pub use draw::FIRST;
+pub use draw::{Draw, FIRST, MOST_DRAWN};
 pub use fit::{best_fit, best_fit_of_part};
 pub use plan::{Obstacle, Plan, Step, long_patches, room};
 pub use prediction::{LEAST_WEIGHT, MeshError};
 pub use revealed::RevealedErrors;
-pub use samples::{Draw, MOST_DRAWN, SamplePoints};
+pub use samples::SamplePoints;

@@ -11,6 +11,7 @@ mod job;
 mod request;
 mod rounding;
 mod shooter;
+mod shooter_message;
 mod sparse;
 
 pub use codec::{RowDecodeError, decode_row, encode_row, longest_encoded_row};

@@ -11,7 +11,7 @@ use kernel::geometry::PlaneId;
 use kernel::replica::{Receiver, Receivers};
 use rayon::prelude::*;
 
-use super::draw::{SamplePoint, draw_on, point_at};
+use super::draw::{Draw, MOST_DRAWN, SamplePoint, draw_on, point_at};
 use crate::mesh::{Mesh, PatchId, VertexId, interpolation};
 use crate::settings::BakeSettings;
 use crate::solver::bounds::Bounds;
@@ -20,48 +20,8 @@ use scene::Scene;
 /// Key of the first point of the first draw as a receiver: above all vertices, so that its rays are its own.
 const FIRST_KEY: u64 = 1 << 32;
 
-/// Scenes with many patches get one point for this many of them.
-const PATCHES_PER_POINT: usize = 16;
-
-/// Most points, unless more were asked for.
-const MOST_POINTS: usize = 2048;
-
-/// Positions where light is gathered twice, where few would be enough for light gathered once, relative to these: hot spots are too
-/// small for few.
-const POSITIONS_TWICE: usize = 4;
-
 /// Most light that evenly reflected light brings, relative to what is reflected at first.
 const MOST_RETURNED: f64 = 10.0;
-
-/// Length of the sequence that points are drawn from.
-pub const MOST_DRAWN: usize = 1 << 16;
-
-/// Which points to draw.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct Draw {
-    /// Each round draws points of its own.
-    pub round: u32,
-    /// Whether light is gathered twice at each position, of which there are more then.
-    pub is_twice: bool,
-    /// Positions drawn before in this round: as many more are drawn.
-    pub positions_before: usize,
-}
-
-impl Draw {
-    /// Number of positions on so many patches, where at least so many points were asked for.
-    fn positions(&self, least: usize, patches: usize) -> usize {
-        let most = if self.is_twice { MOST_DRAWN / 2 } else { MOST_DRAWN };
-        let positions = match (least, self.positions_before) {
-            (0, _) => 0,
-            (_, 0) => {
-                let once = least.max(patches / PATCHES_PER_POINT).min(MOST_POINTS.max(least));
-                if self.is_twice { (once * POSITIONS_TWICE).min(MOST_POINTS.max(once)) } else { once }
-            }
-            (_, before) => before,
-        };
-        positions.min(most - self.positions_before)
-    }
-}
 
 /// Sample points, and the light gathered at them.
 ///
