@@ -134,6 +134,7 @@ pub fn compute_rows_until(
     stop: Stop,
 ) -> Option<Vec<(Vec<f32>, RowStatistics)>> {
     let [first, ..] = shooters else { return Some(vec![]) };
+    debug_assert!(shooters.is_sorted_by(|before, next| next.is_next_channel_of(before)));
     let rounded = |shooter: &Shooter, row: &mut dyn Iterator<Item = f64>| -> Vec<f32> {
         let rounding = Rounding::new(precision.factor_rounding);
         let seed = |index: usize| pair_seed(precision.seed, shooter.key, first_key + index as u64);

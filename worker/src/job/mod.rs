@@ -143,6 +143,9 @@ impl JobError {
     }
 }
 
+/// Rows with what they cost.
+type Rows = Vec<(Row, RowStatistics)>;
+
 impl Job {
     /// Reads a job and takes hold of its replicas.
     ///
@@ -230,7 +233,7 @@ impl Job {
     ))]
     pub fn compute_until(&self, stop: Stop) -> Option<Finished> {
         let part;
-        let compute: &dyn Fn(&[Shooter]) -> Option<Vec<(Row, RowStatistics)>> = match &self.receivers {
+        let compute: &dyn Fn(&[Shooter]) -> Option<Rows> = match &self.receivers {
             Over::Receivers { receivers, first_key } => {
                 let all = receivers.groups.receivers();
                 let first = self.request.first_receiver as usize;

@@ -118,8 +118,8 @@ impl Plan {
         let few_polygons =
             (pairs / ENOUGH_PARTS).clamp(LEAST_RANGE, MOST_RANGE).next_multiple_of(LEAST_RANGE_OF_MANY);
         // The other channels of a shape cost next to nothing.
-        let first_channels = shooters.iter().filter(|shooter| shooter.shape.channel() == 0);
-        let cost_of_all = first_channels.filter_map(cost_of_many).sum::<usize>() * set.count;
+        let first_channels = || shooters.iter().filter(|shooter| shooter.shape.channel() == 0);
+        let cost_of_all = first_channels().filter_map(cost_of_many).sum::<usize>() * set.count;
         let size_of_many = (cost_of_all / ENOUGH_PARTS).clamp(LEAST_SIZE_OF_MANY, MOST_SIZE_OF_MANY);
         // Most receivers of a piece.
         let range = |shooter: &Shooter| match cost_of_many(shooter) {
@@ -134,7 +134,8 @@ impl Plan {
         let has_many = shooters.iter().any(|shooter| cost_of_many(shooter).is_some());
         let set = ReceiverSet { kind: if has_many { RowKind::Many } else { RowKind::Plain }, ..set };
         // Few rows over many receivers would leave most threads without work.
-        if shooters.len() >= FEW_ROWS || shooters.iter().all(|shooter| set.count <= range(shooter)) {
+        if first_channels().count() >= FEW_ROWS || shooters.iter().all(|shooter| set.count <= range(shooter))
+        {
             return Self { set, pieces: None };
         }
         let (all, mut pieces, mut first) = (shooters, vec![], 0);

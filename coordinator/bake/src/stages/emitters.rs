@@ -55,12 +55,16 @@ pub fn weighted(polygons: impl Iterator<Item = (ConvexPolygon, DVec3)>) -> Optio
     Some((Shape::of_one_colour(lit.into_iter().map(weight)), most))
 }
 
-/// Polygons of many colours as a shape for each channel, with the exitance that a weight of 1 stands for; none where all are dark.
+/// Polygons of many colours as a shape for each channel, a dark one too, with the exitance that a weight of 1 stands for; none where all are
+/// dark. All channels have the same flux in weights, so that as many rays tell of each.
 pub fn weighted_by_channel(polygons: impl Iterator<Item = (ConvexPolygon, DVec3)>) -> Vec<(Shape, DVec3)> {
-    let Some((lit, most)) = lit(polygons) else { return vec![] };
-    let weights = |(polygon, exitance): (_, DVec3)| (polygon, (exitance / most).to_array());
+    let Some((lit, _)) = lit(polygons) else { return vec![] };
+    let flux: DVec3 = lit.iter().map(|(polygon, exitance)| polygon.area() * *exitance).sum();
+    let part = |exitance: DVec3| DVec3::select(flux.cmpgt(DVec3::ZERO), exitance / flux, DVec3::ZERO);
+    let most = lit.iter().map(|(_, exitance)| part(*exitance).max_element()).fold(0.0, f64::max);
+    let weights = |(polygon, exitance): (_, DVec3)| (polygon, (part(exitance) / most).to_array());
     let shapes = Shape::of_colours(lit.into_iter().map(weights).collect());
-    shapes.into_iter().zip(DVec3::AXES).map(|(shape, channel)| (shape, most * channel)).collect()
+    shapes.into_iter().zip(DVec3::AXES).map(|(shape, channel)| (shape, most * flux * channel)).collect()
 }
 
 /// Those that are not dark, and their largest exitance in any channel.

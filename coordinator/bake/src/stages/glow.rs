@@ -56,7 +56,7 @@ pub struct Gathering {
 struct Emission {
     /// Polygons that emit in each channel.
     polygons: [usize; 3],
-    /// Polygons of all its sources: one counts three times where each channel is a source.
+    /// Polygons of all its sources; those of channels of one shape count once, as their rows take as long as one.
     of_sources: usize,
     /// Area, counted in each channel that it emits in.
     area: DVec3,
@@ -83,9 +83,11 @@ impl Emissions {
                 continue;
             };
             let own = surfaces.entry(surface).or_default();
+            if shooter.shape.channel() == 0 {
+                own.of_sources += shooter.shape.polygons();
+            }
             for (polygon, weight) in shooter.shape.weighted_polygons().filter(|(_, weight)| *weight > 0.0) {
                 let (area, exitance) = (polygon.area(), weight * source.strength);
-                own.of_sources += 1;
                 for channel in (0..3).filter(|channel| exitance[*channel] > 0.0) {
                     own.polygons[channel] += 1;
                     own.area[channel] += area;
@@ -95,7 +97,7 @@ impl Emissions {
                 own.largest = own.largest.max(exitance);
             }
         }
-        // A surface of more colours than channels has a row, and its polygons, for each channel.
+        // A surface of several colours has a row, and its polygons, for each channel.
         let polygons: usize = surfaces.values().filter_map(|own| own.polygons.into_iter().max()).sum();
         if polygons > FEW_EMITTERS { Self { surfaces, polygons } } else { Self::default() }
     }

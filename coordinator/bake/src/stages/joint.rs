@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use glam::DVec3;
 use kernel::geometry::ConvexPolygon;
-use kernel::row::{Shape, Shooter};
+use kernel::row::{CHANNELS, Shape, Shooter};
 use kernel::visibility::MANY_POLYGONS;
 
 use super::colours::have_one_colour;
@@ -66,20 +66,24 @@ pub fn join(emitters: Vec<Emitter>) -> Vec<Shining> {
     joined
 }
 
-/// The light sources with lamps that are small or sampled taken together; `None` where rows for each lamp take no longer, or where they are few and give
-/// much of the light. A lamp is all of a surface that emits and has rows; `others` is the flux that half of the scene would make all
+/// The light sources with lamps that are small or sampled taken together; `None` where rows for each lamp take no longer, or where they
+/// are few and give much of the light. A lamp is all of a surface that emits and has rows; `others` is the flux that half of the scene would make all
 /// of it receive from what had rows before, and `error` the one asked for.
 pub fn pool(sources: &[LightSource], others: DVec3, error: f64) -> Option<Vec<LightSource>> {
     let cost = |source: &LightSource| match (source.origin, &source.shooter) {
-        // The other channels cost next to nothing.
-        (Origin::Surface(_), Some(shooter)) if shooter.shape.channel() > 0 => 0,
         (Origin::Surface(_), Some(shooter)) if shooter.shape.polygons() > 1 => ROWS_OF_JOINT,
         (Origin::Surface(_), Some(_)) => 1,
         _ => 0,
     };
-    let lamps: Vec<Vec<Emitter>> = sources.iter().map(emitters_of).collect();
+    let is_next = |before: &LightSource, next: &LightSource| match (&before.shooter, &next.shooter) {
+        (Some(before), Some(next)) => next.is_next_channel_of(before),
+        _ => false,
+    };
+    // The channels of a shape together.
+    let lamps: Vec<(&[LightSource], Vec<Emitter>)> =
+        sources.chunk_by(is_next).map(|channels| (channels, emitters_of(channels))).collect();
     let mut flux: BTreeMap<usize, DVec3> = BTreeMap::new();
-    for emitter in lamps.iter().flatten() {
+    for emitter in lamps.iter().flat_map(|(_, own)| own) {
         *flux.entry(emitter.surface).or_default() += emitter.flux();
     }
     let all = flux.values().sum::<DVec3>() + others;
@@ -88,9 +92,10 @@ pub fn pool(sources: &[LightSource], others: DVec3, error: f64) -> Option<Vec<Li
         [one] => flux[&one.surface].cmple(LARGE_PART * all).all(),
         _ => true,
     };
-    let (sharing, kept): (Vec<_>, Vec<_>) = sources.iter().zip(lamps).partition(|(_, own)| shares_row(own));
-    let cost_of =
-        |some: &[(&LightSource, Vec<Emitter>)]| some.iter().map(|(one, _)| cost(one)).sum::<usize>();
+    let (sharing, kept): (Vec<_>, Vec<_>) = lamps.into_iter().partition(|(_, own)| shares_row(own));
+    let cost_of = |some: &[(&[LightSource], Vec<Emitter>)]| {
+        some.iter().flat_map(|(channels, _)| channels.first()).map(cost).sum::<usize>()
+    };
     let (cost, cost_of_kept) = (cost_of(&sharing), cost_of(&kept));
     let emitters: Vec<Emitter> = sharing.into_iter().flat_map(|(_, own)| own).collect();
     let flux: DVec3 = emitters.iter().map(Emitter::flux).sum();
@@ -110,20 +115,21 @@ pub fn pool(sources: &[LightSource], others: DVec3, error: f64) -> Option<Vec<Li
         origin: Origin::Lamps,
         is_outside: false,
     });
-    Some(kept.into_iter().map(|(source, _)| source.clone()).chain(pooled).collect())
+    Some(kept.into_iter().flat_map(|(channels, _)| channels.to_vec()).chain(pooled).collect())
 }
 
-/// The polygons of a light source that has a row, with what they emit.
-fn emitters_of(source: &LightSource) -> Vec<Emitter> {
-    let (Origin::Surface(surface), Some(shooter)) = (source.origin, &source.shooter) else {
+/// The polygons of light sources that have a row for each channel of one shape, with what they emit; also of one that has a row.
+fn emitters_of(channels: &[LightSource]) -> Vec<Emitter> {
+    let [LightSource { origin: Origin::Surface(surface), shooter: Some(shooter), .. }, ..] = channels else {
         return vec![];
     };
-    let emitter = |(polygon, weight): (&ConvexPolygon, f64)| Emitter {
-        surface,
+    let emitter = |(polygon, weights): (&ConvexPolygon, [f64; CHANNELS])| Emitter {
+        surface: *surface,
         polygon: polygon.clone(),
-        exitance: weight * source.strength,
+        exitance: channels.iter().zip(weights).map(|(channel, weight)| weight * channel.strength).sum(),
     };
-    shooter.shape.weighted_polygons().filter(|(_, weight)| *weight > 0.0).map(emitter).collect()
+    let emitters = shooter.shape.polygons_of_channels().map(emitter);
+    emitters.filter(|emitter| emitter.exitance != DVec3::ZERO).collect()
 }
 
 /// Parts of about one size, none too large for a job.
@@ -201,6 +207,21 @@ mod tests {
     }
 
     #[test]
+    fn all_channels_have_as_much_flux_in_weights() {
+        // One faint blue lamp beside many red ones.
+        let exitance = |index: u32| if index == 7 { DVec3::Z } else { DVec3::X * f64::from(1 + index % 7) };
+        let emitters: Vec<Emitter> = (0..400).map(|index| emitter(index, exitance(index))).collect();
+        let joined = join(emitters.clone());
+        assert_eq!(joined.len(), 3);
+        let in_weights = |(shape, ..): &Shining| -> f64 {
+            shape.weighted_polygons().map(|(polygon, weight)| polygon.area() * weight).sum()
+        };
+        let [red, green, blue] = [0, 1, 2].map(|channel| in_weights(&joined[channel]));
+        assert!((red / blue - 1.0).abs() < 1e-12 && green == 0.0, "{red}, {green}, {blue}");
+        assert!((flux(&joined) - flux_of(&emitters)).abs().max_element() <= 1e-12 * flux_of(&emitters).x);
+    }
+
+    #[test]
     fn few_emitters_stay_exact_and_very_many_go_into_several_rows() {
         let few: Vec<Emitter> =
             (0..20).map(|index| emitter(index, DVec3::splat(f64::from(index + 1)))).collect();
@@ -257,6 +278,31 @@ mod tests {
         lamps.push(source(400, join(even.collect()).pop().unwrap()));
         let pooled = pool(&lamps, DVec3::ZERO, 0.05).unwrap();
         assert_eq!(pooled.iter().map(|source| source.origin).collect::<Vec<_>>(), [Origin::Lamps]);
+        let wanted = flux(&shining(&lamps));
+        assert!((flux(&shining(&pooled)) - wanted).abs().max_element() <= 1e-12 * wanted.max_element());
+
+        // Surfaces of many colours have a source for each channel, and a polygon is one in all of them.
+        let coloured = |surface: usize| {
+            let colour = |index: u32| DVec3::new(1.0, f64::from(index % 3), f64::from(surface as u32 % 4));
+            let own = (0..40).map(|index| Emitter { surface, ..emitter(index, colour(index)) });
+            let channels = join(own.collect()).into_iter().enumerate();
+            let source = |(channel, shining)| {
+                let LightSource { shooter, strength, origin, is_outside } = source(surface, shining);
+                let key = (3 * surface + channel) as u64;
+                LightSource {
+                    shooter: shooter.map(|own| Shooter { key, ..own }),
+                    strength,
+                    origin,
+                    is_outside,
+                }
+            };
+            channels.map(source).collect::<Vec<_>>()
+        };
+        let lamps: Vec<LightSource> = (0..20).flat_map(coloured).collect();
+        assert_eq!(lamps.len(), 60);
+        let pooled = pool(&lamps, DVec3::ZERO, 0.05).unwrap();
+        assert_eq!(pooled.len(), 3);
+        assert!(shining(&pooled).iter().all(|(shape, ..)| shape.polygons() == 20 * 40));
         let wanted = flux(&shining(&lamps));
         assert!((flux(&shining(&pooled)) - wanted).abs().max_element() <= 1e-12 * wanted.max_element());
 

@@ -78,8 +78,8 @@ fn rays(settings: &BakeSettings) -> u32 {
     wanted.log2().round().exp2().clamp(LEAST_RAYS, MOST_RAYS) as u32
 }
 
-/// The cells of a sky that differs by direction, each with its radiance relative to the mean. Joined, they have a row for each
-/// channel, but suns.
+/// The cells of a sky that differs by direction, each with its radiance relative to the mean. Joined, they have one row, or one for
+/// each channel where they differ in colour, but suns.
 fn of_pattern(pattern: &SkyPattern, planes: u32, error: f64, joined: bool) -> Vec<(Shape, DVec3)> {
     let most = (CELLS_TIMES_ERROR / error).clamp(LEAST_CELLS, MOST_CELLS);
     // Half: the rest of what was asked is for the mesh.

@@ -14,6 +14,9 @@ use crate::rows::leaving;
 /// An error is certain enough where it is at least this part of what was found: its square has a standard error of a third of it.
 const CERTAIN: f64 = 0.8;
 
+/// An error that is this part of the asked one at most may be less certain.
+const SMALL: f64 = 0.25;
+
 /// Samples are doubled this often at most.
 const MOST_DOUBLINGS: usize = 2;
 
@@ -28,7 +31,8 @@ pub struct Validation {
 
 impl Solved {
     /// Gathers the light of all sources and shares at new samples, drawn by the square error that `expected` tells of each leaf, and
-    /// compares it with that `fitted` to the vertices. Draws more of them until their error is certain, or certainly more than asked.
+    /// compares it with that `fitted` to the vertices. Draws more of them until their error is certain, small, or certainly more than asked,
+    /// or they have been doubled often enough.
     pub fn validate(
         &mut self,
         cx: &mut Context,
@@ -53,7 +57,8 @@ impl Solved {
             tracing::debug!(positions = samples.positions(), ?found, "validated");
             receivers = Some(found);
             let [all, at_least] = found;
-            if at_least >= (CERTAIN * all).min(cx.settings.asked_error()) {
+            let asked = cx.settings.asked_error();
+            if at_least >= (CERTAIN * all).min(asked) || all <= SMALL * asked {
                 break;
             }
         }

@@ -17,8 +17,9 @@ pub const LONGEST: usize = protocol::worker::MAX_MESSAGE_BYTES;
 
 /// Digests of all that each row of a request depends on.
 pub fn keys(request: &RowRequest) -> Vec<Digest> {
-    let common =
-        RowRequest { shooters: vec![], ..request.clone() }.to_job(0).encode_length_delimited_to_vec();
+    let RowRequest { scene, receivers, first_receiver, receiver_count, precision, ref shooters } = *request;
+    let common = RowRequest { scene, receivers, first_receiver, receiver_count, precision, shooters: vec![] };
+    let common = common.to_job(0).encode_length_delimited_to_vec();
     let mut hasher = blake3::Hasher::new();
     hasher.update(&common);
     let key = |shooter: &Shooter| {
@@ -26,7 +27,7 @@ pub fn keys(request: &RowRequest) -> Vec<Digest> {
         hasher.update(&shooter.to_message().encode_to_vec());
         Digest(*hasher.finalize().as_bytes())
     };
-    request.shooters.iter().map(key).collect()
+    shooters.iter().map(key).collect()
 }
 
 /// Encodes a record.

@@ -99,14 +99,14 @@ impl Shape {
         even.iter().map(|polygon| (polygon, [1.0, 0.0, 0.0])).chain(weighted)
     }
 
-    /// Polygons of one colour, each with its weight from 0 to 1.
+    /// Polygons of one colour, at least one, each with its weight from 0 to 1.
     #[must_use]
     pub fn of_one_colour(polygons: impl IntoIterator<Item = (ConvexPolygon, f64)>) -> Self {
         let in_one = |(polygon, weight)| (polygon, [weight, 0.0, 0.0]);
         Self::Weighted(Arc::new(polygons.into_iter().map(in_one).collect()), 0)
     }
 
-    /// Polygons of many colours, in each channel.
+    /// Polygons of many colours, at least one, in each channel.
     #[must_use]
     pub fn of_colours(polygons: WeightedPolygons) -> [Self; CHANNELS] {
         let polygons = Arc::new(polygons);

@@ -69,7 +69,7 @@ impl Shooter {
             shooter::Shape::Polygons(set) => {
                 Shape::Polygons(set.polygons.iter().map(polygon_of).collect::<Result<_, _>>()?)
             }
-            shooter::Shape::Weighted(set) => weighted_of(set, before)?,
+            shooter::Shape::Weighted(set) => weighted_of(set, message.key, before)?,
             shooter::Shape::Point(position) => Shape::Point(position_of(position)?),
             shooter::Shape::PlanarPoint(position) => Shape::PlanarPoint(position_of(position)?),
             shooter::Shape::Spot(spot) => Shape::Spot(spot_of(spot)?),
@@ -96,17 +96,26 @@ fn polygon_of(polygon: &messages::ConvexPolygon) -> Result<ConvexPolygon, Reques
     Ok(ConvexPolygon { plane: PlaneId(polygon.plane), corners })
 }
 
-/// Weighted polygons, or those of the shooter before.
-fn weighted_of(set: &messages::WeightedPolygons, before: Option<&Shooter>) -> Result<Shape, RequestError> {
+/// Weighted polygons, or those of the shooter before where this is its next channel: others would ask for much work with few bytes.
+fn weighted_of(
+    set: &messages::WeightedPolygons,
+    key: u64,
+    before: Option<&Shooter>,
+) -> Result<Shape, RequestError> {
     let channel = set.channel as usize;
     if channel >= CHANNELS {
         return Err(RequestError::Invalid("channels of weights are 0, 1 and 2"));
     }
     if set.polygons.is_empty() && set.weights.is_empty() {
-        return match before.map(|before| &before.shape) {
-            Some(Shape::Weighted(polygons, _)) => Ok(Shape::Weighted(polygons.clone(), channel)),
-            _ => Err(RequestError::Invalid("weighted polygons are missing")),
-        };
+        if let Some(before) = before
+            && let Shape::Weighted(polygons, _) = &before.shape
+        {
+            let next = Shooter { key, shape: Shape::Weighted(polygons.clone(), channel) };
+            if next.is_next_channel_of(before) {
+                return Ok(next.shape);
+            }
+        }
+        return Err(RequestError::Invalid("weighted polygons are missing"));
     }
     let (weights, rest) = set.weights.as_chunks::<CHANNELS>();
     let are_weights = weights.as_flattened().iter().all(|weight| (0.0..=1.0).contains(weight));
@@ -227,6 +236,7 @@ mod tests {
         let point = Shooter { key: 3, shape: Shape::Point(DVec3::ONE) };
         assert!(Shooter::from_message(&after, None).is_err());
         assert!(Shooter::from_message(&after, Some(&point)).is_err());
+        assert!(Shooter::from_message(&after, Some(&green)).is_err());
         assert_eq!(green.to_message_after(Some(&Shooter { key: 9, ..red })), green.to_message());
         let changed = |change: fn(&mut messages::WeightedPolygons)| {
             let mut message = green.to_message();

@@ -19,22 +19,24 @@ pub(super) struct Body<const N: usize> {
 }
 
 /// The part of all bodies that arrives in each channel: rays tell of those that get enough of them one by one, and of all others
-/// together. And the difference of what the one half of the rays tells and the other.
+/// together. And the difference of what the one half of the rays tells and the other. Where no ray goes to anything that shines in a
+/// channel, those of all channels tell.
 pub(super) fn visible_of<const N: usize>(bodies: &[Body<N>], rays: u32) -> [(f64, f64); N] {
     let all: f64 = bodies.iter().map(Body::sum).sum();
     let enough = all * ENOUGH_RAYS / f64::from(rays);
     std::array::from_fn(|channel| {
         let all: f64 = bodies.iter().map(|body| body.all[channel]).sum();
-        let (mut others, mut halved) = ((0.0, RayRatio::default()), (0.0, RayRatio::default()));
+        let (mut others, mut halved) = ((0.0, [RayRatio::default(); 2]), (0.0, RayRatio::default()));
         let (mut visible, mut told, mut difference) = (0.0, 0.0, 0.0);
-        let mut tell = |all: f64, ratio: RayRatio| {
+        let mut tell = |all: f64, ratio: RayRatio, of_channels: RayRatio| {
+            let ratio = if ratio.sums().1 > 0.0 { ratio } else { of_channels };
             let (arrived, cast) = ratio.sums();
             // Rays to bodies that are barely over the horizon may all end under it.
             if cast > 0.0 {
                 visible += all * (arrived / cast);
                 told += all;
             }
-            match ratio.estimate() {
+            match ratio.estimate().or_else(|| of_channels.estimate()) {
                 Some((_, own)) => difference += all * own,
                 // With rays in one half only: their difference is that of all such.
                 None => {
@@ -44,15 +46,17 @@ pub(super) fn visible_of<const N: usize>(bodies: &[Body<N>], rays: u32) -> [(f64
             }
         };
         for body in bodies {
-            let (all, ratio) = (body.all[channel], body.ratios[channel]);
+            let (all, ratio, of_channels) = (body.all[channel], body.ratios[channel], body.ratio());
             if body.sum() >= enough {
-                tell(all, ratio);
+                tell(all, ratio, of_channels);
             } else {
                 others.0 += all;
-                others.1 += ratio;
+                others.1[0] += ratio;
+                others.1[1] += of_channels;
             }
         }
-        tell(others.0, others.1);
+        let [ratio, of_channels] = others.1;
+        tell(others.0, ratio, of_channels);
         difference += halved.1.estimate().map_or(0.0, |(_, own)| halved.0 * own);
         (if told > 0.0 { visible * (all / told) } else { all }, difference)
     })
@@ -62,6 +66,13 @@ impl<const N: usize> Body<N> {
     /// A body of which nothing is known yet.
     pub(super) fn new() -> Self {
         Self { all: [0.0; N], ratios: [RayRatio::default(); N] }
+    }
+
+    /// What the rays told of all channels together.
+    pub(super) fn ratio(&self) -> RayRatio {
+        let mut all = RayRatio::default();
+        self.ratios.iter().for_each(|ratio| all += *ratio);
+        all
     }
 
     /// Sum of weighted form factors in all channels.

@@ -269,10 +269,8 @@ impl<'a, const N: usize> ManyPolygons<'a, N> {
                 }
             }
             if Some(cast) == probe {
-                let sums = bodies[0].ratios.map(|ratio| ratio.sums());
-                if sums.iter().all(|(arrived, sent)| arrived == sent)
-                    && sums.iter().any(|(_, sent)| *sent > 0.0)
-                {
+                let (arrived, sent) = bodies[0].ratio().sums();
+                if arrived == sent && sent > 0.0 {
                     break;
                 }
             }

@@ -172,6 +172,28 @@ fn shared_rays_are_right_in_each_channel() {
     }
 }
 
+/// A channel that no ray went to is as hidden as the others, not as bright as if nothing were hidden.
+#[test]
+fn what_is_faint_and_hidden_stays_dark() {
+    let apart = |index: usize, tile: ConvexPolygon| {
+        let by = DVec3::new(0.05 * (index % 8) as f64, 0.05 * (index / 8) as f64, 0.0);
+        let corners = tile.corners.iter().map(|corner| *corner + by).collect();
+        ConvexPolygon { corners, ..tile }
+    };
+    let weights = |index: usize| if index == 5 { [0.0, 0.0, 1e-4] } else { [1.0, 0.0, 0.0] };
+    let lamps: Vec<_> =
+        tiles().into_iter().enumerate().map(|(index, tile)| (apart(index, tile), weights(index))).collect();
+    let walls = [square(DVec3::new(0.0, 0.0, 1.2), DVec3::X, DVec3::Y, 2)];
+    let (occluder, groups) = (Occluder::new(&walls), ReceiverGroups::new(vec![floor(0.0, 0.0)]));
+    let [shape, ..] = Shape::of_colours(lamps);
+    for seed in 0..100 {
+        let mut statistics = RowStatistics::default();
+        let (many, among) = ((&shape, &groups), (&occluder, None));
+        let many = factors_of_many(many, among, &PRECISION, |_| seed, &|| false, &mut statistics);
+        assert_eq!(many.factors, [[0.0; CHANNELS]], "{seed}");
+    }
+}
+
 /// Two lamps side by side, of tiles that are the brighter the farther along x; far away they are few places.
 #[test]
 fn rays_to_polygons_that_count_as_one_know_which_are_bright() {
