@@ -67,8 +67,8 @@ pub fn join(emitters: Vec<Emitter>) -> Vec<Shining> {
 }
 
 /// The light sources with lamps that are small or sampled taken together; `None` where rows for each lamp take no longer, or where they
-/// are few and give much of the light. A lamp is all of a surface that emits and has rows; `others` is the flux that half of the scene would make all
-/// of it receive from what had rows before, and `error` the one asked for.
+/// are few and give much of the light. A lamp is all of a surface that emits and has rows; `others` is the flux that half of the scene
+/// would make all of it receive from what had rows before, and `error` the one asked for.
 pub fn pool(sources: &[LightSource], others: DVec3, error: f64) -> Option<Vec<LightSource>> {
     let cost = |source: &LightSource| match (source.origin, &source.shooter) {
         (Origin::Surface(_), Some(shooter)) if shooter.shape.polygons() > 1 => ROWS_OF_JOINT,
@@ -134,8 +134,8 @@ fn emitters_of(channels: &[LightSource]) -> Vec<Emitter> {
 
 /// Parts of about one size, none too large for a job.
 fn parts_of(emitters: &[Emitter]) -> impl Iterator<Item = &[Emitter]> {
-    let parts = emitters.len().div_ceil(MOST_JOINED);
-    emitters.chunks(emitters.len().div_ceil(parts))
+    let parts = emitters.len().div_ceil(MOST_JOINED).max(1);
+    emitters.chunks(emitters.len().div_ceil(parts).max(1))
 }
 
 /// Emitters as shapes with weights: of one colour where they have one, else for each channel.
@@ -253,6 +253,7 @@ mod tests {
 
     #[test]
     fn small_lamps_are_pooled_where_all_are_many_and_keep_their_flux() {
+        assert!(pool(&[], DVec3::ONE, 0.05).is_none());
         let few: Vec<LightSource> = (0..MANY_EMITTERS).map(|index| lamp(index, DVec3::ONE)).collect();
         assert!(pool(&few, DVec3::ZERO, 0.05).is_none());
         // Unless they are faint beside other light.
