@@ -135,15 +135,9 @@ pub fn compute_rows_until(
 ) -> Option<Vec<(Vec<f32>, RowStatistics)>> {
     let [first, ..] = shooters else { return Some(vec![]) };
     debug_assert!(shooters.is_sorted_by(|before, next| next.is_next_channel_of(before)));
-    let rounded = |shooter: &Shooter, row: &mut dyn Iterator<Item = f64>| -> Vec<f32> {
-        let rounding = Rounding::new(precision.factor_rounding);
-        let seed = |index: usize| pair_seed(precision.seed, shooter.key, first_key + index as u64);
-        let rounded = |(index, factor)| if factor == 0.0 { 0.0 } else { rounding.apply(factor, seed(index)) };
-        row.enumerate().map(rounded).collect()
-    };
     if !is_of_many(&first.shape) {
         let (row, statistics) = factors_of(scene, groups, first_key, first, precision, stop);
-        return (!stop()).then(|| vec![(rounded(first, &mut row.into_iter()), statistics)]);
+        return (!stop()).then(|| vec![(rounded(row.into_iter(), first, first_key, precision), statistics)]);
     }
     let seed = |index: usize| pair_seed(precision.seed, first.key_of_rays(), first_key + index as u64);
     let among = (scene.occluder(), scene.transparent());
@@ -156,11 +150,24 @@ pub fn compute_rows_until(
     }
     let row = |shooter: &Shooter| {
         let channel = shooter.shape.channel();
-        let row = rounded(shooter, &mut factors.iter().map(|factors| factors[channel]));
+        let row = rounded(factors.iter().map(|factors| factors[channel]), shooter, first_key, precision);
         let statistics = if channel == 0 { shared } else { RowStatistics::default() };
         (row, RowStatistics { sampling_variance: variances[channel], ..statistics })
     };
     Some(shooters.iter().map(row).collect())
+}
+
+/// The row of a shooter, rounded as `precision` says.
+fn rounded(
+    row: impl Iterator<Item = f64>,
+    shooter: &Shooter,
+    first_key: u64,
+    precision: &Precision,
+) -> Vec<f32> {
+    let rounding = Rounding::new(precision.factor_rounding);
+    let seed = |index: usize| pair_seed(precision.seed, shooter.key, first_key + index as u64);
+    let rounded = |(index, factor)| if factor == 0.0 { 0.0 } else { rounding.apply(factor, seed(index)) };
+    row.enumerate().map(rounded).collect()
 }
 
 /// Whether all polygons of a shape are looked at as a whole.

@@ -138,20 +138,17 @@ impl Plan {
         {
             return Self { set, pieces: None };
         }
-        let (all, mut pieces, mut first) = (shooters, vec![], 0);
-        while first < all.len() {
-            let shooters = first..end_of_channels(all, first + 1);
-            let range = range(&all[first]);
-            pieces.extend(set.parts(range).map(|set| Piece {
-                shooters: shooters.clone(),
-                set,
-                is_last: false,
-            }));
+        let mut first = 0;
+        let pieces_of = |channels: &[Shooter]| {
+            let shooters = first..first + channels.len();
             first = shooters.end;
-            if let Some(last) = pieces.last_mut() {
-                last.is_last = true;
-            }
-        }
+            let range = range(&channels[0]);
+            let last = set.count.div_ceil(range) - 1;
+            let piece = move |(at, set)| Piece { shooters: shooters.clone(), set, is_last: at == last };
+            set.parts(range).enumerate().map(piece)
+        };
+        let pieces =
+            shooters.chunk_by(|before, next| next.is_next_channel_of(before)).flat_map(pieces_of).collect();
         Self { set, pieces: Some(pieces) }
     }
 }

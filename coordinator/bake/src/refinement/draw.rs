@@ -38,7 +38,7 @@ pub struct Draw {
 }
 
 impl Draw {
-    /// Number of positions on so many patches, where at least so many points were asked for.
+    /// Number of positions on this number of patches, where points were asked for, `least` of them or more.
     pub fn positions(&self, least: usize, patches: usize) -> usize {
         let most = if self.is_twice { MOST_DRAWN / 2 } else { MOST_DRAWN };
         let positions = match (least, self.positions_before) {

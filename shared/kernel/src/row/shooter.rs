@@ -171,10 +171,11 @@ impl Shooter {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
 
-    const SPOT: Spot = Spot {
+    /// A spot light with a ramp between its cones.
+    pub const SPOT: Spot = Spot {
         position: DVec3::new(1.0, 2e9, -3.0),
         direction: DVec3::NEG_Z,
         inner_cosine: 0.9,

@@ -175,13 +175,7 @@ fn rays_of(rays: u32) -> Result<u32, RequestError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    const SPOT: Spot = Spot {
-        position: DVec3::new(1.0, 2e9, -3.0),
-        direction: DVec3::NEG_Z,
-        inner_cosine: 0.9,
-        outer_cosine: 0.5,
-    };
+    use crate::row::shooter::tests::SPOT;
 
     const HEMISPHERE: Hemisphere = Hemisphere {
         receiver: Receiver { position: DVec3::ONE, normal: DVec3::Y, plane: PlaneId(9) },

@@ -24,40 +24,33 @@ pub(super) struct Body<const N: usize> {
 pub(super) fn visible_of<const N: usize>(bodies: &[Body<N>], rays: u32) -> [(f64, f64); N] {
     let all: f64 = bodies.iter().map(Body::sum).sum();
     let enough = all * ENOUGH_RAYS / f64::from(rays);
+    let mut others = Body::new();
+    bodies.iter().filter(|body| body.sum() < enough).for_each(|body| others.add(body));
     std::array::from_fn(|channel| {
         let all: f64 = bodies.iter().map(|body| body.all[channel]).sum();
-        let (mut others, mut halved) = ((0.0, [RayRatio::default(); 2]), (0.0, RayRatio::default()));
         let (mut visible, mut told, mut difference) = (0.0, 0.0, 0.0);
-        let mut tell = |all: f64, ratio: RayRatio, of_channels: RayRatio| {
-            let ratio = if ratio.sums().1 > 0.0 { ratio } else { of_channels };
+        let mut halved = (0.0, RayRatio::default());
+        for body in bodies.iter().filter(|body| body.sum() >= enough).chain([&others]) {
+            let (own, mut ratio) = (body.all[channel], body.ratios[channel]);
+            if ratio.sums().1 == 0.0 {
+                ratio = body.ratio();
+            }
             let (arrived, cast) = ratio.sums();
             // Rays to bodies that are barely over the horizon may all end under it.
             if cast > 0.0 {
-                visible += all * (arrived / cast);
-                told += all;
+                visible += own * (arrived / cast);
+                told += own;
             }
-            match ratio.estimate().or_else(|| of_channels.estimate()) {
-                Some((_, own)) => difference += all * own,
+            match ratio.estimate().or_else(|| body.ratio().estimate()) {
+                Some((_, differs)) => difference += own * differs,
                 // With rays in one half only: their difference is that of all such.
                 None => {
-                    halved.0 += all;
+                    halved.0 += own;
                     halved.1 += ratio;
                 }
             }
-        };
-        for body in bodies {
-            let (all, ratio, of_channels) = (body.all[channel], body.ratios[channel], body.ratio());
-            if body.sum() >= enough {
-                tell(all, ratio, of_channels);
-            } else {
-                others.0 += all;
-                others.1[0] += ratio;
-                others.1[1] += of_channels;
-            }
         }
-        let [ratio, of_channels] = others.1;
-        tell(others.0, ratio, of_channels);
-        difference += halved.1.estimate().map_or(0.0, |(_, own)| halved.0 * own);
+        difference += halved.1.estimate().map_or(0.0, |(_, differs)| halved.0 * differs);
         (if told > 0.0 { visible * (all / told) } else { all }, difference)
     })
 }
@@ -66,6 +59,14 @@ impl<const N: usize> Body<N> {
     /// A body of which nothing is known yet.
     pub(super) fn new() -> Self {
         Self { all: [0.0; N], ratios: [RayRatio::default(); N] }
+    }
+
+    /// Takes another body together with this one.
+    fn add(&mut self, other: &Self) {
+        for channel in 0..N {
+            self.all[channel] += other.all[channel];
+            self.ratios[channel] += other.ratios[channel];
+        }
     }
 
     /// What the rays told of all channels together.
