@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use smallvec::SmallVec;
 
 use super::limits::Limits;
-use super::linear::LightIn;
+use super::linear::{LightIn, within};
 use super::working::{Corner, NONE, Triangle, Working};
 
 /// Iterations of conjugate gradients: the matrix of linear functions on triangles needs no more. They leave half a per cent of the change.
@@ -57,7 +57,7 @@ impl Element {
         let mut element = Self { corners: triangle.corners, products: [0.0; 6], samples: vec![] };
         for sample in &triangle.samples {
             let sample = &working.samples[*sample as usize];
-            let weights = light.weights(sample.position);
+            let weights = within(light.weights(sample.position));
             if sample.weight > 0.0 && weights.is_finite() {
                 let [a, b, c] = weights.to_array();
                 let products = [a * b, b * c, c * a, a * a, b * b, c * c];
