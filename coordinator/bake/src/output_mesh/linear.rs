@@ -85,7 +85,7 @@ mod tests {
 
     /// Asserts that the middles of edges get light between that of the corners. Returns the largest of their weights before they are bounded.
     fn largest_weight(positions: [DVec3; 3]) -> f64 {
-        let light = [0.388, 0.386, 0.384].map(DVec3::splat);
+        let light = [0.388, 0.3861, 0.384].map(DVec3::splat);
         let inside = LightIn::new(Region::new(DVec3::Z), positions, light);
         let edges = [(0, 1), (1, 2), (2, 0)];
         let weight = |(a, b): (usize, usize)| {
