@@ -34,6 +34,8 @@ pub struct Work {
     pub restarts: u32,
     /// The least noise of direct light that was found to be too much, with the fewest rays per hemisphere for light sources that bring it.
     pub noise: Option<(f64, u32)>,
+    /// Noise of the last solution that was given up for less of it.
+    pub noise_at_restart: Option<f64>,
     /// Whether more rays to light sources are of no use.
     pub noise_is_bound: bool,
     /// Shots.

@@ -15,8 +15,12 @@ use crate::jobs::ReceiverSet;
 use crate::refinement::SamplePoints;
 use crate::settings::{BakeSettings, more_rays};
 
-/// Part of the asked error from which on noise of direct light is too much: the solution would be found to miss the error for it.
-const TOO_MUCH: f64 = 0.7;
+/// Part of the asked error from which on noise of direct light is too much: it would hide what refinement looks for.
+const TOO_MUCH: f64 = 0.5;
+
+/// The same of a start with more rays, which was to have less noise than this: light at all vertices follows, and a new start after that
+/// costs much more than one before it.
+const STILL_TOO_MUCH: f64 = 0.4;
 
 /// More rays are of no use where they do not bring noise to this part of what it was,
 const LEAST_GAIN: f64 = 0.97;
@@ -58,7 +62,8 @@ impl<'a> SamplesFirst<'a> {
         };
         self.add_at(cx, sources, 0..1)?;
         let noise = self.noise(samples, others);
-        if noise > TOO_MUCH * asked && !cx.work.noise_is_bound {
+        let is_again = cx.work.noise.is_some() || cx.work.noise_at_restart.is_some();
+        if is_too_much(noise / asked, is_again) && !cx.work.noise_is_bound {
             let found = cx.work.noise.filter(|(least, _)| noise > LEAST_GAIN * least);
             let (_, fewest) = *cx.work.noise.insert(found.unwrap_or((noise, rays)));
             cx.work.noise_is_bound = found.is_some() && rays >= MANY_RAYS;
@@ -104,5 +109,23 @@ impl<'a> SamplesFirst<'a> {
     pub fn variance(&self, source: &LightSource) -> f64 {
         let row = source.shooter.as_ref().and_then(|shooter| self.rows.get(&shooter.key));
         row.map_or(0.0, |(_, variance)| *variance)
+    }
+}
+
+/// Whether noise is too much, relative to the asked error, in a start that others for less noise came before or not.
+fn is_too_much(noise: f64, is_again: bool) -> bool {
+    noise > if is_again { STILL_TOO_MUCH } else { TOO_MUCH }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_start_for_less_noise_must_have_less_than_the_first_may() {
+        let at = |noise: f64| [false, true].map(|is_again| is_too_much(noise, is_again));
+        assert_eq!([0.6, 0.45, 0.35].map(at), [[true, true], [false, true], [false, false]]);
+        // Less than that is aimed at.
+        assert!(!is_too_much(RAYS_PART, true));
     }
 }

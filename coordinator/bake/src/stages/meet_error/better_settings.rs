@@ -18,6 +18,10 @@ const MAX_RESTARTS: u32 = 3;
 /// A new start for less noise has this times as many rays, at least.
 const LEAST_MORE_RAYS: f64 = 1.5;
 
+/// More rays that left more than this part of the noise do not go where it comes from, and yet more would not. [`LEAST_MORE_RAYS`] are
+/// to leave three quarters.
+const MOST_NOISE_LEFT: f64 = 0.8;
+
 /// Noise that is less than this part of the error found hides little of it: what else refinement did not find, as small bright spots,
 /// more rays will not show either.
 const HIDING_PART: f64 = 1.0 / 3.0;
@@ -43,10 +47,11 @@ impl Measured {
         let certainly = error.with_shooters(error.shooters.min(self.shooters_at_least));
         let rest_is_too_small = certainly.without_receivers() > asked;
         let most = error.unshot.max(error.form_factors);
-        let better = if noise_hides || (rest_is_too_small && error.visibility > error.shooters.max(most)) {
+        let is_noisy = noise_hides || (rest_is_too_small && error.visibility > error.shooters.max(most));
+        let better = if is_noisy && rays_help(cx.work.noise_at_restart, error.visibility) {
             self.with_less_noise(cx, RAYS_PART * asked)
         } else if rest_is_too_small
-            && error.shooters > most
+            && error.shooters > most.max(error.visibility)
             && (is_last || !self.finer_mesh_helps_shooters(cx.settings))
         {
             // Edges are halved: a factor of more than a half might change nothing.
@@ -92,5 +97,22 @@ impl Measured {
             better = better.with_rays_to_sources(f64::from(source.rays_to_sources(settings)) * to_sources);
         }
         better
+    }
+}
+
+/// Whether more rays bring less noise, given what there was before the last new start for that, if there was one, and what there is now.
+fn rays_help(before: Option<f64>, now: f64) -> bool {
+    before.is_none_or(|before| now <= MOST_NOISE_LEFT * before)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rays_that_left_the_noise_as_it_was_help_no_more() {
+        assert!(rays_help(None, 0.3));
+        assert!(rays_help(Some(0.3), 0.22));
+        assert!(!rays_help(Some(0.3), 0.26));
     }
 }

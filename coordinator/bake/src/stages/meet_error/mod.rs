@@ -103,6 +103,10 @@ impl Solved {
             if is_end(&measured, &better, cx) {
                 return Ok(match better {
                     Some(settings) => {
+                        // All but finer shooters is for less noise.
+                        if settings.shooter_edge == cx.settings.shooter_edge {
+                            cx.work.noise_at_restart = Some(measured.error.visibility);
+                        }
                         ControlFlow::Break(NewStart { rows: measured.solved.rows, settings, mesh: None })
                     }
                     None => ControlFlow::Continue(measured),
