@@ -90,6 +90,7 @@ fn bake_can_be_compared_with_what_the_command_writes() {
     assert_eq!((&score["uncovered"], &score["not_finite"]), (&0.into(), &0.into()));
     assert!((score["energy_ratio"].as_f64().unwrap() - 1.0).abs() < 0.005, "{score}");
     assert!(score["relative_l2"].as_f64().unwrap() < 0.01, "{score}");
+    assert!((0.001..0.1).contains(&score["reference_noise"].as_f64().unwrap()), "{score}");
 }
 
 #[test]

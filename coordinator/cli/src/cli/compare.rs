@@ -6,7 +6,7 @@ use serde_json::json;
 use verify::reference::to_csv;
 use verify::score::score_points;
 
-use super::console::print;
+use super::console::{print, say};
 use super::outputs::{check_distinct, check_place};
 use super::scene_options::BesideOptions;
 
@@ -41,8 +41,15 @@ pub fn run(arguments: &CompareArguments) -> anyhow::Result<()> {
         files::write(path, to_csv(&points).as_bytes())
             .with_context(|| format!("{} cannot be written: choose another --points", path.display()))?;
     }
+    if score.is_lost_in_noise() {
+        let noise = 100.0 * score.reference_noise;
+        say(format_args!(
+            "warning: the reference has {noise:.1} % noise of its own: trace it with more --paths"
+        ));
+    }
     print(json!({
         "relative_l2": score.relative_l2,
+        "reference_noise": score.reference_noise,
         "energy_ratio": score.energy_ratio,
         "p95": score.p95,
         "max": score.max,

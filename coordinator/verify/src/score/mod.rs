@@ -23,12 +23,17 @@ use crate::reference::{Place, ReferenceFileError, ReferencePoint, locate, materi
 /// Weights of linear RGB in luminance, after Rec. 709.
 const LUMINANCE: DVec3 = DVec3::new(0.2126, 0.7152, 0.0722);
 
+/// A reference of more noise than this tells little, whatever error is found.
+const MOST_NOISE: f64 = 0.5;
+
 /// How far a lit scene is from its reference.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Score {
     /// Relative L2 norm of the error of the radiosity, sqrt(int (B' - B)^2 / int B^2), over points and channels, with the
     /// variance of the reference itself taken out of both integrals. NaN when a radiosity is.
     pub relative_l2: f64,
+    /// Standard error of the reference's radiosity, relative to its norm: an error below it is hardly known.
+    pub reference_noise: f64,
     /// Sum of the radiosity over the reference's: 1 is without bias.
     pub energy_ratio: f64,
     /// 95th percentile of |B' - B| / mean B, in luminance.
@@ -43,6 +48,14 @@ pub struct Score {
     pub vertices: usize,
     /// Triangles of the lit scene.
     pub triangles: usize,
+}
+
+impl Score {
+    /// Whether the noise of the reference is more than the error found, or so much that the reference tells little.
+    #[must_use]
+    pub fn is_lost_in_noise(&self) -> bool {
+        self.reference_noise > self.relative_l2.min(MOST_NOISE)
+    }
 }
 
 /// Why there is no score.
@@ -228,6 +241,7 @@ fn compare(points: &[ReferencePoint], radiosities: &[Option<DVec3>]) -> Score {
     deviations.sort_by(f64::total_cmp);
     Score {
         relative_l2: (error / signal).sqrt(),
+        reference_noise: (variance / (signal + variance)).sqrt(),
         energy_ratio: sum(|_, b| b).element_sum() / sum(|point, _| point.radiosity).element_sum(),
         p95: quantile(&deviations, 0.95),
         max: deviations[deviations.len() - 1],

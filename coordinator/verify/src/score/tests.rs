@@ -76,6 +76,7 @@ fn figures_of_a_constant_irradiance_are_those_computed_by_hand() {
     let noise = 4.0 * 0.01;
     let signal = 3.0 * 1.46_f64.powi(2) + 1.0 - noise;
     assert_near(score.relative_l2, ((0.46_f64.powi(2) - noise) / signal).sqrt());
+    assert_near(score.reference_noise, (noise / (signal + noise)).sqrt());
     assert_near(score.energy_ratio, 1.46 / mean);
     assert_near(score.max, 0.46 / mean);
     assert_near(score.p95, 0.85 * 0.46 / mean);
@@ -148,6 +149,19 @@ fn of_two_sheets_a_rounding_apart_the_one_that_faces_the_point_counts() {
     }
     let score = Files::new(&scene, &lit, &["1.8,0,1.8,0,-1,0,8,.73,.73,.73,0,0,0"]).score().unwrap();
     assert!(score.max < 1e-6 && score.uncovered == 0, "{score:?}");
+}
+
+#[test]
+fn errors_below_the_noise_of_the_reference_are_lost_in_it() {
+    let lost = |irradiance: f64, standard_error: f64| {
+        let row = format!("1,0,1,0,1,0,0,.73,.73,.73,{standard_error},{standard_error},{standard_error}");
+        let score = Files::cornell(|_| DVec3::splat(irradiance), &[&row]).score().unwrap();
+        score.is_lost_in_noise()
+    };
+    assert!(!lost(2.0, 0.1));
+    assert!(lost(1.05, 0.1));
+    // Nearly all of its radiosity is noise: what is found relative to the rest means nothing.
+    assert!(lost(2.0, 0.72));
 }
 
 /// Its points have no extent; that of the scene says how near is near.

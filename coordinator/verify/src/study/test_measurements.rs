@@ -12,6 +12,7 @@ pub(super) fn measurement(curve: Curve, value: Option<f64>, seconds: f64, relati
         seconds,
         score: Score {
             relative_l2,
+            reference_noise: 0.001,
             energy_ratio: 0.99,
             p95: 0.03,
             max: 0.1,
