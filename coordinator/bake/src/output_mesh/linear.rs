@@ -83,7 +83,8 @@ pub fn within(weights: DVec3) -> DVec3 {
 mod tests {
     use super::*;
 
-    /// Asserts that the middles of edges get light between that of the corners. Returns the largest of their weights before they are bounded.
+    /// Asserts that the middles of edges get light between that of the corners. Returns the largest of their weights before these are
+    /// bounded.
     fn largest_weight(positions: [DVec3; 3]) -> f64 {
         let light = [0.388, 0.3861, 0.384].map(DVec3::splat);
         let inside = LightIn::new(Region::new(DVec3::Z), positions, light);

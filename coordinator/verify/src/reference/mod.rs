@@ -185,10 +185,11 @@ fn each<T: Sync, R: Send>(
     Ok(pool.install(|| items.par_iter().enumerate().map(found).collect()))
 }
 
-/// Standard error of a whole reference, relative to the norm of its radiosity: sqrt(sum s^2 / sum B^2).
+/// Standard error of all points together, relative to the norm of their radiosity: sqrt(sum s^2 / sum B^2).
 #[must_use]
-pub fn relative_standard_error(points: &[ReferencePoint]) -> f64 {
-    let sum =
-        |of: fn(&ReferencePoint) -> DVec3| points.iter().map(|point| of(point).length_squared()).sum::<f64>();
+pub fn relative_standard_error<'a>(points: impl IntoIterator<Item = &'a ReferencePoint> + Clone) -> f64 {
+    let sum = |of: fn(&ReferencePoint) -> DVec3| {
+        points.clone().into_iter().map(|point| of(point).length_squared()).sum::<f64>()
+    };
     (sum(|point| point.standard_error) / sum(|point| point.radiosity)).sqrt()
 }

@@ -18,7 +18,9 @@ use kernel::geometry::Bounds;
 
 use self::locate::TriangleGrid;
 use crate::plain::{PlainError, PlainOptions, PlainScene};
-use crate::reference::{Place, ReferenceFileError, ReferencePoint, locate, materials, read};
+use crate::reference::{
+    Place, ReferenceFileError, ReferencePoint, locate, materials, read, relative_standard_error,
+};
 
 /// Weights of linear RGB in luminance, after Rec. 709.
 const LUMINANCE: DVec3 = DVec3::new(0.2126, 0.7152, 0.0722);
@@ -241,7 +243,7 @@ fn compare(points: &[ReferencePoint], radiosities: &[Option<DVec3>]) -> Score {
     deviations.sort_by(f64::total_cmp);
     Score {
         relative_l2: (error / signal).sqrt(),
-        reference_noise: (variance / (signal + variance)).sqrt(),
+        reference_noise: relative_standard_error(covered.iter().map(|(point, _)| *point)),
         energy_ratio: sum(|_, b| b).element_sum() / sum(|point, _| point.radiosity).element_sum(),
         p95: quantile(&deviations, 0.95),
         max: deviations[deviations.len() - 1],
