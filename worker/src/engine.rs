@@ -72,7 +72,7 @@ impl From<ScenePolygons> for Scene {
     }
 }
 
-/// The row of a receiver over all polygons of a scene.
+/// The row of a receiver over all polygons of a scene, with its sky view factor after them.
 #[must_use]
 pub fn compute_hemisphere(
     scene: &Scene,
@@ -81,7 +81,7 @@ pub fn compute_hemisphere(
     precision: &Precision,
 ) -> (Row, RowStatistics) {
     let seed = pair_seed(precision.seed, key, 0);
-    let seen = seen_from(scene.seen(), &hemisphere.receiver, hemisphere.rays, seed);
+    let mut seen = seen_from(scene.seen(), &hemisphere.receiver, hemisphere.rays, seed);
     let statistics = RowStatistics {
         rays: seen.rays,
         pairs: scene.polygons() as u64,
@@ -89,7 +89,8 @@ pub fn compute_hemisphere(
         factor_sum: seen.factors.iter().map(|(_, factor)| f64::from(*factor)).sum(),
         ..RowStatistics::default()
     };
-    (Row::of_some(scene.polygons(), &seen.factors), statistics)
+    seen.factors.push((scene.polygons(), seen.sky));
+    (Row::of_some(scene.polygons() + 1, &seen.factors), statistics)
 }
 
 /// A prepared receiver replica.

@@ -69,6 +69,25 @@ fn free_plates_get_pi_times_the_radiance() {
     assert!(baked.report.warnings.is_empty(), "{:?}", baked.report.warnings);
 }
 
+/// Boards on the ground, with gaps between them: light is interpolated there between points that see more of the sky than others.
+#[test]
+fn nothing_under_a_sky_gets_more_than_open_ground() {
+    let board = |index: usize| {
+        let (x, z) = (0.27 * (index % 20) as f64, 0.12 * (index / 20) as f64);
+        shapes::box_facing_out(DVec3::new(x, 0.002, z), DVec3::new(x + 0.25, 0.06, z + 0.1))
+    };
+    let boards: Vec<Polygon> = (0..500).flat_map(board).collect();
+
+    let builder = SceneBuilder::new()
+        .part("ground", &[plate(DVec3::new(2.7, 0.0, 1.5), 8.0)], Material::grey(0.8))
+        .part("boards", &boards, Material::grey(0.8));
+    let settings = BakeSettings { rows: RowStrategy::Gather, ..BakeSettings::for_error(0.1) };
+    let (_, baked) = under_sky(&builder, &settings);
+    let most = baked.lit.vertices.iter().map(|vertex| vertex.irradiance.x / (PI * RADIANCE.x));
+    let most = most.fold(0.0, f64::max);
+    assert!(most <= 1.0 + 3.0 * NOISE, "{most} of what open ground gets");
+}
+
 /// What a pane lets through falls on the ground, and counts once.
 #[test]
 fn light_through_a_pane_is_accounted_for() {

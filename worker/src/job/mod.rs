@@ -159,7 +159,8 @@ impl Job {
             None => return Err(JobError::UnknownReplica(request.scene)),
         };
         let receivers = if is_of_hemispheres(&request)? {
-            check_range(&request, scene.polygons())?;
+            // After the polygons comes the sky.
+            check_range(&request, scene.polygons() + 1)?;
             Over::Polygons
         } else {
             let receivers = match store.get(request.receivers) {
@@ -184,7 +185,7 @@ impl Job {
         // Some bytes for the fields around each row.
         let row = match &receivers {
             Over::Receivers { .. } => longest_encoded_row(request.receiver_count) + 32,
-            // Each of the rays meets a polygon at most, in a group of its own.
+            // Each of the rays meets a polygon or the sky, in a group of its own.
             Over::Polygons => {
                 longest_encoded_row(request.receiver_count)
                     .min(u64::from(Hemisphere::MOST_RAYS.min(most_rays)) * BYTES_PER_RAY)
@@ -260,7 +261,7 @@ impl Job {
                         Some(compute_hemisphere(&self.scene, hemisphere, shooter.key, precision))
                     }
                     // Checked when the job was read.
-                    _ => Some((Row::of_some(self.scene.polygons(), &[]), RowStatistics::default())),
+                    _ => Some((Row::of_some(self.scene.polygons() + 1, &[]), RowStatistics::default())),
                 };
                 shooters.iter().map(row).collect()
             },

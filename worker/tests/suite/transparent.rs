@@ -79,6 +79,9 @@ fn hemispheres_see_the_lamp_through_the_filter() {
     let (row, statistics) = compute_hemisphere(&Scene::from(all), &hemisphere, 1, &PRECISION);
     let seen = f64::from(row.factor(0));
     assert!((seen / exact - 0.75).abs() < 0.01, "{seen} of {exact}");
+    let sum: f64 = row.iter().map(|(_, factor)| f64::from(factor)).sum();
+    let filter = f64::from(row.factor(1));
+    assert!((sum - 1.0 - 0.75 * filter).abs() < 1e-3, "rays through the filter end twice: {sum}");
     assert!(statistics.rays > 16_384);
 }
 

@@ -117,10 +117,11 @@ impl<'a> RowClient<'a> {
         set
     }
 
-    /// Publishes polygons that hemisphere rows are over, with the opacity of each, or none where all are opaque.
+    /// Publishes polygons that hemisphere rows are over, with the opacity of each, or none where all are opaque. After them such rows have
+    /// the sky.
     pub fn publish_polygons(&mut self, polygons: &[ConvexPolygon], opacities: &[f32]) -> ReceiverSet {
         let replica = encode_translucent_scene(polygons, opacities);
-        let count = polygons.len();
+        let count = polygons.len() + 1;
         let set =
             ReceiverSet { digest: replica.digest, first: 0, count, pairs: count, kind: RowKind::Hemispheres };
         self.publish(replica);

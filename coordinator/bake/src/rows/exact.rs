@@ -154,7 +154,12 @@ impl RowSource for ExactRows {
         Ok(false)
     }
 
-    fn interpolated(&mut self, _: &mut Context, _: &Receivers, _: &[DVec3]) -> Result<Option<Vec<DVec3>>> {
+    fn interpolated(
+        &mut self,
+        _: &mut Context,
+        _: (&Receivers, Option<&[f64]>),
+        _: &[DVec3],
+    ) -> Result<Option<Vec<DVec3>>> {
         Ok(None)
     }
 

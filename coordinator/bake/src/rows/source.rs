@@ -71,6 +71,9 @@ pub trait RowSource: Send {
         around: Option<&[Surroundings]>,
     ) -> Result<SetId>;
 
+    /// Tells how much of an even sky each receiver of a set sees: its sky view factor. Told once, where there is such a sky.
+    fn see_sky(&mut self, _: SetId, _: &[f64]) {}
+
     /// What shares of each of these radiosities give the receivers of some sets, set by set. Their cover is empty unless it is wanted.
     fn gather(
         &mut self,
@@ -104,24 +107,25 @@ pub trait RowSource: Send {
         Ok(())
     }
 
-    /// The same of many receivers, whose light may be interpolated as that of vertices is.
+    /// The same of many receivers, whose light may be interpolated as that of vertices is, with their sky view factors where there is an
+    /// even sky.
     fn gather_many(
         &mut self,
         cx: &mut Context,
         mesh: &ShareMesh,
         table: &mut RowTable,
-        receivers: (ReceiverSet, &Receivers),
+        (set, receivers, _): (ReceiverSet, &Receivers, Option<&[f64]>),
         radiosities: &[Radiosity],
     ) -> Result<Gathered> {
-        self.gather_once(cx, mesh, table, receivers, radiosities)
+        self.gather_once(cx, mesh, table, (set, receivers), radiosities)
     }
 
-    /// Irradiance from shares of this radiosity, interpolated between gather points as that of vertices is; `None` where the
-    /// strategy does not interpolate.
+    /// Irradiance from shares of this radiosity, interpolated between gather points as that of vertices is, given the sky view
+    /// factors of the receivers where there is an even sky; `None` where the strategy does not interpolate.
     fn interpolated(
         &mut self,
         cx: &mut Context,
-        receivers: &Receivers,
+        receivers: (&Receivers, Option<&[f64]>),
         radiosity: &[DVec3],
     ) -> Result<Option<Vec<DVec3>>>;
 

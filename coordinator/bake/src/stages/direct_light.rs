@@ -21,6 +21,7 @@ use crate::refinement::SamplePoints;
 use crate::rows::{COARSE, Rows, ShareMesh};
 use crate::settings::BakeSettings;
 use crate::solver::ShareEnergy;
+use crate::solver::cache::SetId;
 
 /// A bake with direct light.
 pub struct Lit {
@@ -72,8 +73,8 @@ impl Setup {
         let all_exposed = vec![true; mesh.mesh.vertices.len()];
         let values = LazyCell::new(|| source.first_values(&mesh, &all_exposed));
         let vertices = &table.vertices;
-        let ids = [table.samples, table.middles, Some(COARSE)].into_iter().flatten();
-        let sets: Vec<ReceiverSet> = ids.map(|id| table.set(id)).collect();
+        let ids: Vec<SetId> = [table.samples, table.middles, Some(COARSE)].into_iter().flatten().collect();
+        let sets: Vec<ReceiverSet> = ids.iter().map(|id| table.set(*id)).collect();
         let emissions =
             if source.joins_sources() { Emissions::of_many(&sources) } else { Emissions::default() };
         let area: f64 = mesh.energies.iter().map(|share| share.area).sum();
@@ -117,6 +118,7 @@ impl Setup {
             return Ok(ControlFlow::Break(NewStart { rows, settings, mesh }));
         }
         let variances = sources.iter().map(|source| light.variance(source)).collect();
+        let sky_views: Vec<_> = light.light.iter_mut().map(|direct| direct.sky_views.take()).collect();
         let mut light = light.light.into_iter();
         if table.samples.is_some() {
             samples.set_direct(light.next().unwrap_or_default().all);
@@ -131,6 +133,9 @@ impl Setup {
             let dark = vec![DVec3::ZERO; mesh.shares.len()];
             (direct.all.clone(), mesh.unshot(&values.of(&mesh.energies, &direct.all), &dark))
         });
+        for (id, views) in ids.into_iter().zip(&sky_views) {
+            views.iter().for_each(|views| source.see_sky(id, views));
+        }
         let sources = Sources { all: sources, apart, variances };
         Ok(ControlFlow::Continue(Lit { mesh, rows, sources, samples, middles, direct }))
     }

@@ -64,12 +64,14 @@ pub fn irradiance_at(
     for light in lights {
         direct.push(light::direct(light.sources, set, cx.client)?);
     }
+    let sky_views = direct.iter().find_map(|direct| direct.sky_views.as_deref());
     let glows: Vec<Option<Vec<DVec3>>> = lights.iter().map(|light| glow(mesh, light.sources)).collect();
     let reflected = lights.iter().map(|light| light.radiosity);
     let even = glows.iter().flatten().map(|glow| Radiosity::even(glow));
     let radiosities: Vec<Radiosity> = reflected.chain(even).collect();
     let Gathered { light, cover } = match place {
         Place::Kept(id) => {
+            sky_views.into_iter().for_each(|views| source.see_sky(id, views));
             source.gather(cx, mesh, table, &[id], &radiosities, true)?.pop().unwrap_or_default()
         }
         Place::Once(receivers) => {
@@ -78,7 +80,7 @@ pub fn irradiance_at(
             gathered
         }
         Place::Many(receivers) => {
-            let gathered = source.gather_many(cx, mesh, table, (set, receivers), &radiosities)?;
+            let gathered = source.gather_many(cx, mesh, table, (set, receivers, sky_views), &radiosities)?;
             cx.client.release(set);
             gathered
         }

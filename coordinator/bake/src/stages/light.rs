@@ -101,12 +101,14 @@ pub struct Direct {
     pub from_lights: Vec<DVec3>,
     /// The part that comes from outside of the scene, from directional lights and the sky.
     pub from_outside: Vec<DVec3>,
+    /// Sky view factors: the part of its hemisphere in which each receiver sees an even sky; none where rays did not tell.
+    pub sky_views: Option<Vec<f64>>,
 }
 
 impl Direct {
     fn dark(receivers: usize) -> Self {
         let [all, from_lights, from_outside] = [(); 3].map(|()| vec![DVec3::ZERO; receivers]);
-        Self { all, from_lights, from_outside }
+        Self { all, from_lights, from_outside, sky_views: None }
     }
 
     fn add_row(&mut self, row: &Row, source: &LightSource) {
@@ -116,12 +118,17 @@ impl Direct {
         } else if let Origin::Light(_) = source.origin {
             add_row(&mut self.from_lights, row, source.strength);
         }
+        if source.shooter.as_ref().is_some_and(|shooter| matches!(shooter.shape, Shape::Sky(_))) {
+            let views = self.sky_views.get_or_insert_with(|| vec![0.0; self.all.len()]);
+            row.iter().for_each(|(receiver, factor)| views[receiver] = f64::from(factor));
+        }
     }
 
-    /// Each part by itself changed.
+    /// Light of each sort by itself changed.
     pub fn map(self, mut change: impl FnMut(Vec<DVec3>) -> Vec<DVec3>) -> Self {
-        let Self { all, from_lights, from_outside } = self;
-        Self { all: change(all), from_lights: change(from_lights), from_outside: change(from_outside) }
+        let Self { all, from_lights, from_outside, sky_views } = self;
+        let [all, from_lights, from_outside] = [all, from_lights, from_outside].map(&mut change);
+        Self { all, from_lights, from_outside, sky_views }
     }
 }
 

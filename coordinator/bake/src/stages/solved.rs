@@ -88,7 +88,7 @@ impl Lit {
         let Self { mut mesh, mut rows, sources, mut samples, mut middles, direct } = self;
         mesh.patch_materials.update(cx.scene, &mesh.mesh);
         cx.client.monitor.enter(Phase::Shoot, mesh.mesh.vertices.len());
-        let Direct { all: mut direct, from_lights, from_outside } = direct;
+        let Direct { all: mut direct, from_lights, from_outside, .. } = direct;
         let mut radiosity = {
             let Rows { source, table } = &mut rows;
             let glow = glow(&mesh, &sources.all);

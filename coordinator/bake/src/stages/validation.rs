@@ -77,16 +77,16 @@ impl Solved {
         let Received { light, cover } =
             irradiance_at(cx, &self.mesh, &mut self.rows, Place::Once(&receivers), &[lights])?;
         samples.set_row_sums(&cover.sums);
-        let mut glowing = vec![];
+        let (mut glowing, mut sky_views) = (vec![], None);
         for Irradiance { direct, glow, all } in light {
             samples.set_direct(direct.all);
             samples.set_irradiance(all);
-            glowing = glow;
+            (glowing, sky_views) = (glow, direct.sky_views);
         }
         // What glows is interpolated between them, too.
         let glow = glow(&self.mesh, &self.sources.all);
         let leaving = leaving(&self.solution.radiosity, glow.as_deref());
-        let mut between = self.rows.source.interpolated(cx, &receivers, &leaving)?;
+        let mut between = self.rows.source.interpolated(cx, (&receivers, sky_views.as_deref()), &leaving)?;
         if let Some(between) = &mut between {
             between.iter_mut().zip(glowing).for_each(|(light, glowing)| *light -= glowing);
         }

@@ -21,11 +21,16 @@ use crate::replica::Receiver;
 /// A ray that transparent occluders leave less than this fraction of its light is not followed any further.
 const LEAST_LEFT: f64 = 1e-3;
 
+/// Index of the sky among polygons: after all of them.
+const SKY: usize = usize::MAX;
+
 /// What a receiver sees.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Seen {
     /// Polygons of which something is seen, by rising index, with their form factors.
     pub factors: Vec<(usize, f32)>,
+    /// Sky view factor: the part of the hemisphere in which there is nothing.
+    pub sky: f32,
     /// Rays cast.
     pub rays: u64,
 }
@@ -46,6 +51,7 @@ pub fn seen_from(polygons: &SeenPolygons, receiver: &Receiver, rays: u32, seed: 
         while left > LEAST_LEFT {
             cast += 1;
             let Some(hit) = polygons.nearest(receiver.position, direction, from, receiver.plane) else {
+                met.push((number, SKY, left * part));
                 break;
             };
             let opacity = polygons.opacity(hit.polygon);
@@ -62,11 +68,12 @@ pub fn seen_from(polygons: &SeenPolygons, receiver: &Receiver, rays: u32, seed: 
     }
     let mut met: Vec<(usize, f64)> = met.into_iter().map(|(_, polygon, part)| (polygon, part)).collect();
     met.sort_unstable_by_key(|(polygon, _)| *polygon);
-    let factors = met
+    let mut factors: Vec<(usize, f32)> = met
         .chunk_by(|a, b| a.0 == b.0)
         .map(|same| (same[0].0, same.iter().map(|(_, part)| part).sum::<f64>() as f32))
         .collect();
-    Seen { factors, rays: cast }
+    let sky = factors.pop_if(|(index, _)| *index == SKY).map_or(0.0, |(_, part)| part);
+    Seen { factors, sky, rays: cast }
 }
 
 /// True where a ray meets the front of a polygon with this normal.

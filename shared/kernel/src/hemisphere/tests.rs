@@ -27,6 +27,7 @@ fn a_square_overhead_has_its_form_factor() {
     let scene = [square(1, DVec3::Z, -DVec3::Z, 1.0)];
     let seen = seen_from(&SeenPolygons::new(&scene, &[]), &receiver(), 4096, 7);
     assert!((factor(&seen, 0) - BELOW_SQUARE).abs() < 2e-3, "{seen:?}");
+    assert!((factor(&seen, 0) + f64::from(seen.sky) - 1.0).abs() < 1e-6, "{seen:?}");
     assert_eq!(seen.rays, 4096);
 }
 
@@ -39,6 +40,7 @@ fn what_lies_behind_is_hidden_and_backs_count_for_nobody() {
     assert_eq!(factor(&hidden, 1), 0.0);
     let dark = seen_from(&SeenPolygons::new(&[turned, behind], &[]), &receiver(), 1024, 7);
     assert!(dark.factors.is_empty(), "{dark:?}");
+    assert_eq!(dark.sky, hidden.sky, "a back hides the sky, too");
 }
 
 #[test]
@@ -72,6 +74,8 @@ fn a_pane_lets_its_part_through_and_hides_nothing_of_itself() {
     assert_eq!(factor(&pane, 0), factor(&opaque, 0));
     let through = factor(&pane, 1) - factor(&opaque, 1);
     assert!((through - 0.75 * factor(&opaque, 0)).abs() < 1e-6);
+    let alone = seen_from(&SeenPolygons::new(&scene[..1], &[0.25]), &receiver(), 4096, 7);
+    assert!((f64::from(alone.sky) - (1.0 - 0.25 * factor(&alone, 0))).abs() < 1e-6, "{alone:?}");
 }
 
 #[test]
@@ -92,6 +96,7 @@ fn a_closed_room_has_factors_that_sum_to_one() {
         let seen = seen_from(&polygons, &inside, 4096, seed);
         let sum: f64 = seen.factors.iter().map(|(_, factor)| f64::from(*factor)).sum();
         assert!((sum - 1.0).abs() < 1e-6, "{sum}");
+        assert_eq!(seen.sky, 0.0);
     }
 }
 

@@ -31,23 +31,28 @@ impl GatherRows {
             return Ok(());
         }
         // Those of the vertices are for them alone.
-        let mut asked = Self { polygons: self.polygons, rounds: self.rounds + 1, ..Self::default() };
+        let Self { polygons, rounds, has_even_sky, .. } = *self;
+        let mut asked = Self { polygons, rounds: rounds + 1, has_even_sky, ..Self::default() };
         asked.place_by_light(cx, mesh, (radiosity.to_vec(), glow), None, count / LEAST_RECEIVERS)?;
         asked.add_where_none_is_alike(cx, among)?;
         self.of_asked = Some(Box::new(asked));
         Ok(())
     }
 
-    /// What the weights of the gather points tell of receivers that are asked about once. Those that see no point get all rays of one.
+    /// What the weights of the gather points tell of receivers that are asked about once, given their sky view factors where there is an
+    /// even sky. Those that see no point get all rays of one.
     pub(super) fn weigh_once<T>(
         &mut self,
         cx: &mut Context,
-        receivers: &Receivers,
+        (receivers, sky_views): (&Receivers, Option<&[f64]>),
         tell: impl FnOnce(&Interpolation, &GatherPoints) -> T,
     ) -> Result<T> {
         let points = self.points.receivers.len();
         let rays = vec![rays::of_receiver(cx.settings); receivers.receivers.len()];
-        let weights = self.weigh(cx, &receivers.receivers, &rays)?;
+        let mut weights = self.weigh(cx, &receivers.receivers, &rays)?;
+        if let Some(own) = sky_views {
+            weights.follow_sky(own, &self.points.sky_views());
+        }
         let told = tell(&weights, &self.points);
         // Those that became points themselves are not asked about again.
         self.points.truncate(points);
@@ -59,7 +64,7 @@ impl GatherRows {
         &mut self,
         cx: &mut Context,
         mesh: &ShareMesh,
-        receivers: &Receivers,
+        receivers: (&Receivers, Option<&[f64]>),
         radiosities: &[Radiosity],
     ) -> Result<Gathered> {
         self.weigh_once(cx, receivers, |weights, points| {

@@ -12,17 +12,22 @@ use crate::materials::AveragedMaterial;
 use crate::mesh::{Mesh, Patch, PatchId};
 use scene::Scene;
 
-/// The shares that a receiver sees, by rising index, with their form factors.
-pub type View = Box<[(u32, f32)]>;
+/// What a receiver sees.
+pub struct View {
+    /// Shares, by rising index, with their form factors.
+    shares: Box<[(u32, f32)]>,
+    /// Sky view factor: the part of the hemisphere in which there is nothing.
+    pub sky: f32,
+}
 
 /// Irradiance from what is seen, where shares have this radiosity.
-pub fn gathered(view: &[(u32, f32)], radiosity: &[DVec3]) -> DVec3 {
-    view.iter().map(|(share, factor)| radiosity[*share as usize] * f64::from(*factor)).sum()
+pub fn gathered(view: &View, radiosity: &[DVec3]) -> DVec3 {
+    view.shares.iter().map(|(share, factor)| radiosity[*share as usize] * f64::from(*factor)).sum()
 }
 
 /// Part of a hemisphere that is covered, where shares have these materials.
-pub fn covered(view: &[(u32, f32)], materials: &[AveragedMaterial]) -> f64 {
-    view.iter().map(|(share, factor)| f64::from(*factor) * materials[*share as usize].opacity).sum()
+pub fn covered(view: &View, materials: &[AveragedMaterial]) -> f64 {
+    view.shares.iter().map(|(share, factor)| f64::from(*factor) * materials[*share as usize].opacity).sum()
 }
 
 /// Publishes the leaves of a mesh, which rays meet.
@@ -66,9 +71,13 @@ pub fn views(client: &mut RowClient, polygons: ReceiverSet, hemispheres: &[Shoot
         _ => 1,
     };
     let most = hemispheres.iter().map(rays).max().unwrap_or(1);
+    // After all polygons.
+    let sky = polygons.count() as u32 - 1;
     let mut views = Vec::with_capacity(hemispheres.len());
     client.each_row(hemispheres, &[polygons.seen_by(most)], |_, _, row, _| {
-        views.push(row.iter().map(|(share, factor)| (share as u32, factor)).collect::<View>());
+        let mut seen: Vec<(u32, f32)> = row.iter().map(|(index, factor)| (index as u32, factor)).collect();
+        let sky = seen.pop_if(|(index, _)| *index == sky).map_or(0.0, |(_, factor)| factor);
+        views.push(View { shares: seen.into(), sky });
     })?;
     Ok(views)
 }

@@ -12,6 +12,7 @@ use kernel::replica::Receiver;
 use rayon::prelude::*;
 
 use super::nearest::{AT_ONCE, Last, SortedPoints};
+use super::sky::factor_by_sky;
 
 /// Points that are looked at for each receiver.
 const NEIGHBOURS: NonZero<usize> = NonZero::new(12).unwrap();
@@ -115,6 +116,20 @@ impl Interpolation {
     pub fn of(&self, points: &[DVec3]) -> Vec<DVec3> {
         let at = |receiver| interpolated(self.weights_of(receiver), points);
         (0..self.receivers()).into_par_iter().with_min_len(1024).map(at).collect()
+    }
+
+    /// Lets light follow the sky view factors of the receivers, given those of the points. Where even sky is seen, no surface is.
+    pub fn follow_sky(&mut self, of_receivers: &[f64], of_points: &[DVec3]) {
+        let factors: Vec<f64> = self
+            .of(of_points)
+            .iter()
+            .zip(of_receivers)
+            .map(|(points, own)| factor_by_sky(*own, points.x))
+            .collect();
+        for (receiver, factor) in factors.into_iter().enumerate() {
+            let range = self.starts[receiver] as usize..self.starts[receiver + 1] as usize;
+            self.weights[range].iter_mut().for_each(|(_, weight)| *weight *= factor as f32);
+        }
     }
 
     /// Mean over the receivers of the sum of squared weights: the part of the variance of a point that a receiver has.

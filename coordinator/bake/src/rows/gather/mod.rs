@@ -18,6 +18,7 @@
 //! | `interpolation` | light between the points |
 //! | `set` | receivers that take their light from the points |
 //! | `place` | where the points lie |
+//! | `sky` | light between the points under an even sky |
 //! | `weigh` | which of them each receiver takes its light from |
 //! | `asked` | light of receivers that are asked about once |
 
@@ -30,6 +31,7 @@ mod place;
 mod points;
 pub mod rays;
 mod set;
+mod sky;
 mod weigh;
 
 use glam::DVec3;
@@ -83,6 +85,8 @@ pub struct GatherRows {
     occluder: Option<Occluder>,
     twins: Twins,
     sets: Vec<Set>,
+    /// Whether receivers may see an even sky.
+    has_even_sky: bool,
     /// What gathers for receivers that are asked about in the end, where it has points and this has none.
     of_asked: Option<Box<GatherRows>>,
 }
@@ -181,6 +185,11 @@ impl RowSource for GatherRows {
         Ok(id)
     }
 
+    fn see_sky(&mut self, set: SetId, sky_views: &[f64]) {
+        self.has_even_sky = true;
+        self.sets[set.index()].see_sky(sky_views.to_vec(), &self.points.sky_views());
+    }
+
     fn gather(
         &mut self,
         _: &mut Context,
@@ -237,19 +246,19 @@ impl RowSource for GatherRows {
         cx: &mut Context,
         mesh: &ShareMesh,
         _: &mut RowTable,
-        (_, receivers): (ReceiverSet, &Receivers),
+        (_, receivers, sky_views): (ReceiverSet, &Receivers, Option<&[f64]>),
         radiosities: &[Radiosity],
     ) -> Result<Gathered> {
         if let Some(asked) = &mut self.of_asked {
-            return asked.gather_weighed(cx, mesh, receivers, radiosities);
+            return asked.gather_weighed(cx, mesh, (receivers, sky_views), radiosities);
         }
-        self.gather_weighed(cx, mesh, receivers, radiosities)
+        self.gather_weighed(cx, mesh, (receivers, sky_views), radiosities)
     }
 
     fn interpolated(
         &mut self,
         cx: &mut Context,
-        receivers: &Receivers,
+        receivers: (&Receivers, Option<&[f64]>),
         radiosity: &[DVec3],
     ) -> Result<Option<Vec<DVec3>>> {
         self.weigh_once(cx, receivers, |weights, points| Some(weights.of(&points.gather(radiosity))))

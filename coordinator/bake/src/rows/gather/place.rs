@@ -10,10 +10,11 @@ use rayon::prelude::*;
 
 use super::GatherRows;
 use super::hemisphere::{View, gathered, hemispheres, views};
-use super::interpolation::{Neighbours, interpolated};
+use super::interpolation::{Neighbours, Weights, interpolated};
 use super::nearest::{Nearest, take_nearer};
 use super::noise::{TWINS, Twins};
 use super::rays;
+use super::sky::factor_by_sky;
 use super::weigh::cell;
 use crate::context::Context;
 use crate::error::Result;
@@ -215,22 +216,39 @@ impl GatherRows {
         neighbours: &Neighbours,
     ) -> Vec<DVec3> {
         let known = self.points.gather(radiosity);
+        let sky_views = self.points.sky_views();
         let error = |(receiver, view): (&Receiver, &View)| {
             let weights = neighbours.weights(receiver, 0.0, None);
-            weights.map_or(DVec3::ZERO, |weights| interpolated(&weights, &known)) - gathered(view, radiosity)
+            self.between(weights, (&known, &sky_views), view) - gathered(view, radiosity)
         };
         receivers.par_iter().zip(views).with_min_len(64).map(error).collect()
+    }
+
+    /// Light of a receiver with this view, between points whose light and sky view factors are known; none where it sees no point.
+    fn between(
+        &self,
+        weights: Option<Weights>,
+        (known, sky_views): (&[DVec3], &[DVec3]),
+        view: &View,
+    ) -> DVec3 {
+        let Some(weights) = weights else { return DVec3::ZERO };
+        let light = interpolated(&weights, known);
+        if !self.has_even_sky {
+            return light;
+        }
+        light * factor_by_sky(f64::from(view.sky), interpolated(&weights, sky_views).x)
     }
 
     /// Errors of interpolation at the points, where each is left out itself.
     fn errors_left_out(&self, radiosity: &[DVec3], neighbours: &Neighbours) -> Vec<DVec3> {
         let light = self.points.gather(radiosity);
-        let points = self.points.receivers[..self.points.shared].par_iter().zip(&light).enumerate();
-        let error = |(point, (receiver, own)): (usize, (&Receiver, &DVec3))| {
+        let sky_views = self.points.sky_views();
+        let points = self.points.receivers[..self.points.shared].par_iter().zip(&self.points.views);
+        let error = |(point, (receiver, view)): (usize, (&Receiver, &View))| {
             let weights = neighbours.weights(receiver, 0.0, Some(point as u32));
-            weights.map_or(DVec3::ZERO, |weights| interpolated(&weights, &light)) - *own
+            self.between(weights, (&light, &sky_views), view) - light[point]
         };
-        points.with_min_len(64).map(error).collect()
+        points.enumerate().with_min_len(64).map(error).collect()
     }
 }
 

@@ -75,6 +75,11 @@ impl GatherPoints {
         self.views.par_iter().with_min_len(64).map(|view| gathered(view, radiosity)).collect()
     }
 
+    /// Sky view factor of each point.
+    pub fn sky_views(&self) -> Vec<DVec3> {
+        self.views.iter().map(|view| DVec3::splat(f64::from(view.sky))).collect()
+    }
+
     /// Part of its hemisphere that each point sees covered.
     pub fn covered(&self, materials: &[AveragedMaterial]) -> Vec<DVec3> {
         let covered = |view: &View| DVec3::splat(covered(view, materials));

@@ -1,5 +1,6 @@
 //! Receivers that take their light from gather points.
 
+use glam::DVec3;
 use kernel::replica::Receiver;
 
 use super::interpolation::Interpolation;
@@ -34,6 +35,8 @@ pub struct Set {
     pub receivers: Vec<Receiver>,
     /// Rays of each, if it became a point itself.
     pub rays: Vec<u32>,
+    /// Sky view factor of each, where there is an even sky, once it is known.
+    pub sky_views: Option<Vec<f64>>,
     /// Empty until the points are placed.
     pub weights: Interpolation,
 }
@@ -52,7 +55,25 @@ impl Set {
             }
             None => vec![most_rays; receivers.len()],
         };
-        Self { receivers: receivers.to_vec(), rays, weights: Interpolation::default() }
+        Self { receivers: receivers.to_vec(), rays, sky_views: None, weights: Interpolation::default() }
+    }
+
+    /// Takes light from points with these weights, and these sky view factors.
+    pub fn take_from(&mut self, weights: Interpolation, sky_views: &[DVec3]) {
+        self.weights = weights;
+        self.follow_sky(sky_views);
+    }
+
+    /// Takes the sky view factors of the receivers, given those of the points.
+    pub fn see_sky(&mut self, own: Vec<f64>, of_points: &[DVec3]) {
+        self.sky_views = Some(own);
+        self.follow_sky(of_points);
+    }
+
+    fn follow_sky(&mut self, of_points: &[DVec3]) {
+        if let Some(own) = &self.sky_views {
+            self.weights.follow_sky(own, of_points);
+        }
     }
 }
 

@@ -39,8 +39,9 @@ impl GatherRows {
         let mut all = self.add_where_none_is_alike(cx, &receivers)?;
         self.give_own(cx, &receivers, &rays, &mut all)?;
         let mut all = all.into_iter();
+        let sky_views = self.points.sky_views();
         for set in &mut self.sets {
-            set.weights = Interpolation::new(all.by_ref().take(set.receivers.len()));
+            set.take_from(Interpolation::new(all.by_ref().take(set.receivers.len())), &sky_views);
         }
         Ok(())
     }
