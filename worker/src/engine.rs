@@ -145,7 +145,7 @@ pub fn compute_rows_until(
     let mut shared = RowStatistics::default();
     let many = (&first.shape, groups);
     let FactorsOfMany { factors, variances } =
-        factors_of_many(many, among, precision, seed, stop, &mut shared);
+        factors_of_many(many, among, precision, &seed, stop, &mut shared);
     if stop() {
         return None;
     }
@@ -199,10 +199,10 @@ fn factors_of(
             let mut factors = vec![0.0; receivers.len()];
             for polygon in polygons.iter().map(PreparedPolygon::new) {
                 match scene.transparent() {
-                    None => kernel.add_form_factors(groups, &polygon, seed, &mut factors, &mut statistics),
+                    None => kernel.add_form_factors(groups, &polygon, &seed, &mut factors, &mut statistics),
                     Some(transparent) => {
                         let mut own = vec![0.0; receivers.len()];
-                        kernel.add_form_factors(groups, &polygon, seed, &mut own, &mut statistics);
+                        kernel.add_form_factors(groups, &polygon, &seed, &mut own, &mut statistics);
                         for (index, (factor, own)) in factors.iter_mut().zip(own).enumerate() {
                             if own > 0.0 && !stop() {
                                 let receiver = &receivers[index];

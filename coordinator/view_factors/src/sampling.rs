@@ -71,7 +71,7 @@ impl<'a> Sampler<'a> {
         self.kernel.add_form_factors(
             &ReceiverGroups::new(self.receivers.clone()),
             polygon,
-            ray_seed,
+            &ray_seed,
             &mut self.visible,
             &mut self.statistics,
         );

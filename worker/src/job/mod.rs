@@ -185,7 +185,7 @@ impl Job {
         // Some bytes for the fields around each row.
         let row = match &receivers {
             Over::Receivers { .. } => longest_encoded_row(request.receiver_count) + 32,
-            // Each of the rays meets a polygon or the sky, in a group of its own.
+            // Each of the rays ends at a polygon or in the sky, in a group of its own.
             Over::Polygons => {
                 longest_encoded_row(request.receiver_count)
                     .min(u64::from(Hemisphere::MOST_RAYS.min(most_rays)) * BYTES_PER_RAY)

@@ -106,3 +106,23 @@ async fn a_panic_is_a_failure_that_another_worker_may_not_have() {
     let Body::Failed(failed) = answer(9, result) else { panic!("not a failure") };
     assert_eq!((failed.job_id, failed.reason()), (9, FailureReason::Internal));
 }
+
+/// The sky comes after the polygons, of which there are none here.
+#[test]
+fn a_row_of_a_hemisphere_covers_all_polygons_and_the_sky() {
+    let (mut store, request) = prepared();
+    let receiver = Receiver { position: DVec3::ZERO, normal: DVec3::Y, plane: PlaneId(0) };
+    let shooters = vec![Shooter { key: 1, shape: Shape::Hemisphere(Hemisphere { receiver, rays: 64 }) }];
+    let over = |receiver_count: u32| RowRequest {
+        receivers: request.scene,
+        first_receiver: 0,
+        receiver_count,
+        shooters: shooters.clone(),
+        ..request.clone()
+    };
+    let finished = Job::new(&over(1).to_job(9), &mut store).unwrap().compute();
+    assert_eq!(decode_row(&finished.rows[0], 1).unwrap().to_dense(), [1.0]);
+    for count in [0, 2] {
+        assert_eq!(reason(&over(count), &mut store), FailureReason::InvalidJob, "{count}");
+    }
+}

@@ -71,7 +71,8 @@ pub trait RowSource: Send {
         around: Option<&[Surroundings]>,
     ) -> Result<SetId>;
 
-    /// Tells how much of an even sky each receiver of a set sees: its sky view factor. Told once, where there is such a sky.
+    /// Tells how much of an even sky each receiver of a set sees: its sky view factor. It must be told once, before the set is
+    /// asked about, where there is such a sky.
     fn see_sky(&mut self, _: SetId, _: &[f64]) {}
 
     /// What shares of each of these radiosities give the receivers of some sets, set by set. Their cover is empty unless it is wanted.
@@ -196,7 +197,7 @@ pub struct Gathered {
 pub struct Cover {
     /// Sum of the form factors of each.
     pub sums: Vec<f64>,
-    /// Whether each sees any surface.
+    /// Whether each sees any surface, or the sky.
     pub exposed: Vec<bool>,
     /// Bytes of the rows.
     pub bytes: usize,

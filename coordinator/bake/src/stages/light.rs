@@ -101,7 +101,8 @@ pub struct Direct {
     pub from_lights: Vec<DVec3>,
     /// The part that comes from outside of the scene, from directional lights and the sky.
     pub from_outside: Vec<DVec3>,
-    /// Sky view factors: the part of its hemisphere in which each receiver sees an even sky; none where rays did not tell.
+    /// Sky view factor of each receiver: the part of its hemisphere in which it sees an even sky. `None` without such a sky, and where its
+    /// light does not come by rays.
     pub sky_views: Option<Vec<f64>>,
 }
 
@@ -118,6 +119,7 @@ impl Direct {
         } else if let Origin::Light(_) = source.origin {
             add_row(&mut self.from_lights, row, source.strength);
         }
+        // There is one such source at most.
         if source.shooter.as_ref().is_some_and(|shooter| matches!(shooter.shape, Shape::Sky(_))) {
             let views = self.sky_views.get_or_insert_with(|| vec![0.0; self.all.len()]);
             row.iter().for_each(|(receiver, factor)| views[receiver] = f64::from(factor));

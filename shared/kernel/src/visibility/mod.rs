@@ -71,6 +71,9 @@ pub struct VisibilityKernel<'a> {
 /// Whether the work at hand is not wanted any more: it may end then, and what it has is worth nothing.
 pub type Stop<'a> = &'a dyn Fn() -> bool;
 
+/// The seed of each receiver's rays, by its index.
+pub type Seeds<'a> = &'a dyn Fn(usize) -> u32;
+
 impl<'a> VisibilityKernel<'a> {
     /// A kernel for this scene.
     #[must_use]
@@ -105,7 +108,7 @@ impl<'a> VisibilityKernel<'a> {
         &mut self,
         groups: &ReceiverGroups,
         polygon: &PreparedPolygon,
-        seeds: impl Fn(usize) -> u32,
+        seeds: Seeds,
         factors: &mut [f64],
         statistics: &mut RowStatistics,
     ) {
@@ -145,7 +148,7 @@ impl<'a> VisibilityKernel<'a> {
             let first = index * LANES;
             let seed = |lane: usize| seeds(first + lane);
             let end = factors.len().min(first + LANES);
-            self.add_group(groups.lanes(index), node, polygon, seed, &mut factors[first..end], statistics);
+            self.add_group(groups.lanes(index), node, polygon, &seed, &mut factors[first..end], statistics);
         }
     }
 
@@ -172,7 +175,7 @@ impl<'a> VisibilityKernel<'a> {
         lanes: &ReceiverLanes,
         node: &Node,
         polygon: &PreparedPolygon,
-        seeds: impl Fn(usize) -> u32,
+        seeds: Seeds,
         factors: &mut [f64],
         statistics: &mut RowStatistics,
     ) {

@@ -61,7 +61,7 @@ const HELD: f64 = 1e-2;
 /// A fitted plane counts where its weights, without their signs, sum to no more than this.
 const MOST_EXTRAPOLATION: f64 = 1.6;
 
-/// Indices of points and their weights, which sum to 1.
+/// Indices of points and their weights, which sum to 1 until they follow a sky.
 pub type Weights = Vec<(u32, f32)>;
 
 /// A point near a receiver.
@@ -118,8 +118,9 @@ impl Interpolation {
         (0..self.receivers()).into_par_iter().with_min_len(1024).map(at).collect()
     }
 
-    /// Lets light follow the sky view factors of the receivers, given those of the points. Where even sky is seen, no surface is.
+    /// Lets light follow the sky view factors of the receivers, given those of the points, as [`factor_by_sky`] says.
     pub fn follow_sky(&mut self, of_receivers: &[f64], of_points: &[DVec3]) {
+        debug_assert!(self.receivers() == 0 || of_receivers.len() == self.receivers());
         let factors: Vec<f64> = self
             .of(of_points)
             .iter()

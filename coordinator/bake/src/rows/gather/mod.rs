@@ -85,7 +85,7 @@ pub struct GatherRows {
     occluder: Option<Occluder>,
     twins: Twins,
     sets: Vec<Set>,
-    /// Whether receivers may see an even sky.
+    /// Whether receivers may see an even sky, those too that are asked about and in no set.
     has_even_sky: bool,
     /// What gathers for receivers that are asked about in the end, where it has points and this has none.
     of_asked: Option<Box<GatherRows>>,
@@ -207,7 +207,11 @@ impl RowSource for GatherRows {
             cover: covered.as_ref().map_or_else(Cover::default, |covered| {
                 let sums: Vec<f64> =
                     self.at_set(*set, covered).into_iter().map(|sum| sum.x.clamp(0.0, 1.0)).collect();
-                Cover { exposed: sums.iter().map(|sum| *sum > 0.0).collect(), sums, bytes: 0 }
+                let sky_views = self.sets[set.index()].sky_views.as_deref();
+                // What sees nothing but the sky is not covered by anything that lies on it.
+                let sees_sky = |receiver: usize| sky_views.is_some_and(|views| views[receiver] > 0.0);
+                let exposed = sums.iter().enumerate().map(|(receiver, sum)| *sum > 0.0 || sees_sky(receiver));
+                Cover { exposed: exposed.collect(), sums, bytes: 0 }
             }),
         };
         Ok(sets.iter().map(gathered).collect())

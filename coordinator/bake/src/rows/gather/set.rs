@@ -66,6 +66,7 @@ impl Set {
 
     /// Takes the sky view factors of the receivers, given those of the points.
     pub fn see_sky(&mut self, own: Vec<f64>, of_points: &[DVec3]) {
+        debug_assert!(self.sky_views.is_none(), "weights would follow it twice");
         self.sky_views = Some(own);
         self.follow_sky(of_points);
     }

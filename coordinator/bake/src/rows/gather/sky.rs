@@ -8,14 +8,15 @@
 /// Most that light grows so. Of points that see little but the sky it tells little how bright surfaces are.
 const MOST: f64 = 2.0;
 
-/// Where the points see less covered than this, their light is left as it is.
-const LEAST_COVERED: f64 = 1e-3;
+/// Part of a hemisphere that rays tell apart. Where little more is covered, light is left as it is: of both parts rays know next to nothing.
+const TOLD_APART: f64 = 1.0 / 64.0;
 
 /// Factor of the light that surfaces give a receiver, where it is interpolated between points, given the sky view factor of the receiver
 /// and the one interpolated between the points.
 pub fn factor_by_sky(own: f64, of_points: f64) -> f64 {
-    let [own, of_points] = [own, of_points].map(|sky| 1.0 - sky);
-    if of_points > LEAST_COVERED { (own / of_points).clamp(0.0, MOST) } else { 1.0 }
+    // Planes between the points may go beyond them.
+    let [own, of_points] = [own, of_points].map(|sky| (1.0 - sky).max(0.0) + TOLD_APART);
+    (own / of_points).min(MOST)
 }
 
 #[cfg(test)]
@@ -24,12 +25,19 @@ mod tests {
 
     #[test]
     fn light_follows_what_is_covered() {
-        assert_eq!(factor_by_sky(0.5, 0.0), 0.5);
-        assert_eq!(factor_by_sky(0.0, 0.25), 1.0 / 0.75);
-        assert_eq!(factor_by_sky(0.25, 0.25), 1.0);
-        assert_eq!(factor_by_sky(1.0, 0.5), 0.0);
-        assert_eq!(factor_by_sky(0.0, 0.9), MOST);
-        // Planes that go beyond their points.
-        assert_eq!(factor_by_sky(0.9, 1.1), 1.0);
+        let is_about = |[own, of_points]: [f64; 2], factor: f64| {
+            let found = factor_by_sky(own, of_points);
+            assert!(
+                (found - factor).abs() <= 0.04,
+                "{found} where {own} and {of_points} of the sky are seen"
+            );
+        };
+        is_about([0.5, 0.0], 0.5);
+        is_about([0.0, 0.25], 1.0 / 0.75);
+        is_about([0.25, 0.25], 1.0);
+        is_about([1.0, 0.5], 0.0);
+        is_about([0.0, 0.9], MOST);
+        is_about([1.0, 0.999], 1.0);
+        is_about([1.0, 1.1], 1.0);
     }
 }

@@ -12,7 +12,7 @@ mod tree;
 
 use sobol_burley::sample_4d;
 
-use super::{ReceiverGroups, Stop, TransparentOccluders, faces_away};
+use super::{ReceiverGroups, Seeds, Stop, TransparentOccluders, faces_away};
 use crate::form_factor::{Lanes, ViewLanes};
 use crate::geometry::ConvexPolygon;
 use crate::geometry::lanes::LANES;
@@ -86,14 +86,13 @@ pub struct FactorsOfMany {
     pub variances: [f64; CHANNELS],
 }
 
-/// The visible form factors from receivers to all polygons of a shape among these occluders, in all of its channels at once. `seed` gives
-/// the seed of each receiver's rays; `stop` is asked before each of them, and ends it with less. The result for a receiver does not depend
+/// The visible form factors from receivers to all polygons of a shape among these occluders, in all of its channels at once. `stop` is asked before each of them, and ends it with less. The result for a receiver does not depend
 /// on the others.
 pub fn factors_of_many(
     (shape, groups): (&Shape, &ReceiverGroups),
     (occluder, transparent): (&Occluder, Option<&TransparentOccluders>),
     precision: &Precision,
-    seed: impl Fn(usize) -> u32,
+    seeds: Seeds,
     stop: Stop,
     statistics: &mut RowStatistics,
 ) -> FactorsOfMany {
@@ -103,11 +102,11 @@ pub fn factors_of_many(
     if is_one {
         let polygons = of_channels.map(|(polygon, [weight, ..])| (polygon, [weight]));
         let (factors, [variance]) =
-            ManyPolygons::new(polygons, among).factors(groups, seed, stop, statistics);
+            ManyPolygons::new(polygons, among).factors(groups, seeds, stop, statistics);
         let factors = factors.into_iter().map(|[factor]| [factor, 0.0, 0.0]).collect();
         return FactorsOfMany { factors, variances: [variance, 0.0, 0.0] };
     }
-    let (factors, variances) = ManyPolygons::new(of_channels, among).factors(groups, seed, stop, statistics);
+    let (factors, variances) = ManyPolygons::new(of_channels, among).factors(groups, seeds, stop, statistics);
     FactorsOfMany { factors, variances }
 }
 
@@ -117,8 +116,8 @@ impl<'a, const N: usize> ManyPolygons<'a, N> {
         polygons: impl Iterator<Item = (&'b ConvexPolygon, [f64; N])>,
         (occluder, transparent, precision): (&'a Occluder, Option<&'a TransparentOccluders>, &'a Precision),
     ) -> Self {
-        let tree =
-            PolygonTree::new(polygons.filter(|(_, weights)| weights.iter().any(|weight| *weight > 0.0)));
+        let shines = |(_, weights): &(_, [f64; N])| weights.iter().any(|weight| *weight > 0.0);
+        let tree = PolygonTree::new(polygons.filter(shines).collect());
         let bodies = vec![Body::new(); tree.bodies()];
         let probe = PROBE.max(precision.rays_per_hemisphere / (NO_PROBE / LEAST_RAYS));
         let faced = Faced { places: vec![], ends: vec![], covered: [0.0; LANES], counts: [0; LANES] };
@@ -138,7 +137,7 @@ impl<'a, const N: usize> ManyPolygons<'a, N> {
     fn factors(
         &mut self,
         groups: &ReceiverGroups,
-        seed: impl Fn(usize) -> u32,
+        seeds: Seeds,
         stop: Stop,
         statistics: &mut RowStatistics,
     ) -> (Vec<[f64; N]>, [f64; N]) {
@@ -153,7 +152,7 @@ impl<'a, const N: usize> ManyPolygons<'a, N> {
                 if stop() {
                     return (vec![], variances);
                 }
-                let visible = self.visible(receiver, lane, seed(group * LANES + lane), statistics);
+                let visible = self.visible(receiver, lane, seeds(group * LANES + lane), statistics);
                 *factor = visible.map(|(visible, _)| visible);
                 for (variance, (_, difference)) in variances.iter_mut().zip(visible) {
                     *variance += difference * difference / 4.0;

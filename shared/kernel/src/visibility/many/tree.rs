@@ -63,8 +63,8 @@ impl<const N: usize> Part<N> {
 
 impl<const N: usize> PolygonTree<N> {
     /// A tree of polygons with their weights.
-    pub(super) fn new<'a>(polygons: impl Iterator<Item = (&'a ConvexPolygon, [f64; N])>) -> Self {
-        let (polygons, weights): (Vec<&ConvexPolygon>, Vec<[f64; N]>) = polygons.unzip();
+    pub(super) fn new(polygons: Vec<(&ConvexPolygon, [f64; N])>) -> Self {
+        let (polygons, weights): (Vec<&ConvexPolygon>, Vec<[f64; N]>) = polygons.into_iter().unzip();
         let bodies = bodies_of(&polygons);
         let part = |(polygon, weights): (&ConvexPolygon, [f64; N])| Part {
             polygon: PreparedPolygon::new(polygon),
@@ -218,7 +218,7 @@ mod tests {
 
     /// The ranges that a receiver at this height over the panel sees.
     fn places(polygons: &[ConvexPolygon], height: f64) -> Vec<Range<usize>> {
-        let tree = PolygonTree::new(polygons.iter().map(|polygon| (polygon, [1.0])));
+        let tree = PolygonTree::new(polygons.iter().map(|polygon| (polygon, [1.0])).collect());
         let receivers = ReceiverLanes::new([(DVec3::new(4.0, 4.0, height), DVec3::NEG_Z)]);
         let mut places = vec![];
         tree.look((&receivers, 1), 3e-3, |place, sight| {
@@ -247,7 +247,7 @@ mod tests {
     fn polygons_without_an_area_harm_no_others() {
         let seen = places(&panel(true), 300.0);
         assert!(!seen.is_empty() && seen.len() < 40, "{seen:?}");
-        let tree = PolygonTree::new(panel(true)[..8].iter().map(|polygon| (polygon, [1.0])));
+        let tree = PolygonTree::new(panel(true)[..8].iter().map(|polygon| (polygon, [1.0])).collect());
         assert_eq!((tree.len(), tree.bodies()), (8, 1));
     }
 
@@ -256,7 +256,8 @@ mod tests {
     fn polygons_are_chosen_by_what_they_emit() {
         let polygons = panel(false);
         let weight = |index: usize| f64::from(1 + index as u32 % 2);
-        let tree = PolygonTree::new((0..).map(weight).zip(&polygons).map(|(weight, own)| (own, [weight])));
+        let tree =
+            PolygonTree::new((0..).map(weight).zip(&polygons).map(|(weight, own)| (own, [weight])).collect());
         for range in [0..64, 24..32, 63..64] {
             let all: f64 = range.clone().map(|at| tree.shining(at)).sum();
             let draws = 9600;

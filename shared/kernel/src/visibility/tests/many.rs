@@ -21,7 +21,7 @@ fn as_one(
     occluders: &[ConvexPolygon],
     polygons: &[ConvexPolygon],
     receivers: &[Receiver],
-    (rays_per_hemisphere, seeds): (u32, impl Fn(usize) -> u32),
+    (rays_per_hemisphere, seeds): (u32, Seeds),
 ) -> Vec<f64> {
     as_one_with_rays(occluders, polygons, receivers, (rays_per_hemisphere, seeds)).0
 }
@@ -31,7 +31,7 @@ fn as_one_with_rays(
     occluders: &[ConvexPolygon],
     polygons: &[ConvexPolygon],
     receivers: &[Receiver],
-    draw: (u32, impl Fn(usize) -> u32),
+    draw: (u32, Seeds),
 ) -> (Vec<f64>, u64) {
     let (factors, statistics) = of_shape(occluders, &Shape::Polygons(polygons.to_vec()), receivers, draw);
     (factors, statistics.rays)
@@ -42,7 +42,7 @@ fn of_shape(
     occluders: &[ConvexPolygon],
     shape: &Shape,
     receivers: &[Receiver],
-    (rays_per_hemisphere, seeds): (u32, impl Fn(usize) -> u32),
+    (rays_per_hemisphere, seeds): (u32, Seeds),
 ) -> (Vec<f64>, RowStatistics) {
     let occluder = Occluder::new(occluders);
     let precision = Precision { rays_per_hemisphere, ..Precision::DEFAULT };
@@ -63,7 +63,7 @@ fn rays_end_early_only_where_few_are_asked_for() {
     // One wall is before nothing, one before all.
     for (x, rays, wanted) in [(3.0, 256, 16), (3.0, 2048, 64), (0.0, 256, 64)] {
         let wall = square(DVec3::new(x, 0.0, 1.49), DVec3::X, DVec3::Y, 2);
-        let (_, cast) = as_one_with_rays(&[wall], &tiles(), &receivers, (rays, |_| 5));
+        let (_, cast) = as_one_with_rays(&[wall], &tiles(), &receivers, (rays, &|_| 5));
         assert_eq!(cast, wanted, "{x}, {rays}");
     }
     for (end, most) in [(-0.074, 0.02), (-0.06, 0.02), (0.0, 0.002), (0.07, 0.002)] {
@@ -72,7 +72,7 @@ fn rays_end_early_only_where_few_are_asked_for() {
         assert!(exact > 0.0 && exact < whole, "{end}: {exact} of {whole}");
         for (rays, most) in [(256, most), (2048, 0.002)] {
             let draws = 2000;
-            let draw = |seed| as_one(std::slice::from_ref(&wall), &tiles(), &receivers, (rays, |_| seed))[0];
+            let draw = |seed| as_one(std::slice::from_ref(&wall), &tiles(), &receivers, (rays, &|_| seed))[0];
             let mean = (0..draws).map(draw).sum::<f64>() / f64::from(draws);
             assert!((mean - exact).abs() <= most * whole, "{end}, {rays}: {mean}, not {exact} of {whole}");
         }
@@ -101,7 +101,7 @@ fn lamps_that_lie_apart_are_told_one_by_one() {
         let draws = 4000;
         let mut mean = 0.0;
         for seed in 0..draws {
-            let one = as_one(&wall, &lamps, &[receiver], (256, |_| seed))[0];
+            let one = as_one(&wall, &lamps, &[receiver], (256, &|_| seed))[0];
             assert!((one / exact - 1.0).abs() <= off, "{seed}: {one}, not {exact} of {all}");
             mean += one / f64::from(draws);
         }
@@ -120,10 +120,10 @@ fn what_a_receiver_sees_of_many_polygons_does_not_depend_on_the_others() {
     };
     let receivers: Vec<Receiver> = (0..53).map(receiver).collect();
     let walls = [square(DVec3::new(0.3, 0.2, 1.2), DVec3::X * 0.4, DVec3::Y * 0.3, 2)];
-    let together = as_one(&walls, &tiles(), &receivers, (256, |index| index as u32));
+    let together = as_one(&walls, &tiles(), &receivers, (256, &|index| index as u32));
     assert!(together.iter().filter(|factor| **factor > 0.0).count() > 10, "{together:?}");
     for (index, receiver) in receivers.iter().enumerate() {
-        let alone = as_one(&walls, &tiles(), std::slice::from_ref(receiver), (256, |_| index as u32));
+        let alone = as_one(&walls, &tiles(), std::slice::from_ref(receiver), (256, &|_| index as u32));
         assert_eq!(alone, [together[index]], "{receiver:?}");
     }
 }
@@ -133,7 +133,7 @@ fn what_a_receiver_sees_of_many_polygons_does_not_depend_on_the_others() {
 fn what_is_far_counts_as_points_within_a_thousandth() {
     for receiver in [floor(0.0, 0.0), floor(0.5, -0.3), floor(4.0, 1.0)] {
         let exact: f64 = tiles().iter().map(|tile| visible(&[], &[receiver], tile)[0]).sum();
-        let one = as_one(&[], &tiles(), &[receiver], (256, |_| 0))[0];
+        let one = as_one(&[], &tiles(), &[receiver], (256, &|_| 0))[0];
         assert!((one / exact - 1.0).abs() <= 5e-4, "{one}, not {exact}");
     }
 }
@@ -156,7 +156,7 @@ fn shared_rays_are_right_in_each_channel() {
     for seed in 0..draws {
         let mut statistics = RowStatistics::default();
         let (many, among) = ((&shape, &groups), (&occluder, None));
-        let many = factors_of_many(many, among, &precision, |_| seed, &|| false, &mut statistics);
+        let many = factors_of_many(many, among, &precision, &|_| seed, &|| false, &mut statistics);
         for (mean, factor) in means.iter_mut().zip(many.factors[0]) {
             *mean += factor / f64::from(draws);
         }
@@ -189,7 +189,7 @@ fn what_is_faint_and_hidden_stays_dark() {
     for seed in 0..100 {
         let mut statistics = RowStatistics::default();
         let (many, among) = ((&shape, &groups), (&occluder, None));
-        let many = factors_of_many(many, among, &PRECISION, |_| seed, &|| false, &mut statistics);
+        let many = factors_of_many(many, among, &PRECISION, &|_| seed, &|| false, &mut statistics);
         assert_eq!(many.factors, [[0.0; CHANNELS]], "{seed}");
     }
 }
@@ -215,7 +215,7 @@ fn rays_to_polygons_that_count_as_one_know_which_are_bright() {
     let (exact, all) = (sum(&wall), sum(&[]));
     assert!(exact > 0.5 * all && exact < 0.95 * all, "{exact} of {all}");
     let (shape, draws) = (Shape::of_one_colour(lamps.clone()), 2000);
-    let draw = |seed| of_shape(&wall, &shape, &[receiver], (2048, |_| seed));
+    let draw = |seed| of_shape(&wall, &shape, &[receiver], (2048, &|_| seed));
     let mean = (0..draws).map(|seed| draw(seed).0[0]).sum::<f64>() / f64::from(draws);
     assert!((mean / exact - 1.0).abs() <= 0.002, "{mean}, not {exact}");
     assert_eq!(draw(0).1.factors, lamps.len() as u64);

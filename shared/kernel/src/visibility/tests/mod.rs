@@ -29,7 +29,7 @@ fn floor(x: f64, y: f64) -> Receiver {
 }
 
 fn visible(occluders: &[ConvexPolygon], receivers: &[Receiver], target: &ConvexPolygon) -> Vec<f64> {
-    visible_by(&PRECISION, occluders, receivers, target, |index| index as u32)
+    visible_by(&PRECISION, occluders, receivers, target, &|index| index as u32)
 }
 
 /// The same with these seeds of the receivers' rays: views of very many pieces are sampled.
@@ -38,7 +38,7 @@ fn visible_by(
     occluders: &[ConvexPolygon],
     receivers: &[Receiver],
     target: &ConvexPolygon,
-    seeds: impl Fn(usize) -> u32,
+    seeds: Seeds,
 ) -> Vec<f64> {
     let occluder = Occluder::new(occluders);
     let mut factors = vec![0.0; receivers.len()];
@@ -153,9 +153,9 @@ proptest! {
         }
         let receivers: Vec<Receiver> = places.iter().map(|(x, y)| floor(*x, *y)).collect();
         let precision = Precision { exact_occluders: most, minimum_rays: 64, maximum_rays: 64, ..PRECISION };
-        let together = visible_by(&precision, &occluders, &receivers, &ceiling(), |index| index as u32);
+        let together = visible_by(&precision, &occluders, &receivers, &ceiling(), &|index| index as u32);
         let alone = |(index, receiver): (usize, &Receiver)| {
-            visible_by(&precision, &occluders, &[*receiver], &ceiling(), |_| index as u32)[0]
+            visible_by(&precision, &occluders, &[*receiver], &ceiling(), &|_| index as u32)[0]
         };
         let alone: Vec<f64> = receivers.iter().enumerate().map(alone).collect();
         prop_assert_eq!(together, alone);
