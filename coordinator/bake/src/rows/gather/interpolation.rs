@@ -301,6 +301,19 @@ mod tests {
     }
 
     #[test]
+    fn light_follows_the_sky_of_each_receiver() {
+        let half = |first: u32| Some(vec![(first, 0.5), (first + 1, 0.5)]);
+        let mut between = Interpolation::new([half(0), half(1), None]);
+        let light = [1.0, 3.0, 5.0].map(DVec3::splat);
+        let skies = [0.0, 0.0, 1.0].map(DVec3::splat);
+        between.follow_sky(&[0.5, 0.5, 0.5], &skies);
+        let expected = [2.0 * factor_by_sky(0.5, 0.0), 4.0 * factor_by_sky(0.5, 0.5), 0.0];
+        for (found, expected) in between.of(&light).iter().zip(expected) {
+            assert!((found.x - expected).abs() < 1e-6, "{found}, not {expected}");
+        }
+    }
+
+    #[test]
     fn a_receiver_that_sees_no_point_is_alone() {
         let points = grid(10.0);
         let occluder = panel(5.0);

@@ -16,6 +16,7 @@
 //! | `noise` | the noise of their rays |
 //! | `nearest` | points that are near a receiver |
 //! | `interpolation` | light between the points |
+//! | `passes` | light passed on between points and shares until it is known |
 //! | `set` | receivers that take their light from the points |
 //! | `place` | where the points lie |
 //! | `sky` | light between the points under an even sky |
@@ -27,6 +28,7 @@ mod hemisphere;
 mod interpolation;
 mod nearest;
 mod noise;
+mod passes;
 mod place;
 mod points;
 pub mod rays;
@@ -37,7 +39,6 @@ mod weigh;
 use glam::DVec3;
 use kernel::occluder::Occluder;
 use kernel::replica::{Receiver, Receivers};
-use rayon::prelude::*;
 
 use super::local_radiosity::Radiosity;
 use super::means::{Means, ShareValues};
@@ -53,9 +54,7 @@ use crate::jobs::{ReceiverSet, RowClient};
 use crate::mesh::{ClusterLimits, Mesh, PatchId, Share, Surroundings};
 use crate::refinement::{MOST_DRAWN, SamplePoints};
 use crate::settings::{BakeSettings, RowStrategy};
-use crate::solver::acceleration::Acceleration;
 use crate::solver::cache::{ColumnCache, SetId};
-use crate::solver::rooms::{Rooms, sum};
 use hemisphere::{covered, gathered, hemispheres, publish_leaves, views};
 use interpolation::Neighbours;
 use noise::Twins;
@@ -63,14 +62,8 @@ use place::{FIRST_POINTS, MOST_POINTS};
 use points::GatherPoints;
 use set::{Set, cluster_limits};
 
-/// Passes end here even if the accuracy was not reached; the bound is reported.
-const MOST_PASSES: u32 = 1000;
-
 /// Factor of the edge of shooters: leaves, whose light is constant, are made finer than shares are, since they cost next to nothing.
 const EDGE_FACTOR: f64 = 1.0 / 3.0;
-
-/// Leaves that a thread takes at a time.
-const LEAVES_AT_ONCE: usize = 256;
 
 /// The gathering strategy.
 #[derive(Default)]
@@ -101,18 +94,6 @@ impl GatherRows {
     /// Irradiance of the receivers of a set, given that of the gather points.
     fn at_set(&self, set: SetId, points: &[DVec3]) -> Vec<DVec3> {
         self.sets[set.index()].weights.of(points)
-    }
-
-    /// Sets the irradiance of the vertices, given that of the gather points.
-    fn light_vertices(
-        &self,
-        table: &RowTable,
-        direct: &[DVec3],
-        points: &[DVec3],
-        solution: &mut Solution,
-    ) -> Result<()> {
-        let by_set = table.vertices.sets().map(|set| self.at_set(set, points));
-        solution.set_irradiance(direct, table.vertices.join(by_set))
     }
 }
 
@@ -308,62 +289,15 @@ impl RowSource for GatherRows {
         Ok(radiosity)
     }
 
-    /// Passes light on between gather points and shares: each share takes the mean of its part of the mesh, each vertex what the
-    /// points around it give it.
     fn solve(
         &mut self,
         cx: &mut Context,
         table: &mut RowTable,
         problem: &Problem,
         _: &mut Option<ColumnCache>,
-        mut solution: Solution,
+        solution: Solution,
     ) -> Result<Solution> {
-        let energies = &problem.mesh.energies;
-        let areas: Vec<f64> = energies.iter().map(|share| share.area).collect();
-        let mesh = &problem.mesh.mesh;
-        let shares = problem.mesh.shares.iter().enumerate();
-        let whole_leaves: Vec<(usize, PatchId)> =
-            shares.filter_map(|(index, share)| Some((index, share.whole_leaf(mesh)?))).collect();
-        let mut acceleration = Acceleration::new(areas, Rooms::one(energies.len()));
-        for _ in 0..MOST_PASSES {
-            cx.client.monitor.check()?;
-            let points = self.points.gather(&solution.radiosity);
-            self.light_vertices(table, problem.direct, &points, &mut solution)?;
-            let mut incident = problem.values.of(energies, &solution.irradiance);
-            if let Some(set) = table.middles {
-                solution.middles.set_gathered(&self.at_set(set, &points));
-                let means = whole_leaves.par_iter().with_min_len(LEAVES_AT_ONCE);
-                let means: Vec<DVec3> =
-                    means.map(|(share, leaf)| solution.middles.mean(mesh, *leaf, incident[*share])).collect();
-                whole_leaves.iter().zip(means).for_each(|((share, _), mean)| incident[*share] = mean);
-            }
-            problem.mesh.preview(cx, problem.direct, || {
-                (solution.irradiance.clone(), problem.mesh.unshot(&incident, &solution.radiosity))
-            });
-            cx.work.sweeps += 1;
-            let next = problem.mesh.reflected(&incident);
-            let change =
-                |share: usize| (next[share] - solution.radiosity[share]).abs() * energies[share].area;
-            let changed: DVec3 = sum(next.len(), change);
-            let all: DVec3 = sum(next.len(), |share| next[share] * energies[share].area);
-            let all = all.element_sum();
-            solution.unshot = changed;
-            solution.residual = if all > 0.0 { changed.element_sum() / all } else { 0.0 };
-            let before = std::mem::replace(&mut solution.radiosity, next);
-            let reflectance = problem.mesh.mean_reflectance(&solution.radiosity);
-            solution.unshot_bound = solution.residual * reflectance / (1.0 - reflectance);
-            cx.client.monitor.set_unshot(solution.unshot_bound);
-            if solution.unshot_bound <= problem.tolerance {
-                break;
-            }
-            solution.radiosity = acceleration.next(before, &solution.radiosity);
-        }
-        let points = self.points.gather(&solution.radiosity);
-        self.light_vertices(table, problem.direct, &points, &mut solution)?;
-        if let Some(set) = table.samples {
-            solution.samples.set_gathered(&self.at_set(set, &points));
-        }
-        Ok(solution)
+        self.pass_on(cx, table, problem, solution)
     }
 
     fn ray_noise(&self, leaving: &[DVec3], level: f64) -> f64 {

@@ -162,7 +162,7 @@ fn every_corner_has_a_vertex_of_its_own_where_that_is_asked_for() {
     let settings = ExportSettings { domain: Domain::Corner, ..settings() };
     let exported = export(&scene, &lit, &settings, &path).unwrap();
     assert_eq!((exported.vertices, exported.triangles), (24, 8));
-    let gltf = Gltf::open(path).unwrap();
+    let gltf = fixtures::opened(&path);
     let primitive = first_primitive(&gltf, 0);
     assert_eq!(indices(&gltf, &primitive), (0..24).collect::<Vec<u32>>());
     let positions = attribute(&gltf, &primitive, &Semantic::Positions);
@@ -247,7 +247,7 @@ fn kept_materials_and_colours_are_those_of_the_input() {
     let path = directory.path().join("lit.glb");
     export(&scene, &lit, &ExportSettings { materials: Materials::Keep, ..settings() }, &path).unwrap();
 
-    let gltf = Gltf::open(path).unwrap();
+    let gltf = fixtures::opened(&path);
     let primitive = first_primitive(&gltf, 0);
     assert_eq!((gltf.materials().count(), primitive.material().unlit()), (1, false));
     assert!(primitive.get(&Semantic::Extras("COLOR_0".into())).is_none());

@@ -48,7 +48,7 @@ fn round_trip(scene: &Scene, lit: &LitMesh) -> (Exported, Gltf) {
     let path = directory.path().join("lit.glb");
     let exported = export(scene, lit, &settings(), &path).unwrap();
     assert_eq!(fs::read_dir(&directory).unwrap().count(), 1, "nothing but the output");
-    (exported, Gltf::open(path).unwrap())
+    (exported, fixtures::opened(&path))
 }
 
 /// The rows of an attribute of the output.
