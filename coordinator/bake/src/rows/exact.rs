@@ -154,15 +154,6 @@ impl RowSource for ExactRows {
         Ok(false)
     }
 
-    fn interpolated(
-        &mut self,
-        _: &mut Context,
-        _: (&Receivers, Option<&[f64]>),
-        _: &[DVec3],
-    ) -> Result<Option<Vec<DVec3>>> {
-        Ok(None)
-    }
-
     fn row_sums(&self, mesh: &ShareMesh, at_vertices: &[f64]) -> Vec<f64> {
         self.first_values(mesh, &vec![true; at_vertices.len()]).of(&mesh.energies, at_vertices)
     }

@@ -125,10 +125,12 @@ pub trait RowSource: Send {
     /// factors of the receivers where there is an even sky; `None` where the strategy does not interpolate.
     fn interpolated(
         &mut self,
-        cx: &mut Context,
-        receivers: (&Receivers, Option<&[f64]>),
-        radiosity: &[DVec3],
-    ) -> Result<Option<Vec<DVec3>>>;
+        _: &mut Context,
+        _: (&Receivers, Option<&[f64]>),
+        _: &[DVec3],
+    ) -> Result<Option<Vec<DVec3>>> {
+        Ok(None)
+    }
 
     /// Adds gather points by the square error that is expected of light between them in each leaf of the refined mesh; all receivers then
     /// take their light from these, too. False where the strategy has none, or as many as it may have.

@@ -120,17 +120,17 @@ impl Direct {
             add_row(&mut self.from_lights, row, source.strength);
         }
         // There is one such source at most.
-        if source.shooter.as_ref().is_some_and(|shooter| matches!(shooter.shape, Shape::Sky(_))) {
+        if let Some(Shooter { shape: Shape::Sky(_), .. }) = &source.shooter {
             let views = self.sky_views.get_or_insert_with(|| vec![0.0; self.all.len()]);
             row.iter().for_each(|(receiver, factor)| views[receiver] = f64::from(factor));
         }
     }
 
-    /// Light of each sort by itself changed.
+    /// Light of each sort by itself changed, to that of other places: their views of the sky are not known.
     pub fn map(self, mut change: impl FnMut(Vec<DVec3>) -> Vec<DVec3>) -> Self {
-        let Self { all, from_lights, from_outside, sky_views } = self;
+        let Self { all, from_lights, from_outside, .. } = self;
         let [all, from_lights, from_outside] = [all, from_lights, from_outside].map(&mut change);
-        Self { all, from_lights, from_outside, sky_views }
+        Self { all, from_lights, from_outside, sky_views: None }
     }
 }
 

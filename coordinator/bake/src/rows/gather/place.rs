@@ -120,8 +120,8 @@ impl GatherRows {
             let all: f64 =
                 mesh.energies.iter().zip(&radiosity).map(|(share, b)| share.area * b.length_squared()).sum();
             let relative = |square: f64| if all > 0.0 { (square * area / all).sqrt() } else { 0.0 };
-            // The fresh light is noisy, and so is that between the points, less. Under an even sky a small part of both cancels: what a point
-            // sees of it the same rays tell.
+            // The fresh light is noisy, and so is that between the points, less. Under an even sky a small part of both cancels: what a
+            // point sees of it the same rays tell.
             let square_noise = self.twins.square_noise(&self.points, &all_light);
             let noise = relative(square_noise * (1.0 + INTERPOLATED_NOISE));
             let error = without_noise(relative(drawn.mean_square_error(errors)), noise);

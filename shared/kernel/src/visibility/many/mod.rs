@@ -86,8 +86,8 @@ pub struct FactorsOfMany {
     pub variances: [f64; CHANNELS],
 }
 
-/// The visible form factors from receivers to all polygons of a shape among these occluders, in all of its channels at once. `stop` is asked before each of them, and ends it with less. The result for a receiver does not depend
-/// on the others.
+/// The visible form factors from receivers to all polygons of a shape among these occluders, in all of its channels at once. `stop` is
+/// asked before each receiver, and ends it with less. The result for a receiver does not depend on the others.
 pub fn factors_of_many(
     (shape, groups): (&Shape, &ReceiverGroups),
     (occluder, transparent): (&Occluder, Option<&TransparentOccluders>),
