@@ -171,8 +171,12 @@ impl Solved {
 
     /// Whether the leaves of the refined mesh can become the shares, and enough were added for that to help.
     pub fn can_follow_mesh(&self) -> bool {
-        let leaves = self.mesh.mesh.leaves().count();
-        !self.rows.source.leaves_cost_rows() && leaves as f64 >= MORE_LEAVES * self.mesh.shares.len() as f64
+        !self.rows.source.leaves_cost_rows() && self.leaves_per_share() >= MORE_LEAVES
+    }
+
+    /// Leaves of the refined mesh over shares.
+    pub fn leaves_per_share(&self) -> f64 {
+        self.mesh.mesh.leaves().count() as f64 / self.mesh.shares.len() as f64
     }
 
     /// Makes the leaves of the refined mesh the shares, and solves again.

@@ -62,9 +62,12 @@ impl Measured {
         !self.solved.rows.source.leaves_cost_rows() && self.obstacle.is_none()
     }
 
-    /// Whether the shooters take so much of the asked error that they should follow the mesh, and can.
+    /// Whether the shooters take so much of the asked error that they should follow the mesh, and can. An error that is met is left
+    /// alone: all hemispheres are gathered anew.
     pub(super) fn shooters_should_follow(&self, settings: &BakeSettings) -> bool {
-        self.error.shooters > FOLLOWED_PART * settings.asked_error() && self.solved.can_follow_mesh()
+        (settings.error.is_none() || self.is_missed(settings))
+            && self.error.shooters > FOLLOWED_PART * settings.asked_error()
+            && self.solved.can_follow_mesh()
     }
 
     /// Whether the other parts of the error leave next to nothing to interpolation on the mesh.

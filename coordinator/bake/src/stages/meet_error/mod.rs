@@ -34,6 +34,9 @@ const SPARE_VERTICES: f64 = 1.5;
 /// Vertices that a round may add whatever the error.
 const FREE_VERTICES: usize = 1000;
 
+/// Vertices over those that are added for the sake of the shooters, which then follow the mesh.
+const PART_FOR_SHOOTERS: usize = 8;
+
 /// Refining and measuring are repeated this often at most.
 const MAX_ROUNDS: u32 = 12;
 
@@ -61,10 +64,11 @@ impl Solved {
         loop {
             let own_limit = aim.limit;
             let mut measured = solved.refine(cx, &mut aim)?.measure(cx, shooters)?;
+            if shooters.is_some() && measured.shooters_should_follow(cx.settings) {
+                measured = measured.measure_shooters(cx)?;
+                shooters = None;
+            }
             if measured.shooters_should_follow(cx.settings) {
-                if shooters.is_some() {
-                    measured = measured.measure_shooters(cx)?;
-                }
                 measured = measured.follow_mesh(cx)?;
                 shooters = None;
             }
@@ -95,7 +99,7 @@ impl Solved {
             };
             if shooters.is_some() && is_end(&measured, &better, cx) {
                 measured = measured.measure_shooters(cx)?;
-                if measured.is_missed(cx.settings) && measured.shooters_should_follow(cx.settings) {
+                if measured.shooters_should_follow(cx.settings) {
                     measured = measured.follow_mesh(cx)?;
                 }
                 better = measured.better_settings(cx, is_last);
@@ -121,8 +125,8 @@ impl Solved {
             };
             let vertices = measured.solved.mesh.mesh.vertices.len();
             let asked = if measured.finer_mesh_helps_shooters(cx.settings) {
-                // Twice as many: their error is taken to fall as that of edges half as long, where light changes.
-                vertices
+                // Where light changes most, a few more make edges half as long.
+                vertices / PART_FOR_SHOOTERS
             } else {
                 vertices_asked_for(vertices - first_vertices, of_mesh / limit)
             };
