@@ -247,7 +247,7 @@ fn one_bright_texel_is_a_directional_light() {
     let lamp = scene().light(light, DMat4::from_quat(along));
     let lit = import_slice(&lamp.glb(), &ImportOptions::default()).unwrap_or_else(|error| panic!("{error}"));
     for rows in [RowStrategy::Exact, RowStrategy::Gather] {
-        let settings = BakeSettings { rows, error: Some(0.02), ..BakeSettings::default() };
+        let settings = BakeSettings { rows, ..BakeSettings::for_error(0.04) };
         let expected = baked(&lit, &settings);
         let (_, found) = under_image(&scene(), &sky, &settings);
         for surface in 0..3 {

@@ -14,12 +14,13 @@ use crate::mesh::PatchId;
 use crate::observer::Phase;
 use crate::refinement::{FIRST, Obstacle, SamplePoints};
 
-/// Part of the error of the shooters that is left, at most, when the leaves of the refined mesh, with edges half as long where light
-/// changes, become the shares. The error falls with the square of the edge, next to contacts with the edge.
+/// What is left of the error that was measured of the shooters when the leaves of the refined mesh become the shares. Where light
+/// changes, their edges are half as long, though there may be few more of them. The error falls with the square of the edge, next to
+/// contacts with the edge.
 const LEFT: f64 = 0.4;
 
 /// Leaves per share where all edges are half as long.
-const HALVED: f64 = 4.0;
+const LEAVES_PER_HALVING: f64 = 4.0;
 
 /// A bake whose error is known.
 pub struct Measured {
@@ -82,8 +83,8 @@ impl Measured {
     /// Makes the leaves of the refined mesh the shares, and measures again.
     pub fn follow_mesh(self, cx: &mut Context) -> Result<Self> {
         let Self { mut solved, obstacle, error, shooters_at_least, .. } = self;
-        let left = left(solved.leaves_per_share());
-        solved.shooters_expected = [error.shooters, shooters_at_least].map(|error| error * left);
+        let part = part_left(solved.leaves_per_share());
+        solved.shooters_expected = [error.shooters, shooters_at_least].map(|error| error * part);
         solved.follow_mesh(cx)?;
         let shooters = Some(solved.shooters_expected);
         Refined { solved, obstacle }.measure(cx, shooters)
@@ -126,18 +127,13 @@ impl Solved {
             |differences| without_noise(differences, noise) / (1.0 - RETURNING * self.mean_reflectance());
         let [measured, at_least] = [samples.relative(&differences), at_least].map(all);
         let [expected, expected_at_least] = self.shooters_expected;
-        if expected > 0.0 && self.can_follow_mesh() {
-            // The finer mesh tells what its own leaves would leave of the error, too.
-            let all = 1.0 - left(self.leaves_per_share());
-            return Ok([measured / all, at_least / all]);
-        }
         Ok([measured.max(expected), at_least.max(expected_at_least)])
     }
 }
 
-/// Part of the error of the shooters that is left when so many leaves per share become the shares.
-fn left(leaves_per_share: f64) -> f64 {
-    LEFT.powf(leaves_per_share.log(HALVED).max(1.0))
+/// What is left of the error measured of the shooters when so many leaves per share become the shares.
+fn part_left(leaves_per_share: f64) -> f64 {
+    LEFT.powf(leaves_per_share.log(LEAVES_PER_HALVING).max(1.0))
 }
 
 #[cfg(test)]
@@ -145,11 +141,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn shooters_with_many_leaves_each_lose_more_of_their_error() {
+    fn more_leaves_leave_less_of_the_error_of_the_shooters() {
         // Few more leaves are where light changes.
-        assert!((left(1.2) - LEFT).abs() < 1e-12);
-        assert!((left(4.0) - LEFT).abs() < 1e-12);
+        assert!((part_left(1.2) - LEFT).abs() < 1e-12);
+        assert!((part_left(4.0) - LEFT).abs() < 1e-12);
         // Edges a quarter as long are halved twice.
-        assert!((left(16.0) - LEFT * LEFT).abs() < 1e-12);
+        assert!((part_left(16.0) - LEFT * LEFT).abs() < 1e-12);
     }
 }

@@ -62,10 +62,10 @@ impl Measured {
         !self.solved.rows.source.leaves_cost_rows() && self.obstacle.is_none()
     }
 
-    /// Whether the shooters take so much of the asked error that they should follow the mesh, and can. An error that is met is left
-    /// alone: all hemispheres are gathered anew.
+    /// Whether the shooters take so much of the asked error that they should follow the mesh, and can. They are left as they are where
+    /// the error is met: following traces the rays of all gather points again.
     pub(super) fn shooters_should_follow(&self, settings: &BakeSettings) -> bool {
-        (settings.error.is_none() || self.is_missed(settings))
+        settings.error.is_none_or(|asked| self.error.total > asked)
             && self.error.shooters > FOLLOWED_PART * settings.asked_error()
             && self.solved.can_follow_mesh()
     }

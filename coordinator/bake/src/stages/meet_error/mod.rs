@@ -34,8 +34,9 @@ const SPARE_VERTICES: f64 = 1.5;
 /// Vertices that a round may add whatever the error.
 const FREE_VERTICES: usize = 1000;
 
-/// Vertices over those that are added for the sake of the shooters, which then follow the mesh.
-const PART_FOR_SHOOTERS: usize = 8;
+/// Vertices for each that is added for the sake of the shooters, at least. They are added where light changes most, and make a tenth
+/// more leaves even where a quadrilateral takes five vertices for three leaves more: enough for the shooters to follow.
+const VERTICES_PER_NEW: usize = 6;
 
 /// Refining and measuring are repeated this often at most.
 const MAX_ROUNDS: u32 = 12;
@@ -64,13 +65,11 @@ impl Solved {
         loop {
             let own_limit = aim.limit;
             let mut measured = solved.refine(cx, &mut aim)?.measure(cx, shooters)?;
-            if shooters.is_some() && measured.shooters_should_follow(cx.settings) {
-                measured = measured.measure_shooters(cx)?;
-                shooters = None;
-            }
             if measured.shooters_should_follow(cx.settings) {
-                measured = measured.follow_mesh(cx)?;
-                shooters = None;
+                if shooters.take().is_some() {
+                    measured = measured.measure_shooters(cx)?;
+                }
+                measured = measured.follow_where_needed(cx)?;
             }
             if additions < MOST_ADDITIONS
                 && measured.is_limited_between(cx.settings)
@@ -98,10 +97,7 @@ impl Solved {
                     || measured.others_take_all(cx.settings) && better.is_some()
             };
             if shooters.is_some() && is_end(&measured, &better, cx) {
-                measured = measured.measure_shooters(cx)?;
-                if measured.shooters_should_follow(cx.settings) {
-                    measured = measured.follow_mesh(cx)?;
-                }
+                measured = measured.measure_shooters(cx)?.follow_where_needed(cx)?;
                 better = measured.better_settings(cx, is_last);
             }
             if is_end(&measured, &better, cx) {
@@ -124,12 +120,10 @@ impl Solved {
                 (MARGIN * measured.aim_for_mesh(cx.settings)).max(LONGEST_STEP * of_mesh)
             };
             let vertices = measured.solved.mesh.mesh.vertices.len();
-            let asked = if measured.finer_mesh_helps_shooters(cx.settings) {
-                // Where light changes most, a few more make edges half as long.
-                vertices / PART_FOR_SHOOTERS
-            } else {
-                vertices_asked_for(vertices - first_vertices, of_mesh / limit)
-            };
+            let mut asked = vertices_asked_for(vertices - first_vertices, of_mesh / limit);
+            if measured.finer_mesh_helps_shooters(cx.settings) {
+                asked = asked.max(vertices / VERTICES_PER_NEW);
+            }
             aim = Aim {
                 limit,
                 // Exact rows cost more than measuring does, and there the error falls faster.
@@ -141,6 +135,13 @@ impl Solved {
             solved = measured.solved;
             round += 1;
         }
+    }
+}
+
+impl Measured {
+    /// Lets the shooters follow the mesh where they should.
+    fn follow_where_needed(self, cx: &mut Context) -> Result<Self> {
+        if self.shooters_should_follow(cx.settings) { self.follow_mesh(cx) } else { Ok(self) }
     }
 }
 
