@@ -43,6 +43,10 @@ pub(super) const MOST_POINTS: usize = 1 << 15;
 /// See [`MOST_POINTS`].
 const LEAST_GAIN: f64 = 0.84;
 
+/// Part of the error before, on half as many points less, under which an error is not believed: it would fall with the square of the
+/// number of points. Those that tell it may have missed a few bright places.
+const LEAST_BELIEVED: f64 = 0.4;
+
 /// Size of the cells whose leaves are taken to have one nearest point while points are placed, relative to the scene's extent.
 const ONE_PLACE: f64 = 0.01;
 
@@ -129,10 +133,13 @@ impl GatherRows {
             // One estimate that is far too high makes the next ones look like progress.
             let mut gains = [LEAST_GAIN, LEAST_GAIN.powi(2)].into_iter().zip(errors_so_far.iter().rev());
             let helps = gains.all(|(gain, before)| error <= gain * before);
+            // The first was told by other points than fresh ones.
+            let believed =
+                errors_so_far.iter().skip(1).last().is_none_or(|before| error >= LEAST_BELIEVED * before);
             errors_so_far.push(error);
             let most = most.min(if helps { MOST_POINTS } else { MANY_POINTS });
             // Fresh points alone tell of places where no others lie.
-            if at_fresh.is_some() && error <= PART * asked || self.points.placed >= most {
+            if at_fresh.is_some() && error <= PART * asked && believed || self.points.placed >= most {
                 break;
             }
             let square = |((_, patch), middle): ((PatchId, &Patch), &u32)| {
