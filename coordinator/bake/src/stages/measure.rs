@@ -131,7 +131,7 @@ impl Solved {
     }
 }
 
-/// What is left of the error measured of the shooters when so many leaves per share become the shares.
+/// What is left of the error that was measured of the shooters once the leaves are the shares, by the number of leaves per share.
 fn part_left(leaves_per_share: f64) -> f64 {
     LEFT.powf(leaves_per_share.log(LEAVES_PER_HALVING).max(1.0))
 }

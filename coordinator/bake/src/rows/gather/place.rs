@@ -43,8 +43,8 @@ pub(super) const MOST_POINTS: usize = 1 << 15;
 /// See [`MOST_POINTS`].
 const LEAST_GAIN: f64 = 0.84;
 
-/// Part of the error before, on half as many points less, under which an error is not believed: it would fall with the square of the
-/// number of points. Those that tell it may have missed a few bright places.
+/// An error under this part of the one before is not believed: half as many points again do not lessen it so far, even where it falls with
+/// the square of their number. Those that tell it may have missed a few bright places.
 const LEAST_BELIEVED: f64 = 0.4;
 
 /// Size of the cells whose leaves are taken to have one nearest point while points are placed, relative to the scene's extent.

@@ -65,7 +65,7 @@ impl Measured {
     /// Whether the shooters take so much of the asked error that they should follow the mesh, and can. They are left as they are where
     /// the error is met: following traces the rays of all gather points again.
     pub(super) fn shooters_should_follow(&self, settings: &BakeSettings) -> bool {
-        settings.error.is_none_or(|asked| self.error.total > asked)
+        (settings.error.is_none() || self.is_missed(settings))
             && self.error.shooters > FOLLOWED_PART * settings.asked_error()
             && self.solved.can_follow_mesh()
     }

@@ -65,12 +65,11 @@ impl Solved {
         loop {
             let own_limit = aim.limit;
             let mut measured = solved.refine(cx, &mut aim)?.measure(cx, shooters)?;
-            if measured.shooters_should_follow(cx.settings) {
-                if shooters.take().is_some() {
-                    measured = measured.measure_shooters(cx)?;
-                }
-                measured = measured.follow_where_needed(cx)?;
+            if shooters.is_some() && measured.shooters_should_follow(cx.settings) {
+                measured = measured.measure_shooters(cx)?;
+                shooters = None;
             }
+            measured = measured.follow_where_needed(cx)?;
             if additions < MOST_ADDITIONS
                 && measured.is_limited_between(cx.settings)
                 && measured.solved.add_gather_points(cx, &measured.found_between)?
