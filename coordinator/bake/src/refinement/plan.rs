@@ -267,6 +267,24 @@ mod tests {
         assert!(matches!(small, Step::Done), "contrast is no obstacle to the error");
     }
 
+    /// The housing of a lamp may hold nearly all of the square of the radiosity.
+    #[test]
+    fn what_is_bright_and_small_hides_no_error() {
+        let mesh = squares(&[1.0, 1.0, 0.04]);
+        let light = [1.0, 1.0, 1000.0].map(|light| [DVec3::splat(light); 4]).concat();
+        let predicted = |errors: [f64; 3]| {
+            let found: Vec<_> = (0..).map(PatchId).zip(errors.map(DVec3::splat)).collect();
+            predicted(&mesh, &light, &found)
+        };
+        let of_room = predicted([0.2, 0.1, 0.0]);
+        assert!((of_room.relative() - 0.158).abs() < 0.001, "{}", of_room.relative());
+        assert_eq!(divided(PLAN.next(&mesh, &of_room, 0.0, |_| true)), ids(&[0]));
+        let of_housing = predicted([0.0, 0.0, 200.0]);
+        assert!((of_housing.relative() - 0.2).abs() < 0.001, "{}", of_housing.relative());
+        let parts = predicted([0.1, 0.1, 100.0]).parts().iter().map(|part| part.1).collect::<Vec<_>>();
+        assert!(parts.iter().all(|part| *part > 0.4), "both are drawn: {parts:?}");
+    }
+
     /// Where noise hides the error, contrast has what vertices are left, and is not said to be in its way.
     #[test]
     fn contrast_hides_no_noise() {

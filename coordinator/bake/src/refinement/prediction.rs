@@ -9,6 +9,7 @@ use glam::DVec3;
 use kernel::geometry::Bounds;
 use rayon::prelude::*;
 
+use super::ceiling::Ceiling;
 use super::revealed::RevealedErrors;
 use crate::mesh::{Mesh, Patch, PatchId};
 
@@ -31,10 +32,11 @@ const DARK: f64 = 0.02;
 pub struct MeshError {
     /// Per leaf: predicted square error, integrated over its area.
     leaves: Vec<(PatchId, f64)>,
+    /// Per leaf: see [`Self::parts`].
+    parts: Vec<(PatchId, f64)>,
     /// Per leaf: the same relative to the light of the leaf.
     contrasts: Vec<f64>,
-    /// Square of the radiosity, integrated over the mesh.
-    norm: f64,
+    sums: Sums,
     /// Area of the mesh.
     area: f64,
 }
@@ -56,6 +58,34 @@ struct Leaf {
     /// Square of the radiosity, integrated over the area.
     square: f64,
     area: f64,
+}
+
+impl Leaf {
+    fn mean_square(&self) -> f64 {
+        self.square / self.area
+    }
+}
+
+/// What is summed over the mesh under a ceiling.
+struct Sums {
+    /// Predicted square error, integrated over the area.
+    error: f64,
+    /// Square of the radiosity, integrated over the area.
+    norm: f64,
+}
+
+impl Sums {
+    fn over(leaves: &[Leaf], ceiling: Ceiling) -> Self {
+        let part = |leaf: &Leaf| ceiling.part(leaf.mean_square());
+        Self {
+            error: leaves.iter().map(|leaf| leaf.error * part(leaf)).sum(),
+            norm: leaves.iter().map(|leaf| leaf.square * part(leaf)).sum(),
+        }
+    }
+
+    fn relative(&self) -> f64 {
+        if self.norm > 0.0 { (self.error / self.norm).sqrt() } else { 0.0 }
+    }
 }
 
 impl MeshError {
@@ -105,15 +135,26 @@ impl MeshError {
             Leaf { id, error: error * patch.area, square: square * patch.area, area: patch.area }
         };
         let leaves: Vec<Leaf> = mesh.par_leaves().map(of_leaf).collect();
-        let norm: f64 = leaves.iter().map(|leaf| leaf.square).sum();
         let area: f64 = leaves.iter().map(|leaf| leaf.area).sum();
-        let dark = DARK * DARK * norm / area;
+        let ceiling =
+            Ceiling::over(&leaves.iter().map(|leaf| (leaf.mean_square(), leaf.area)).collect::<Vec<_>>());
+        let [all, capped] = [Ceiling::NONE, ceiling].map(|ceiling| Sums::over(&leaves, ceiling));
+        let dark = DARK * DARK * capped.norm / area;
         let contrast = |leaf: &Leaf| {
-            let light = (leaf.square / leaf.area).max(dark);
+            let light = leaf.mean_square().max(dark);
             if light > 0.0 { leaf.error / light } else { 0.0 }
         };
         let contrasts = leaves.iter().map(contrast).collect();
-        Self { leaves: leaves.into_iter().map(|leaf| (leaf.id, leaf.error)).collect(), contrasts, norm, area }
+        let part = |leaf: &Leaf| {
+            let parts = [(&all, leaf.error), (&capped, leaf.error * ceiling.part(leaf.mean_square()))];
+            let part = parts.map(|(sums, error)| if sums.error > 0.0 { error / sums.error } else { 0.0 });
+            (leaf.id, part[0] + part[1])
+        };
+        let parts = leaves.iter().map(part).collect();
+        let (sums, counted) =
+            if capped.relative() > all.relative() { (capped, ceiling) } else { (all, Ceiling::NONE) };
+        let counts = |leaf: &Leaf| (leaf.id, leaf.error * counted.part(leaf.mean_square()));
+        Self { leaves: leaves.iter().map(counts).collect(), parts, contrasts, sums, area }
     }
 
     /// Root mean square over the area of the error relative to the light at its place. In a dark corner an error shows that is
@@ -124,17 +165,16 @@ impl MeshError {
         if self.area > 0.0 { (total / self.area).sqrt() } else { 0.0 }
     }
 
-    /// Predicted square error of each leaf, integrated over its area.
+    /// How much each leaf holds of the predicted square error: of all, and of that without the brightest places, both together.
     #[must_use]
-    pub fn leaves(&self) -> &[(PatchId, f64)] {
-        &self.leaves
+    pub fn parts(&self) -> &[(PatchId, f64)] {
+        &self.parts
     }
 
-    /// Relative L2 error of the radiosity.
+    /// Relative L2 error of the radiosity, or that without the brightest places, where it is more.
     #[must_use]
     pub fn relative(&self) -> f64 {
-        let total: f64 = self.leaves.iter().map(|leaf| leaf.1).sum();
-        if self.norm > 0.0 { (total / self.norm).sqrt() } else { 0.0 }
+        self.sums.relative()
     }
 
     /// The leaves that hold this part of the error, the worst first, at most `limit` of them.

@@ -49,7 +49,7 @@ impl Refined {
         let prediction = solved.predict(cx, &fitted);
         solved.rounds_measured += 1;
         let Validation { samples: validation, receivers, found_between } =
-            solved.validate(cx, &fitted, prediction.leaves())?;
+            solved.validate(cx, &fitted, prediction.parts())?;
         let noise = solved.noise();
         let reflectance = solved.mean_reflectance();
         let [receivers, receivers_at_least] =

@@ -213,7 +213,7 @@ impl Solved {
         }
         let revealed = RevealedErrors::new(&self.mesh.mesh, &gathered);
         let expected = self.predict_for(cx, (&gathered, &revealed), found);
-        let expected: Vec<f64> = expected.leaves().iter().map(|(_, square)| *square).collect();
+        let expected: Vec<f64> = expected.parts().iter().map(|(_, part)| *part).collect();
         let is_added = self.rows.source.add_points(cx, &self.mesh.mesh, &expected)?;
         if is_added {
             self.measured.clear();

@@ -5,6 +5,7 @@ use glam::DVec3;
 use super::SamplePoints;
 use crate::error_budget::{INTERPOLATED_NOISE, without_noise};
 use crate::mesh::Mesh;
+use crate::refinement::ceiling::{Ceiling, Level};
 use crate::refinement::draw::SamplePoint;
 
 impl SamplePoints {
@@ -27,11 +28,16 @@ impl SamplePoints {
         [all, at_least].map(|mixed| without_noise(mixed, noise))
     }
 
-    /// Mean over the area of the square error of the radiosity, given errors of the irradiance at the points.
-    pub fn mean_square_error(&self, errors: &[DVec3]) -> f64 {
-        let of_radiosity = |(point, error): (&SamplePoint, &DVec3)| point.reflectance * *error;
-        self.mean_square_and_its_error(&self.points.iter().zip(errors).map(of_radiosity).collect::<Vec<_>>())
-            .0
+    /// Mean over the area of what counts of the square error of the radiosity, given errors of the irradiance at the points, and what of it
+    /// is bright there.
+    pub fn mean_square_error(&self, errors: &[DVec3], irradiance: &[DVec3], level: Level) -> f64 {
+        let square = |((point, error), irradiance): ((&SamplePoint, &DVec3), &DVec3)| {
+            let [error, radiosity] =
+                [*error, *irradiance].map(|light| (point.reflectance * light).length_squared());
+            point.weight * error * level.ceiling.part(radiosity)
+        };
+        let points = self.points.iter().zip(errors).zip(irradiance);
+        mean_and_its_error(&points.map(square).collect::<Vec<_>>()).0
     }
 
     /// Whether light is gathered twice at each position.
@@ -39,9 +45,14 @@ impl SamplePoints {
         self.points.len() > 1 && self.points[0].position == self.points[1].position
     }
 
+    /// How often light is gathered at each position.
+    fn draws(&self) -> usize {
+        if self.is_drawn_twice() { 2 } else { 1 }
+    }
+
     /// Number of positions.
     pub fn positions(&self) -> usize {
-        self.points.len() / if self.is_drawn_twice() { 2 } else { 1 }
+        self.points.len() / self.draws()
     }
 
     /// Differences of the radiosity at the first points where other shooters give these irradiances.
@@ -53,52 +64,83 @@ impl SamplePoints {
         pairs.map(|((point, own), all)| point.reflectance * (all - *own)).collect()
     }
 
-    /// Root mean square of radiosity errors at the first points, relative to that of the radiosity. Of two draws it is what the noise
-    /// could hide at least, where that is more: their mean square may be below 0 by chance.
+    /// Root mean square of radiosity errors at the first points, relative to that of the radiosity, or the same without the brightest
+    /// places where it is more. Of two draws it is what the noise could hide at least, where that is more: their mean square may be below
+    /// 0 by chance.
     pub fn relative(&self, errors: &[DVec3]) -> f64 {
-        let norm = self.mean_square_radiosity();
-        let (mean, standard_error) = self.mean_square_and_its_error(errors);
-        let least = if self.is_drawn_twice() { standard_error } else { 0.0 };
-        if norm > 0.0 { (mean.max(least) / norm).sqrt() } else { 0.0 }
+        let least = if self.is_drawn_twice() { 1.0 } else { 0.0 };
+        self.largest_relative(errors, |mean, standard_error| mean.max(least * standard_error))
     }
 
     /// What [`Self::relative`] tells, less the standard error of its square: where few points hold most of it, little is certain.
     pub fn relative_at_least(&self, errors: &[DVec3]) -> f64 {
-        let norm = self.mean_square_radiosity();
-        let (mean, standard_error) = self.mean_square_and_its_error(errors);
-        if norm > 0.0 { ((mean - standard_error).max(0.0) / norm).sqrt() } else { 0.0 }
+        self.largest_relative(errors, |mean, standard_error| (mean - standard_error).max(0.0))
     }
 
-    /// Mean over the area of the squares of values at the first points, below 0 where two draws of small ones have much noise, and its
-    /// standard error.
-    fn mean_square_and_its_error(&self, values: &[DVec3]) -> (f64, f64) {
-        let squares = self.squares(values);
-        let count = squares.len().max(1) as f64;
-        let mean = squares.iter().sum::<f64>() / count;
-        let variance =
-            squares.iter().map(|square| (square - mean).powi(2)).sum::<f64>() / (count - 1.0).max(1.0);
-        (mean, (variance / count).sqrt())
+    /// Root of what is told of a mean square error and its standard error, relative to the radiosity: over all places, or without the
+    /// brightest where that is more.
+    fn largest_relative(&self, errors: &[DVec3], told: impl Fn(f64, f64) -> f64) -> f64 {
+        let (places, errors) = (self.places(), self.squares(errors));
+        let relative = |ceiling: Ceiling| {
+            let part = |(square, _): &(f64, f64)| ceiling.part(*square);
+            let counted: Vec<f64> = places.iter().map(|place| place.0 * place.1 * part(place)).collect();
+            let norm = mean_and_its_error(&counted).0;
+            let counted: Vec<f64> =
+                errors.iter().zip(&places).map(|(error, place)| error * part(place)).collect();
+            let (mean, standard_error) = mean_and_its_error(&counted);
+            if norm > 0.0 { (told(mean, standard_error) / norm).sqrt() } else { 0.0 }
+        };
+        relative(Ceiling::NONE).max(relative(self.level().ceiling))
+    }
+
+    /// How bright the surfaces are.
+    pub fn level(&self) -> Level {
+        Level::over(&self.places())
+    }
+
+    /// The square of the radiosity at each position, with its weight.
+    fn places(&self) -> Vec<(f64, f64)> {
+        let draws = self.draws();
+        let radiosities = self.radiosities();
+        let points = self.points.iter().step_by(draws).zip(radiosities.chunks_exact(draws));
+        points.map(|(point, radiosity)| (square(radiosity), point.weight)).collect()
+    }
+
+    fn radiosities(&self) -> Vec<DVec3> {
+        let radiosity = |(point, irradiance): (&SamplePoint, &DVec3)| point.reflectance * *irradiance;
+        self.points.iter().zip(&self.irradiance).map(radiosity).collect()
     }
 
     /// Squares of values at the first points, weighted: one of each position.
     fn squares(&self, values: &[DVec3]) -> Vec<f64> {
-        let draws = if self.is_drawn_twice() { 2 } else { 1 };
-        // Of one draw the first is the last, too.
-        let square = |values: &[DVec3]| values[0].dot(values[values.len() - 1]);
-        let squares = values.chunks_exact(draws).map(square);
-        self.points.iter().step_by(draws).zip(squares).map(|(point, square)| point.weight * square).collect()
+        let draws = self.draws();
+        let values = values.chunks_exact(draws);
+        self.points.iter().step_by(draws).zip(values).map(|(point, own)| point.weight * square(own)).collect()
     }
 
     /// Errors of the radiosity with the interreflection of their mean: light lost between the vertices is missing on all surfaces,
-    /// by mean x rho / (1 - rho) relative to their radiosity.
+    /// relative to their radiosity by its part of the flux, times what comes back.
     fn with_level(&self, errors: &[DVec3], reflectance: f64) -> Vec<DVec3> {
-        let weighted = |(point, value): (&SamplePoint, &DVec3)| point.weight * value.element_sum();
-        let radiosities: Vec<DVec3> =
-            self.points.iter().zip(&self.irradiance).map(|(point, e)| point.reflectance * *e).collect();
-        let lost: f64 = self.points.iter().zip(errors).map(weighted).sum();
-        let flux: f64 = self.points.iter().zip(&radiosities).map(weighted).sum();
-        let level = if flux > 0.0 { lost / flux * reflectance / (1.0 - reflectance) } else { 0.0 };
+        let radiosities = self.radiosities();
+        let [lost, flux] = [errors, &radiosities].map(|values| self.flux(values));
+        let level = if flux > 0.0 { lost / flux * self.returning(flux, reflectance) } else { 0.0 };
         errors.iter().zip(radiosities).map(|(error, radiosity)| *error + radiosity * level).collect()
+    }
+
+    /// What comes back and is reflected again, over what is reflected straight from the sources. In a closed room it is rho / (1 - rho),
+    /// and nowhere more.
+    fn returning(&self, flux: f64, reflectance: f64) -> f64 {
+        let enclosed = reflectance / (1.0 - reflectance);
+        let pairs = self.points.iter().zip(&self.direct);
+        let direct: Vec<DVec3> = pairs.map(|(point, direct)| point.reflectance * *direct).collect();
+        let direct = self.flux(&direct);
+        if direct > 0.0 { (flux / direct - 1.0).clamp(0.0, enclosed) } else { enclosed }
+    }
+
+    /// What is proportional to the flux from all surfaces that have these radiosities at the points.
+    fn flux(&self, radiosities: &[DVec3]) -> f64 {
+        let pairs = self.points.iter().zip(radiosities);
+        pairs.map(|(point, radiosity)| point.weight * radiosity.element_sum()).sum()
     }
 
     /// Relative standard error of the radiosity at the first `count` points, from the rays that sampled visibility. Each row has
@@ -106,15 +148,22 @@ impl SamplePoints {
     pub fn noise(&self, rows: impl Iterator<Item = (DVec3, f64)>, count: usize) -> f64 {
         let variance: DVec3 = rows.map(|(light, sum)| light * light * sum).sum();
         let reflectance: DVec3 = self.points.iter().map(|point| point.reflectance * point.reflectance).sum();
-        let norm = self.mean_square_radiosity();
         let points = (count * self.points.len()) as f64;
-        if norm > 0.0 { ((variance * reflectance).element_sum() / (points * norm)).sqrt() } else { 0.0 }
+        self.level().relative((variance * reflectance).element_sum() / points)
     }
+}
 
-    /// Mean square of the gathered radiosity.
-    pub(super) fn mean_square_radiosity(&self) -> f64 {
-        self.mean_square_error(&self.irradiance).max(0.0)
-    }
+/// Mean of squares, below 0 where two draws of small ones have much noise, and its standard error.
+fn mean_and_its_error(squares: &[f64]) -> (f64, f64) {
+    let count = squares.len().max(1) as f64;
+    let mean = squares.iter().sum::<f64>() / count;
+    let variance = squares.iter().map(|square| (square - mean).powi(2)).sum::<f64>() / (count - 1.0).max(1.0);
+    (mean, (variance / count).sqrt())
+}
+
+/// Square of a value from one or two draws: of one draw the first is the last, too.
+fn square(draws: &[DVec3]) -> f64 {
+    draws[0].dot(draws[draws.len() - 1])
 }
 
 #[cfg(test)]
@@ -172,5 +221,36 @@ mod tests {
             };
             assert!(first.relative(&errors[..count]) > 0.02, "{count}: {}", first.relative(&errors[..count]));
         }
+    }
+
+    /// Where little area holds nearly all light, its errors count, and so do those of the rest.
+    #[test]
+    fn bright_places_hide_no_errors() {
+        let (mut points, _) = noisy(1);
+        let bright = |index: usize| index.is_multiple_of(1024);
+        for (index, light) in points.irradiance.iter_mut().enumerate() {
+            *light *= if bright(index) { 1000.0 } else { 1.0 };
+        }
+        let found = |of_bright: f64, of_rest: f64| {
+            let error = |index: usize| DVec3::X * if bright(index) { 1000.0 * of_bright } else { of_rest };
+            points.relative(&(0..POSITIONS).map(error).collect::<Vec<_>>())
+        };
+        assert!((found(0.0, ERROR) - ERROR).abs() < 1e-3, "{}", found(0.0, ERROR));
+        assert!((found(ERROR, 0.0) - ERROR).abs() < 1e-3, "{}", found(ERROR, 0.0));
+        assert!((points.level().radiosity() - 1.0).abs() < 1e-3);
+    }
+
+    #[test]
+    fn lost_light_is_missing_as_often_as_light_comes_back() {
+        let (points, errors) = noisy(1);
+        let level = |direct: f64| {
+            let points = SamplePoints { direct: vec![DVec3::X * direct; POSITIONS], ..points.clone() };
+            points.with_level(&errors, 0.9)[0].x - errors[0].x
+        };
+        let lost = ERROR;
+        assert!((level(0.5) - lost).abs() < 0.01, "half comes back");
+        assert!((level(1.0)).abs() < 0.01, "none does");
+        assert!((level(0.01) - 9.0 * lost).abs() < 0.1, "no more than in a closed room");
+        assert!((level(0.0) - 9.0 * lost).abs() < 0.1, "not known");
     }
 }

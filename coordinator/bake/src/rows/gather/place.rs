@@ -20,7 +20,7 @@ use crate::context::Context;
 use crate::error::Result;
 use crate::error_budget::{INTERPOLATED_NOISE, without_noise};
 use crate::mesh::{Mesh, Patch, PatchId};
-use crate::refinement::{MOST_DRAWN, SamplePoints};
+use crate::refinement::{Level, MOST_DRAWN, SamplePoints};
 use crate::rows::means::ShareValues;
 use crate::rows::share_mesh::ShareMesh;
 use crate::rows::{COARSE, leaving};
@@ -96,7 +96,6 @@ impl GatherRows {
         let Some(polygons) = self.polygons else { return Ok(radiosity) };
         let asked = cx.settings.asked_error();
         let (middles, of_leaves) = middles(cx, &mesh.mesh);
-        let area: f64 = mesh.energies.iter().map(|share| share.area).sum();
         let (mut expected, mut errors_so_far) = (vec![], vec![]);
         let mut nearest = vec![Nearest::default(); middles.len()];
         let mut count = FIRST_POINTS;
@@ -119,16 +118,18 @@ impl GatherRows {
                 radiosity = self.passed_on(mesh, (radiosity, glow), direct, of_leaf);
             }
             let all_light = leaving(&radiosity, glow);
-            let left_out = self.errors_left_out(&all_light, &neighbours);
+            let lights = self.points.gather(&all_light);
+            let left_out = self.errors_left_out(&lights, &neighbours);
             let errors = at_fresh.as_ref().unwrap_or(&left_out);
-            let all: f64 =
-                mesh.energies.iter().zip(&radiosity).map(|(share, b)| share.area * b.length_squared()).sum();
-            let relative = |square: f64| if all > 0.0 { (square * area / all).sqrt() } else { 0.0 };
+            let square = |(share, b): (&ShareEnergy, &DVec3)| (b.length_squared(), share.area);
+            let level = Level::over(&mesh.energies.iter().zip(&radiosity).map(square).collect::<Vec<_>>());
             // The fresh light is noisy, and so is that between the points, less. Under an even sky a small part of both cancels: what a
             // point sees of it the same rays tell.
-            let square_noise = self.twins.square_noise(&self.points, &all_light);
-            let noise = relative(square_noise * (1.0 + INTERPOLATED_NOISE));
-            let error = without_noise(relative(drawn.mean_square_error(errors)), noise);
+            let square_noise = self.twins.square_noise(&self.points, &all_light, level);
+            let noise = level.relative(square_noise * (1.0 + INTERPOLATED_NOISE));
+            let fresh_lights = &lights[known_points as usize..];
+            let error = level.relative(drawn.mean_square_error(errors, fresh_lights, level));
+            let error = without_noise(error, noise);
             tracing::debug!(points = self.points.placed, error, noise, "gather points placed");
             // One estimate that is far too high makes the next ones look like progress.
             let mut gains = [LEAST_GAIN, LEAST_GAIN.powi(2)].into_iter().zip(errors_so_far.iter().rev());
@@ -247,14 +248,13 @@ impl GatherRows {
         light * factor_by_sky(f64::from(view.sky), interpolated(&weights, sky_views).x)
     }
 
-    /// Errors of interpolation at the points, where each is left out itself.
-    fn errors_left_out(&self, radiosity: &[DVec3], neighbours: &Neighbours) -> Vec<DVec3> {
-        let light = self.points.gather(radiosity);
+    /// Errors of interpolation at the points, given their light, where each is left out itself.
+    fn errors_left_out(&self, light: &[DVec3], neighbours: &Neighbours) -> Vec<DVec3> {
         let sky_views = self.points.sky_views();
         let points = self.points.receivers[..self.points.shared].par_iter().zip(&self.points.views);
         let error = |(point, (receiver, view)): (usize, (&Receiver, &View))| {
             let weights = neighbours.weights(receiver, 0.0, Some(point as u32));
-            self.between(weights, (&light, &sky_views), view) - light[point]
+            self.between(weights, (light, &sky_views), view) - light[point]
         };
         points.enumerate().with_min_len(64).map(error).collect()
     }
