@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 /// Estimated relative L2 error of the radiosity over the reflecting surfaces, sqrt(int (B' - B)^2 / int B^2), split by origin. Where it is
-/// more without the brightest places, it is that: else a lamp's housing would hide errors in all the room.
+/// more with the brightest .2 % of the area capped, it is that: else a lamp's housing would hide errors in all the room.
 /// The parts are independent of each other: their squares add up.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct ErrorBudget {

@@ -11,6 +11,7 @@ use smallvec::SmallVec;
 
 use super::linear::Sample;
 use super::working::{Corner, NONE, Triangle, Working};
+use crate::refinement::Cap;
 
 /// Largest deviation, relative to the light at its place: what no one sees.
 const VISIBLE: f64 = 0.015;
@@ -32,9 +33,11 @@ const MOST_TIGHTENED: u32 = 4;
 pub struct Limits {
     /// Largest deviation, relative to the light.
     part: f64,
-    /// Root mean square of the radiosity.
+    /// How bright a place may be before its brightness counts no more.
+    cap: Cap,
+    /// Root mean square of the radiosity under the cap.
     mean: f64,
-    /// Square of the radiosity, integrated over the mesh.
+    /// Square of the radiosity under the cap, integrated over the mesh.
     norm: f64,
     /// L2 difference that is allowed.
     allowed: f64,
@@ -50,13 +53,17 @@ impl Limits {
             .map(|triangle| {
                 let area = working.area(triangle);
                 let squares = triangle.corners.map(|c| working.corners[c as usize].light.length_squared());
-                (area, area * squares.iter().sum::<f64>() / 3.0)
+                (squares.iter().sum::<f64>() / 3.0, area)
             })
             .collect();
-        let (area, norm) = parts.into_iter().fold((0.0, 0.0), |sum, part| (sum.0 + part.0, sum.1 + part.1));
+        let cap = Cap::over(parts.clone());
+        let add = |sum: (f64, f64), (square, area): (f64, f64)| {
+            (sum.0 + area, sum.1 + area * square * cap.part(square))
+        };
+        let (area, norm) = parts.into_iter().fold((0.0, 0.0), add);
         let part = (LARGEST_PER_MEAN * allowed).min(VISIBLE) + NOISE * noise;
         let is_lit = norm.is_finite() && norm > 0.0 && part > 0.0;
-        is_lit.then(|| Self { part, mean: (norm / area).sqrt(), norm, allowed, tightened: 0 })
+        is_lit.then(|| Self { part, cap, mean: (norm / area).sqrt(), norm, allowed, tightened: 0 })
     }
 
     /// Makes the limits tighter, given the difference that they came to; false where that was done often enough.
@@ -66,12 +73,15 @@ impl Limits {
         self.tightened <= MOST_TIGHTENED
     }
 
-    /// Relative L2 difference of the light from what it was.
+    /// Relative L2 difference of the light from what it was, under the cap.
     pub fn difference(&self, working: &Working) -> f64 {
         let of = |triangle: &Triangle| -> f64 {
             let deviation = working.light_in(triangle);
             let samples = triangle.samples.iter().map(|sample| &working.samples[*sample as usize]);
-            let square = |sample: &Sample| sample.weight * deviation.at(sample).length_squared();
+            let square = |sample: &Sample| {
+                let part = self.cap.part(sample.light.length_squared());
+                sample.weight * part * deviation.at(sample).length_squared()
+            };
             samples.map(square).filter(|square| square.is_finite()).sum()
         };
         let is_alive = |triangle: &&Triangle| triangle.corners[0] != NONE;

@@ -6,12 +6,12 @@
 //! | `plan` | what to divide next, or why to stop |
 //! | `revealed` | errors that dividing patches revealed |
 //! | `prediction` | predicts the interpolation error of each leaf |
-//! | `ceiling` | the light that errors are relative to, without the brightest places |
+//! | `cap` | how bright a place may be before its brightness counts no more |
 //! | `samples` | light compared at random points |
 //! | `draw` | draws such points |
 //! | `fit` | vertex values with the least error between the vertices |
 
-mod ceiling;
+mod cap;
 mod draw;
 mod fit;
 mod plan;
@@ -19,7 +19,7 @@ mod prediction;
 mod revealed;
 mod samples;
 
-pub use ceiling::Level;
+pub use cap::Cap;
 pub use draw::{Draw, FIRST, MOST_DRAWN};
 pub use fit::{best_fit, best_fit_of_part};
 pub use plan::{Obstacle, Plan, Step, long_patches, room};

@@ -9,7 +9,7 @@ use glam::DVec3;
 use kernel::geometry::Bounds;
 use rayon::prelude::*;
 
-use super::ceiling::Ceiling;
+use super::cap::Cap;
 use super::revealed::RevealedErrors;
 use crate::mesh::{Mesh, Patch, PatchId};
 
@@ -30,7 +30,7 @@ const DARK: f64 = 0.02;
 
 /// Predicted interpolation error of a mesh.
 pub struct MeshError {
-    /// Per leaf: predicted square error, integrated over its area.
+    /// Per leaf: what counts of the predicted square error, integrated over its area.
     leaves: Vec<(PatchId, f64)>,
     /// Per leaf: see [`Self::parts`].
     parts: Vec<(PatchId, f64)>,
@@ -66,7 +66,7 @@ impl Leaf {
     }
 }
 
-/// What is summed over the mesh under a ceiling.
+/// What is summed over the mesh under a cap.
 struct Sums {
     /// Predicted square error, integrated over the area.
     error: f64,
@@ -75,8 +75,8 @@ struct Sums {
 }
 
 impl Sums {
-    fn over(leaves: &[Leaf], ceiling: Ceiling) -> Self {
-        let part = |leaf: &Leaf| ceiling.part(leaf.mean_square());
+    fn over(leaves: &[Leaf], cap: Cap) -> Self {
+        let part = |leaf: &Leaf| cap.part(leaf.mean_square());
         Self {
             error: leaves.iter().map(|leaf| leaf.error * part(leaf)).sum(),
             norm: leaves.iter().map(|leaf| leaf.square * part(leaf)).sum(),
@@ -136,9 +136,8 @@ impl MeshError {
         };
         let leaves: Vec<Leaf> = mesh.par_leaves().map(of_leaf).collect();
         let area: f64 = leaves.iter().map(|leaf| leaf.area).sum();
-        let ceiling =
-            Ceiling::over(&leaves.iter().map(|leaf| (leaf.mean_square(), leaf.area)).collect::<Vec<_>>());
-        let [all, capped] = [Ceiling::NONE, ceiling].map(|ceiling| Sums::over(&leaves, ceiling));
+        let cap = Cap::over(leaves.iter().map(|leaf| (leaf.mean_square(), leaf.area)).collect());
+        let [all, capped] = [Cap::NONE, cap].map(|cap| Sums::over(&leaves, cap));
         let dark = DARK * DARK * capped.norm / area;
         let contrast = |leaf: &Leaf| {
             let light = leaf.mean_square().max(dark);
@@ -146,13 +145,13 @@ impl MeshError {
         };
         let contrasts = leaves.iter().map(contrast).collect();
         let part = |leaf: &Leaf| {
-            let parts = [(&all, leaf.error), (&capped, leaf.error * ceiling.part(leaf.mean_square()))];
+            let parts = [(&all, leaf.error), (&capped, leaf.error * cap.part(leaf.mean_square()))];
             let part = parts.map(|(sums, error)| if sums.error > 0.0 { error / sums.error } else { 0.0 });
             (leaf.id, part[0] + part[1])
         };
         let parts = leaves.iter().map(part).collect();
         let (sums, counted) =
-            if capped.relative() > all.relative() { (capped, ceiling) } else { (all, Ceiling::NONE) };
+            if capped.relative() > all.relative() { (capped, cap) } else { (all, Cap::NONE) };
         let counts = |leaf: &Leaf| (leaf.id, leaf.error * counted.part(leaf.mean_square()));
         Self { leaves: leaves.iter().map(counts).collect(), parts, contrasts, sums, area }
     }
@@ -165,13 +164,13 @@ impl MeshError {
         if self.area > 0.0 { (total / self.area).sqrt() } else { 0.0 }
     }
 
-    /// How much each leaf holds of the predicted square error: of all, and of that without the brightest places, both together.
+    /// How often to draw samples in each leaf: its part of the predicted square error, plus its part of that under the cap.
     #[must_use]
     pub fn parts(&self) -> &[(PatchId, f64)] {
         &self.parts
     }
 
-    /// Relative L2 error of the radiosity, or that without the brightest places, where it is more.
+    /// Relative L2 error of the radiosity, or that under the cap, where it is more.
     #[must_use]
     pub fn relative(&self) -> f64 {
         self.sums.relative()

@@ -253,7 +253,7 @@ impl Solved {
 
     /// Standard error of a part of the light from rays, relative to the whole. That of small lamps that share rows is not known.
     fn noise_of_part(&self, sources: &[LightSource], solution: &Solution) -> f64 {
-        let whole = self.solution.samples.level().radiosity();
+        let whole = self.solution.samples.level();
         if whole <= 0.0 {
             return 0.0;
         }
@@ -264,6 +264,6 @@ impl Solved {
             key(source).and_then(|key| strengths.get(&key)).copied().unwrap_or_default()
         };
         let noise = self.noise_of(solution, sources, self.sources.all.iter().map(strength)).total();
-        noise * solution.samples.level().radiosity() / whole
+        noise * solution.samples.level() / whole
     }
 }

@@ -156,8 +156,7 @@ fn error(kept: &KeptLight, factors: &[DVec3], mesh: &crate::mesh::Mesh, fitted: 
     // The noise of each part is known relative to the whole light of the finished bake.
     let part_of = |(part, factor): (&KeptPart, &DVec3)| factor.max_element() * part.noise;
     let sum: f64 = kept.parts.iter().zip(factors).map(part_of).sum();
-    let [was, is] = [before.level(), now.level()].map(|level| level.radiosity());
-    let noise = if is > 0.0 { sum * was / is } else { 0.0 };
+    let noise = if now.level() > 0.0 { sum * before.level() / now.level() } else { 0.0 };
     let receivers = if now.count() > 0 {
         now.interpolation_error(mesh, fitted, kept.reflectance, noise)[0]
     } else {

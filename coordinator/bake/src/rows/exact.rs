@@ -20,7 +20,7 @@ use crate::context::Context;
 use crate::error::Result;
 use crate::jobs::{ReceiverSet, RowClient};
 use crate::mesh::{ClusterLimits, Mesh, Share, Surroundings};
-use crate::refinement::{Level, SamplePoints};
+use crate::refinement::SamplePoints;
 use crate::settings::{BakeSettings, RowStrategy};
 use crate::solver::bounds::add_to_sums;
 use crate::solver::cache::{ColumnCache, SetId};
@@ -231,7 +231,7 @@ impl RowSource for ExactRows {
         })
     }
 
-    fn ray_noise(&self, _: &[DVec3], _: Level) -> f64 {
+    fn ray_noise(&self, _: &[DVec3], _: f64) -> f64 {
         0.0
     }
 

@@ -16,7 +16,7 @@ use crate::jobs::{ReceiverSet, RowClient};
 use crate::mesh::{
     ClusterLimits, Mesh, Share, Surroundings, VertexId, VertexReceivers, receivers, shared_receivers,
 };
-use crate::refinement::{Level, SamplePoints};
+use crate::refinement::SamplePoints;
 use crate::settings::{BakeSettings, RowStrategy};
 use crate::solver::bounds::add_slab_to_sums;
 use crate::solver::cache::{ColumnCache, SetId};
@@ -164,9 +164,9 @@ pub trait RowSource: Send {
         solution: Solution,
     ) -> Result<Solution>;
 
-    /// Relative standard error of the radiosity at a point from the rays of hemispheres, of shares with this radiosity, exitance
-    /// included, at surfaces as bright as this.
-    fn ray_noise(&self, leaving: &[DVec3], level: Level) -> f64;
+    /// Relative standard error of the irradiance at a point from the rays of hemispheres, of shares with this radiosity, exitance
+    /// included, where irradiance is of this level.
+    fn ray_noise(&self, leaving: &[DVec3], level: f64) -> f64;
 
     /// Makes the leaves of the refined mesh the shares, where [these cost no rows](Self::leaves_cost_rows).
     fn follow_mesh(&mut self, cx: &mut Context, mesh: &mut ShareMesh) -> Result<()>;

@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::SamplePoints;
 use crate::error_budget::{INTERPOLATED_NOISE, without_noise};
 use crate::mesh::Mesh;
-use crate::refinement::ceiling::{Ceiling, Level};
+use crate::refinement::cap::Cap;
 use crate::refinement::draw::SamplePoint;
 
 impl SamplePoints {
@@ -28,13 +28,12 @@ impl SamplePoints {
         [all, at_least].map(|mixed| without_noise(mixed, noise))
     }
 
-    /// Mean over the area of what counts of the square error of the radiosity, given errors of the irradiance at the points, and what of it
-    /// is bright there.
-    pub fn mean_square_error(&self, errors: &[DVec3], irradiance: &[DVec3], level: Level) -> f64 {
+    /// Mean over the area of the square error of the radiosity under a cap, given the irradiance at the points, and errors of it.
+    pub fn mean_square_error(&self, errors: &[DVec3], irradiance: &[DVec3], cap: Cap) -> f64 {
         let square = |((point, error), irradiance): ((&SamplePoint, &DVec3), &DVec3)| {
             let [error, radiosity] =
                 [*error, *irradiance].map(|light| (point.reflectance * light).length_squared());
-            point.weight * error * level.ceiling.part(radiosity)
+            point.weight * error * cap.part(radiosity)
         };
         let points = self.points.iter().zip(errors).zip(irradiance);
         mean_and_its_error(&points.map(square).collect::<Vec<_>>()).0
@@ -64,8 +63,8 @@ impl SamplePoints {
         pairs.map(|((point, own), all)| point.reflectance * (all - *own)).collect()
     }
 
-    /// Root mean square of radiosity errors at the first points, relative to that of the radiosity, or the same without the brightest
-    /// places where it is more. Of two draws it is what the noise could hide at least, where that is more: their mean square may be below
+    /// Root mean square of radiosity errors at the first points, relative to that of the radiosity, or the same with the brightest places
+    /// capped, where it is more. Of two draws it is what the noise could hide at least, where that is more: their mean square may be below
     /// 0 by chance.
     pub fn relative(&self, errors: &[DVec3]) -> f64 {
         let least = if self.is_drawn_twice() { 1.0 } else { 0.0 };
@@ -77,25 +76,20 @@ impl SamplePoints {
         self.largest_relative(errors, |mean, standard_error| (mean - standard_error).max(0.0))
     }
 
-    /// Root of what is told of a mean square error and its standard error, relative to the radiosity: over all places, or without the
-    /// brightest where that is more.
-    fn largest_relative(&self, errors: &[DVec3], told: impl Fn(f64, f64) -> f64) -> f64 {
+    /// Root of an `estimate` from a mean square error and its standard error, relative to the radiosity: over all places, or with the
+    /// brightest capped where that is more.
+    fn largest_relative(&self, errors: &[DVec3], estimate: impl Fn(f64, f64) -> f64) -> f64 {
         let (places, errors) = (self.places(), self.squares(errors));
-        let relative = |ceiling: Ceiling| {
-            let part = |(square, _): &(f64, f64)| ceiling.part(*square);
-            let counted: Vec<f64> = places.iter().map(|place| place.0 * place.1 * part(place)).collect();
-            let norm = mean_and_its_error(&counted).0;
-            let counted: Vec<f64> =
+        let relative = |cap: Cap| {
+            let part = |(square, _): &(f64, f64)| cap.part(*square);
+            let radiosities: Vec<f64> = places.iter().map(|place| place.0 * place.1 * part(place)).collect();
+            let norm = mean_and_its_error(&radiosities).0;
+            let errors: Vec<f64> =
                 errors.iter().zip(&places).map(|(error, place)| error * part(place)).collect();
-            let (mean, standard_error) = mean_and_its_error(&counted);
-            if norm > 0.0 { (told(mean, standard_error) / norm).sqrt() } else { 0.0 }
+            let (mean, standard_error) = mean_and_its_error(&errors);
+            if norm > 0.0 { (estimate(mean, standard_error) / norm).sqrt() } else { 0.0 }
         };
-        relative(Ceiling::NONE).max(relative(self.level().ceiling))
-    }
-
-    /// How bright the surfaces are.
-    pub fn level(&self) -> Level {
-        Level::over(&self.places())
+        relative(Cap::NONE).max(relative(Cap::over(places.clone())))
     }
 
     /// The square of the radiosity at each position, with its weight.
@@ -128,7 +122,7 @@ impl SamplePoints {
     }
 
     /// What comes back and is reflected again, over what is reflected straight from the sources. In a closed room it is rho / (1 - rho),
-    /// and nowhere more.
+    /// and nowhere more: as much is taken where direct light is not known.
     fn returning(&self, flux: f64, reflectance: f64) -> f64 {
         let enclosed = reflectance / (1.0 - reflectance);
         let pairs = self.points.iter().zip(&self.direct);
@@ -148,8 +142,14 @@ impl SamplePoints {
     pub fn noise(&self, rows: impl Iterator<Item = (DVec3, f64)>, count: usize) -> f64 {
         let variance: DVec3 = rows.map(|(light, sum)| light * light * sum).sum();
         let reflectance: DVec3 = self.points.iter().map(|point| point.reflectance * point.reflectance).sum();
+        let norm = self.mean_square_radiosity();
         let points = (count * self.points.len()) as f64;
-        self.level().relative((variance * reflectance).element_sum() / points)
+        if norm > 0.0 { ((variance * reflectance).element_sum() / (points * norm)).sqrt() } else { 0.0 }
+    }
+
+    /// Mean square of the gathered radiosity.
+    pub(super) fn mean_square_radiosity(&self) -> f64 {
+        mean_and_its_error(&self.squares(&self.radiosities())).0.max(0.0)
     }
 }
 
@@ -237,7 +237,6 @@ mod tests {
         };
         assert!((found(0.0, ERROR) - ERROR).abs() < 1e-3, "{}", found(0.0, ERROR));
         assert!((found(ERROR, 0.0) - ERROR).abs() < 1e-3, "{}", found(ERROR, 0.0));
-        assert!((points.level().radiosity() - 1.0).abs() < 1e-3);
     }
 
     #[test]

@@ -163,6 +163,11 @@ impl SamplePoints {
         self.set_irradiance(self.direct.iter().map(|direct| *direct + beside + back).collect());
     }
 
+    /// Root mean square over the area of the gathered radiosity.
+    pub fn level(&self) -> f64 {
+        self.mean_square_radiosity().sqrt()
+    }
+
     /// Returns true if the mesh has a patch for every point.
     pub fn lie_on(&self, mesh: &Mesh) -> bool {
         self.points.iter().all(|point| point.patch.index() < mesh.patches.len())

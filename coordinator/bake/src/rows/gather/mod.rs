@@ -52,7 +52,7 @@ use crate::context::Context;
 use crate::error::Result;
 use crate::jobs::{ReceiverSet, RowClient};
 use crate::mesh::{ClusterLimits, Mesh, PatchId, Share, Surroundings};
-use crate::refinement::{Level, MOST_DRAWN, SamplePoints};
+use crate::refinement::{Cap, MOST_DRAWN, SamplePoints};
 use crate::settings::{BakeSettings, RowStrategy};
 use crate::solver::cache::{ColumnCache, SetId};
 use hemisphere::{covered, gathered, hemispheres, publish_leaves, views};
@@ -300,9 +300,10 @@ impl RowSource for GatherRows {
         self.pass_on(cx, table, problem, solution)
     }
 
-    fn ray_noise(&self, leaving: &[DVec3], level: Level) -> f64 {
+    fn ray_noise(&self, leaving: &[DVec3], level: f64) -> f64 {
         let part = self.sets.get(COARSE.index()).map_or(1.0, |set| set.weights.variance_part());
-        level.relative(self.twins.square_noise(&self.points, leaving, level) * part)
+        let square = self.twins.square_noise(&self.points, leaving, Cap::NONE) * part;
+        if level > 0.0 { square.sqrt() / level } else { 0.0 }
     }
 
     fn follow_mesh(&mut self, cx: &mut Context, mesh: &mut ShareMesh) -> Result<()> {

@@ -8,7 +8,7 @@ use super::hemisphere::{View, gathered, hemispheres, views};
 use super::points::GatherPoints;
 use crate::error::Result;
 use crate::jobs::{ReceiverSet, RowClient};
-use crate::refinement::{FIRST, Level, SamplePoints};
+use crate::refinement::{Cap, FIRST, SamplePoints};
 
 /// Gather points whose noise is measured: those at the front, which are a random part of all.
 pub const TWINS: usize = FIRST;
@@ -45,12 +45,12 @@ impl Twins {
         Ok(())
     }
 
-    /// Mean square of the noise of the radiosity at a gather point, of what counts of it.
-    pub fn square_noise(&self, points: &GatherPoints, radiosity: &[DVec3], level: Level) -> f64 {
+    /// Mean square of the noise of the radiosity at a gather point, under a cap.
+    pub fn square_noise(&self, points: &GatherPoints, radiosity: &[DVec3], cap: Cap) -> f64 {
         let light = |view: &View| gathered(view, radiosity);
         let lights: Vec<DVec3> = points.views.iter().take(self.views.len()).map(light).collect();
         let differences: Vec<DVec3> =
             lights.iter().zip(&self.views).map(|(own, again)| *own - light(again)).collect();
-        self.points.mean_square_error(&differences, &lights, level) / 2.0
+        self.points.mean_square_error(&differences, &lights, cap) / 2.0
     }
 }

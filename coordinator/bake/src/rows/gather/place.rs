@@ -20,7 +20,7 @@ use crate::context::Context;
 use crate::error::Result;
 use crate::error_budget::{INTERPOLATED_NOISE, without_noise};
 use crate::mesh::{Mesh, Patch, PatchId};
-use crate::refinement::{Level, MOST_DRAWN, SamplePoints};
+use crate::refinement::{Cap, MOST_DRAWN, SamplePoints};
 use crate::rows::means::ShareValues;
 use crate::rows::share_mesh::ShareMesh;
 use crate::rows::{COARSE, leaving};
@@ -96,6 +96,7 @@ impl GatherRows {
         let Some(polygons) = self.polygons else { return Ok(radiosity) };
         let asked = cx.settings.asked_error();
         let (middles, of_leaves) = middles(cx, &mesh.mesh);
+        let area: f64 = mesh.energies.iter().map(|share| share.area).sum();
         let (mut expected, mut errors_so_far) = (vec![], vec![]);
         let mut nearest = vec![Nearest::default(); middles.len()];
         let mut count = FIRST_POINTS;
@@ -122,15 +123,21 @@ impl GatherRows {
             let left_out = self.errors_left_out(&lights, &neighbours);
             let errors = at_fresh.as_ref().unwrap_or(&left_out);
             let square = |(share, b): (&ShareEnergy, &DVec3)| (b.length_squared(), share.area);
-            let level = Level::over(&mesh.energies.iter().zip(&radiosity).map(square).collect::<Vec<_>>());
-            // The fresh light is noisy, and so is that between the points, less. Under an even sky a small part of both cancels: what a
-            // point sees of it the same rays tell.
-            let square_noise = self.twins.square_noise(&self.points, &all_light, level);
-            let noise = level.relative(square_noise * (1.0 + INTERPOLATED_NOISE));
+            let places: Vec<(f64, f64)> = mesh.energies.iter().zip(&radiosity).map(square).collect();
+            let caps = [Cap::NONE, Cap::over(places.clone())];
             let fresh_lights = &lights[known_points as usize..];
-            let error = level.relative(drawn.mean_square_error(errors, fresh_lights, level));
-            let error = without_noise(error, noise);
-            tracing::debug!(points = self.points.placed, error, noise, "gather points placed");
+            let error_under = |cap: Cap| {
+                let all: f64 = places.iter().map(|(square, area)| area * square * cap.part(*square)).sum();
+                let relative = |square: f64| if all > 0.0 { (square * area / all).sqrt() } else { 0.0 };
+                // The fresh light is noisy, and so is that between the points, less. Under an even sky a small part of both cancels: what
+                // a point sees of it the same rays tell.
+                let square_noise = self.twins.square_noise(&self.points, &all_light, cap);
+                let noise = relative(square_noise * (1.0 + INTERPOLATED_NOISE));
+                without_noise(relative(drawn.mean_square_error(errors, fresh_lights, cap)), noise)
+            };
+            let [plain, capped] = caps.map(error_under);
+            let error = plain.max(capped);
+            tracing::debug!(points = self.points.placed, plain, capped, "gather points placed");
             // One estimate that is far too high makes the next ones look like progress.
             let mut gains = [LEAST_GAIN, LEAST_GAIN.powi(2)].into_iter().zip(errors_so_far.iter().rev());
             let helps = gains.all(|(gain, before)| error <= gain * before);
@@ -143,12 +150,19 @@ impl GatherRows {
             if at_fresh.is_some() && error <= PART * asked && believed || self.points.placed >= most {
                 break;
             }
-            let square = |((_, patch), middle): ((PatchId, &Patch), &u32)| {
-                let reflectance = cx.scene.surfaces[patch.surface as usize].reflectance;
-                let error = left_out[nearest[*middle as usize].point as usize];
-                patch.area * error.length_squared() * reflectance.length_squared()
+            let squares_under = |cap: Cap| -> Vec<f64> {
+                let square = |((_, patch), middle): ((PatchId, &Patch), &u32)| {
+                    let reflectance = cx.scene.surfaces[patch.surface as usize].reflectance;
+                    let point = nearest[*middle as usize].point as usize;
+                    let [error, radiosity] =
+                        [left_out[point], lights[point]].map(|light| (reflectance * light).length_squared());
+                    patch.area * error * cap.part(radiosity)
+                };
+                mesh.mesh.leaves().zip(&of_leaves).map(square).collect()
             };
-            expected = mesh.mesh.leaves().zip(&of_leaves).map(square).collect();
+            let [all, capped] = caps.map(squares_under);
+            let sums = [&all, &capped].map(|squares| squares.iter().sum::<f64>().max(f64::MIN_POSITIVE));
+            expected = all.iter().zip(&capped).map(|(a, b)| a / sums[0] + b / sums[1]).collect();
             count = (self.points.placed / 2).clamp(FIRST_POINTS, MOST_DRAWN);
         }
         Ok(radiosity)
