@@ -34,6 +34,15 @@ impl Cap {
     }
 }
 
+/// The part of the first values that each holds, plus that of the second: what both tell of places.
+pub fn parts_of_both(all: &[f64], capped: &[f64]) -> Vec<f64> {
+    let [of_all, of_capped] = [all, capped].map(|values| {
+        let sum: f64 = values.iter().sum();
+        if sum > 0.0 { sum.recip() } else { 0.0 }
+    });
+    all.iter().zip(capped).map(|(all, capped)| all * of_all + capped * of_capped).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -19,7 +19,7 @@ mod prediction;
 mod revealed;
 mod samples;
 
-pub use cap::Cap;
+pub use cap::{Cap, parts_of_both};
 pub use draw::{Draw, FIRST, MOST_DRAWN};
 pub use fit::{best_fit, best_fit_of_part};
 pub use plan::{Obstacle, Plan, Step, long_patches, room};

@@ -9,7 +9,7 @@ use glam::DVec3;
 use kernel::geometry::Bounds;
 use rayon::prelude::*;
 
-use super::cap::Cap;
+use super::cap::{Cap, parts_of_both};
 use super::revealed::RevealedErrors;
 use crate::mesh::{Mesh, Patch, PatchId};
 
@@ -30,13 +30,14 @@ const DARK: f64 = 0.02;
 
 /// Predicted interpolation error of a mesh.
 pub struct MeshError {
-    /// Per leaf: what counts of the predicted square error, integrated over its area.
+    /// Per leaf: predicted square error, integrated over its area, under the cap where the whole error is more so.
     leaves: Vec<(PatchId, f64)>,
+    /// Per leaf: the same without a cap, relative to the light of the leaf.
+    contrasts: Vec<f64>,
     /// Per leaf: see [`Self::parts`].
     parts: Vec<(PatchId, f64)>,
-    /// Per leaf: the same relative to the light of the leaf.
-    contrasts: Vec<f64>,
-    sums: Sums,
+    /// See [`Self::relative`].
+    relative: f64,
     /// Area of the mesh.
     area: f64,
 }
@@ -66,25 +67,23 @@ impl Leaf {
     }
 }
 
-/// What is summed over the mesh under a cap.
-struct Sums {
-    /// Predicted square error, integrated over the area.
-    error: f64,
-    /// Square of the radiosity, integrated over the area.
+/// Predicted errors under a cap.
+struct Errors {
+    /// Per leaf: square error, integrated over its area.
+    squares: Vec<f64>,
+    /// Square of the radiosity, integrated over the mesh.
     norm: f64,
+    /// Root of all square errors over it.
+    relative: f64,
 }
 
-impl Sums {
-    fn over(leaves: &[Leaf], cap: Cap) -> Self {
+impl Errors {
+    fn under(leaves: &[Leaf], cap: Cap) -> Self {
         let part = |leaf: &Leaf| cap.part(leaf.mean_square());
-        Self {
-            error: leaves.iter().map(|leaf| leaf.error * part(leaf)).sum(),
-            norm: leaves.iter().map(|leaf| leaf.square * part(leaf)).sum(),
-        }
-    }
-
-    fn relative(&self) -> f64 {
-        if self.norm > 0.0 { (self.error / self.norm).sqrt() } else { 0.0 }
+        let squares: Vec<f64> = leaves.iter().map(|leaf| leaf.error * part(leaf)).collect();
+        let norm: f64 = leaves.iter().map(|leaf| leaf.square * part(leaf)).sum();
+        let relative = if norm > 0.0 { (squares.iter().sum::<f64>() / norm).sqrt() } else { 0.0 };
+        Self { squares, norm, relative }
     }
 }
 
@@ -137,23 +136,18 @@ impl MeshError {
         let leaves: Vec<Leaf> = mesh.par_leaves().map(of_leaf).collect();
         let area: f64 = leaves.iter().map(|leaf| leaf.area).sum();
         let cap = Cap::over(leaves.iter().map(|leaf| (leaf.mean_square(), leaf.area)).collect());
-        let [all, capped] = [Cap::NONE, cap].map(|cap| Sums::over(&leaves, cap));
-        let dark = DARK * DARK * capped.norm / area;
+        let [all, capped] = [Cap::NONE, cap].map(|cap| Errors::under(&leaves, cap));
+        let dark = DARK * DARK * all.norm / area;
         let contrast = |leaf: &Leaf| {
             let light = leaf.mean_square().max(dark);
             if light > 0.0 { leaf.error / light } else { 0.0 }
         };
+        let ids = || leaves.iter().map(|leaf| leaf.id);
+        let parts = ids().zip(parts_of_both(&all.squares, &capped.squares)).collect();
         let contrasts = leaves.iter().map(contrast).collect();
-        let part = |leaf: &Leaf| {
-            let parts = [(&all, leaf.error), (&capped, leaf.error * cap.part(leaf.mean_square()))];
-            let part = parts.map(|(sums, error)| if sums.error > 0.0 { error / sums.error } else { 0.0 });
-            (leaf.id, part[0] + part[1])
-        };
-        let parts = leaves.iter().map(part).collect();
-        let (sums, counted) =
-            if capped.relative() > all.relative() { (capped, cap) } else { (all, Cap::NONE) };
-        let counts = |leaf: &Leaf| (leaf.id, leaf.error * counted.part(leaf.mean_square()));
-        Self { leaves: leaves.iter().map(counts).collect(), parts, contrasts, sums, area }
+        let larger = if capped.relative > all.relative { capped } else { all };
+        let Errors { squares, relative, .. } = larger;
+        Self { leaves: ids().zip(squares).collect(), contrasts, parts, relative, area }
     }
 
     /// Root mean square over the area of the error relative to the light at its place. In a dark corner an error shows that is
@@ -173,7 +167,7 @@ impl MeshError {
     /// Relative L2 error of the radiosity, or that under the cap, where it is more.
     #[must_use]
     pub fn relative(&self) -> f64 {
-        self.sums.relative()
+        self.relative
     }
 
     /// The leaves that hold this part of the error, the worst first, at most `limit` of them.

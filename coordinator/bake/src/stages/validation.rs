@@ -30,7 +30,7 @@ pub struct Validation {
 }
 
 impl Solved {
-    /// Gathers the light of all sources and shares at new samples, drawn by the square error that `expected` tells of each leaf, and
+    /// Gathers the light of all sources and shares at new samples, drawn by what `expected` tells of each leaf's part of the error, and
     /// compares it with that `fitted` to the vertices. Draws more of them until their error is certain, small, or certainly more than asked,
     /// or they have been doubled often enough.
     pub fn validate(

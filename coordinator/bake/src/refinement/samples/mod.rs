@@ -43,8 +43,8 @@ pub struct SamplePoints {
 }
 
 impl SamplePoints {
-    /// Draws points on the reflecting surfaces: half of them uniformly over the area, half by the square error that `expected`
-    /// tells of each leaf, where it is known.
+    /// Draws points on the reflecting surfaces: half of them uniformly over the area, half by what `expected` tells
+    /// of each leaf's part of the error, where it is known.
     pub fn draw(
         mesh: &Mesh,
         scene: &Scene,

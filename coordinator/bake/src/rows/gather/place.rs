@@ -20,7 +20,7 @@ use crate::context::Context;
 use crate::error::Result;
 use crate::error_budget::{INTERPOLATED_NOISE, without_noise};
 use crate::mesh::{Mesh, Patch, PatchId};
-use crate::refinement::{Cap, MOST_DRAWN, SamplePoints};
+use crate::refinement::{Cap, MOST_DRAWN, SamplePoints, parts_of_both};
 use crate::rows::means::ShareValues;
 use crate::rows::share_mesh::ShareMesh;
 use crate::rows::{COARSE, leaving};
@@ -161,8 +161,7 @@ impl GatherRows {
                 mesh.mesh.leaves().zip(&of_leaves).map(square).collect()
             };
             let [all, capped] = caps.map(squares_under);
-            let sums = [&all, &capped].map(|squares| squares.iter().sum::<f64>().max(f64::MIN_POSITIVE));
-            expected = all.iter().zip(&capped).map(|(a, b)| a / sums[0] + b / sums[1]).collect();
+            expected = parts_of_both(&all, &capped);
             count = (self.points.placed / 2).clamp(FIRST_POINTS, MOST_DRAWN);
         }
         Ok(radiosity)
