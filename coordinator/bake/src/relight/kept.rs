@@ -138,6 +138,8 @@ impl KeptLight {
             sums.iter_mut().zip(&part.gathered).for_each(|(sum, value)| *sum += *value * *factor);
         }
         let mut lit = self.validation.clone();
+        // That of other light is not known: of each part all is kept together.
+        lit.set_direct(vec![]);
         lit.set_irradiance(sums);
         lit
     }
