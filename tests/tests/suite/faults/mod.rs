@@ -56,7 +56,7 @@ impl Cornell {
 }
 
 /// Long enough that things can go wrong in its middle: a second of two threads or more.
-static LONG: Cornell = Cornell::new(["--mesh-error", "0.004"]);
+static LONG: Cornell = Cornell::new(["--mesh-error", "0.0045"]);
 
 /// Long enough for what takes seconds: a silent worker is noticed, a slow one does some jobs, one that comes late is dialled.
 static LONGER: Cornell = Cornell::new(["--mesh-error", "0.0028"]);
