@@ -47,7 +47,7 @@ pub struct Limits {
 impl Limits {
     /// Limits for an L2 difference; `None` where none is allowed, or all is dark.
     pub fn new(working: &Working, allowed: f64, noise: f64) -> Option<Self> {
-        let parts: Vec<(f64, f64)> = working
+        let places: Vec<(f64, f64)> = working
             .triangles
             .par_iter()
             .map(|triangle| {
@@ -56,11 +56,9 @@ impl Limits {
                 (squares.iter().sum::<f64>() / 3.0, area)
             })
             .collect();
-        let cap = Cap::over(parts.clone());
-        let add = |sum: (f64, f64), (square, area): (f64, f64)| {
-            (sum.0 + area, sum.1 + area * square * cap.part(square))
-        };
-        let (area, norm) = parts.into_iter().fold((0.0, 0.0), add);
+        let cap = Cap::over(places.clone());
+        let norm = cap.norm(&places);
+        let area: f64 = places.iter().map(|place| place.1).sum();
         let part = (LARGEST_PER_MEAN * allowed).min(VISIBLE) + NOISE * noise;
         let is_lit = norm.is_finite() && norm > 0.0 && part > 0.0;
         is_lit.then(|| Self { part, cap, mean: (norm / area).sqrt(), norm, allowed, tightened: 0 })

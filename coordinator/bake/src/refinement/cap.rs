@@ -28,6 +28,11 @@ impl Cap {
         first.filter(|(square, _)| *square > 0.0).map_or(Self::NONE, |(square, _)| Self { square })
     }
 
+    /// Square of the radiosity under the cap, integrated over places with this square of it and this area.
+    pub fn norm(self, places: &[(f64, f64)]) -> f64 {
+        places.iter().map(|(square, area)| area * square * self.part(*square)).sum()
+    }
+
     /// Part that counts of a square error where the square of the radiosity is this.
     pub fn part(self, square: f64) -> f64 {
         if square > self.square { self.square / square } else { 1.0 }
@@ -51,6 +56,7 @@ mod tests {
     fn the_brightest_places_count_as_much_as_those_that_are_left() {
         let cap = Cap::over(vec![(4.0, 0.999), (100.0, 0.001)]);
         assert_eq!([1.0, 4.0, 100.0].map(|square| cap.part(square)), [1.0, 1.0, 0.04]);
+        assert_eq!(cap.norm(&[(1.0, 3.0), (100.0, 0.5)]), 5.0);
     }
 
     #[test]

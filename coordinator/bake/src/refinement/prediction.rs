@@ -56,15 +56,9 @@ struct Leaf {
     id: PatchId,
     /// Predicted square error, integrated over the area.
     error: f64,
-    /// Square of the radiosity, integrated over the area.
+    /// Mean square of the radiosity.
     square: f64,
     area: f64,
-}
-
-impl Leaf {
-    fn mean_square(&self) -> f64 {
-        self.square / self.area
-    }
 }
 
 /// Predicted errors under a cap.
@@ -78,10 +72,11 @@ struct Errors {
 }
 
 impl Errors {
-    fn under(leaves: &[Leaf], cap: Cap) -> Self {
-        let part = |leaf: &Leaf| cap.part(leaf.mean_square());
-        let squares: Vec<f64> = leaves.iter().map(|leaf| leaf.error * part(leaf)).collect();
-        let norm: f64 = leaves.iter().map(|leaf| leaf.square * part(leaf)).sum();
+    /// Those of leaves, which are these places.
+    fn under(leaves: &[Leaf], places: &[(f64, f64)], cap: Cap) -> Self {
+        let square = |(leaf, place): (&Leaf, &(f64, f64))| leaf.error * cap.part(place.0);
+        let squares: Vec<f64> = leaves.iter().zip(places).map(square).collect();
+        let norm = cap.norm(places);
         let relative = if norm > 0.0 { (squares.iter().sum::<f64>() / norm).sqrt() } else { 0.0 };
         Self { squares, norm, relative }
     }
@@ -131,15 +126,16 @@ impl MeshError {
                 }
             };
             let error = error.max(measured.get(&id).copied().unwrap_or(0.0));
-            Leaf { id, error: error * patch.area, square: square * patch.area, area: patch.area }
+            Leaf { id, error: error * patch.area, square, area: patch.area }
         };
         let leaves: Vec<Leaf> = mesh.par_leaves().map(of_leaf).collect();
         let area: f64 = leaves.iter().map(|leaf| leaf.area).sum();
-        let cap = Cap::over(leaves.iter().map(|leaf| (leaf.mean_square(), leaf.area)).collect());
-        let [all, capped] = [Cap::NONE, cap].map(|cap| Errors::under(&leaves, cap));
+        let places: Vec<(f64, f64)> = leaves.iter().map(|leaf| (leaf.square, leaf.area)).collect();
+        let caps = [Cap::NONE, Cap::over(places.clone())];
+        let [all, capped] = caps.map(|cap| Errors::under(&leaves, &places, cap));
         let dark = DARK * DARK * all.norm / area;
         let contrast = |leaf: &Leaf| {
-            let light = leaf.mean_square().max(dark);
+            let light = leaf.square.max(dark);
             if light > 0.0 { leaf.error / light } else { 0.0 }
         };
         let ids = || leaves.iter().map(|leaf| leaf.id);

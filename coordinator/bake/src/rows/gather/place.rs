@@ -96,16 +96,15 @@ impl GatherRows {
         let Some(polygons) = self.polygons else { return Ok(radiosity) };
         let asked = cx.settings.asked_error();
         let (middles, of_leaves) = middles(cx, &mesh.mesh);
-        let area: f64 = mesh.energies.iter().map(|share| share.area).sum();
         let (mut expected, mut errors_so_far) = (vec![], vec![]);
         let mut nearest = vec![Nearest::default(); middles.len()];
         let mut count = FIRST_POINTS;
         for round in 0.. {
             let (drawn, looking, seen) = self.look_around(cx, &mesh.mesh, &expected, count)?;
-            let fresh = drawn.receivers(count);
+            let receivers = drawn.receivers(count).receivers;
             let known = if round > 0 { self.neighbours(cx) } else { None };
-            let at_fresh = known
-                .map(|known| self.errors_at(&fresh.receivers, &seen, &leaving(&radiosity, glow), &known));
+            let at_fresh =
+                known.map(|known| self.errors_at(&receivers, &seen, &leaving(&radiosity, glow), &known));
             let known_points = self.points.receivers.len() as u32;
             self.points.add_placed(looking, seen);
             if round == 0 {
@@ -121,21 +120,12 @@ impl GatherRows {
             let all_light = leaving(&radiosity, glow);
             let lights = self.points.gather(&all_light);
             let left_out = self.errors_left_out(&lights, &neighbours);
-            let errors = at_fresh.as_ref().unwrap_or(&left_out);
+            let errors: &[DVec3] = at_fresh.as_ref().unwrap_or(&left_out);
             let square = |(share, b): (&ShareEnergy, &DVec3)| (b.length_squared(), share.area);
             let places: Vec<(f64, f64)> = mesh.energies.iter().zip(&radiosity).map(square).collect();
             let caps = [Cap::NONE, Cap::over(places.clone())];
-            let fresh_lights = &lights[known_points as usize..];
-            let error_under = |cap: Cap| {
-                let all: f64 = places.iter().map(|(square, area)| area * square * cap.part(*square)).sum();
-                let relative = |square: f64| if all > 0.0 { (square * area / all).sqrt() } else { 0.0 };
-                // The fresh light is noisy, and so is that between the points, less. Under an even sky a small part of both cancels: what
-                // a point sees of it the same rays tell.
-                let square_noise = self.twins.square_noise(&self.points, &all_light, cap);
-                let noise = relative(square_noise * (1.0 + INTERPOLATED_NOISE));
-                without_noise(relative(drawn.mean_square_error(errors, fresh_lights, cap)), noise)
-            };
-            let [plain, capped] = caps.map(error_under);
+            let fresh = (&drawn, errors, &lights[known_points as usize..]);
+            let [plain, capped] = caps.map(|cap| self.error_under(cap, &places, fresh, &all_light));
             let error = plain.max(capped);
             tracing::debug!(points = self.points.placed, plain, capped, "gather points placed");
             // One estimate that is far too high makes the next ones look like progress.
@@ -165,6 +155,24 @@ impl GatherRows {
             count = (self.points.placed / 2).clamp(FIRST_POINTS, MOST_DRAWN);
         }
         Ok(radiosity)
+    }
+
+    /// Error of the light at fresh points relative to that of the shares, which are these places, both under a cap.
+    fn error_under(
+        &self,
+        cap: Cap,
+        places: &[(f64, f64)],
+        (points, errors, light): (&SamplePoints, &[DVec3], &[DVec3]),
+        radiosity: &[DVec3],
+    ) -> f64 {
+        let norm = cap.norm(places);
+        let area: f64 = places.iter().map(|place| place.1).sum();
+        let relative = |square: f64| if norm > 0.0 { (square * area / norm).sqrt() } else { 0.0 };
+        // The fresh light is noisy, and so is that between the points, less. Under an even sky a small part of both cancels: what a point
+        // sees of it the same rays tell.
+        let square_noise = self.twins.square_noise(&self.points, radiosity, cap);
+        let noise = relative(square_noise * (1.0 + INTERPOLATED_NOISE));
+        without_noise(relative(points.mean_square_error(errors, light, cap)), noise)
     }
 
     /// Radiosity of the shares after some passes between points and shares, each of which is a leaf that has the light of one point.
