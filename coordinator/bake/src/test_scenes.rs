@@ -1,6 +1,6 @@
 //! Scenes of a few facets, for tests.
 
-use crate::mesh::{Mesh, PatchId, Share};
+use crate::mesh::{Mesh, Patch, PatchId, Share, Vertex, VertexId};
 use glam::DVec3;
 use kernel::geometry::{PlaneId, area_vector};
 use scene::{
@@ -95,4 +95,29 @@ pub fn overlaid(lines: u32) -> (Scene, Mesh, Vec<Share>) {
     assert_eq!(shares.len(), without.vertices.len());
     assert!(mesh.vertices.len() > 2 * shares.len(), "{} vertices", mesh.vertices.len());
     (scene, mesh, shares)
+}
+
+/// Squares apart from each other, with edges of these lengths.
+pub fn squares(edges: &[f64]) -> Mesh {
+    let mut mesh = Mesh::default();
+    for (index, edge) in edges.iter().enumerate() {
+        let first = mesh.vertices.len() as u32;
+        let corners = [DVec3::ZERO, DVec3::X, DVec3::X + DVec3::Y, DVec3::Y];
+        mesh.vertices.extend(corners.map(|corner| Vertex {
+            position: corner * *edge + DVec3::X * 10.0 * index as f64,
+            normal: DVec3::Z,
+            plane: PlaneId(0),
+            smooth: false,
+            hovering: None,
+        }));
+        mesh.patches.push(Patch {
+            surface: 0,
+            facet: 0,
+            corners: (first..first + 4).map(VertexId).collect(),
+            first_child: None,
+            parent: None,
+            area: edge * edge,
+        });
+    }
+    mesh
 }

@@ -135,11 +135,10 @@ fn part_to_divide(over: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use glam::DVec3;
-    use kernel::geometry::PlaneId;
 
     use super::*;
-    use crate::mesh::{Patch, Vertex, VertexId};
     use crate::refinement::RevealedErrors;
+    use crate::test_scenes::squares;
 
     const PLAN: Plan = Plan {
         limit: 0.01,
@@ -148,31 +147,6 @@ mod tests {
         shortest_edge: 0.5,
         max_vertices: 1000,
     };
-
-    /// Squares apart from each other, with edges of these lengths.
-    fn squares(edges: &[f64]) -> Mesh {
-        let mut mesh = Mesh::default();
-        for (index, edge) in edges.iter().enumerate() {
-            let first = mesh.vertices.len() as u32;
-            let corners = [DVec3::ZERO, DVec3::X, DVec3::X + DVec3::Y, DVec3::Y];
-            mesh.vertices.extend(corners.map(|corner| Vertex {
-                position: corner * *edge + DVec3::X * 10.0 * index as f64,
-                normal: DVec3::Z,
-                plane: PlaneId(0),
-                smooth: false,
-                hovering: None,
-            }));
-            mesh.patches.push(Patch {
-                surface: 0,
-                facet: 0,
-                corners: (first..first + 4).map(VertexId).collect(),
-                first_child: None,
-                parent: None,
-                area: edge * edge,
-            });
-        }
-        mesh
-    }
 
     /// Even light of 1 in which these errors were found, one in each patch.
     fn found(mesh: &Mesh, errors: &[f64]) -> MeshError {

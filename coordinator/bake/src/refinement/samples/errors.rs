@@ -9,8 +9,8 @@ use crate::refinement::cap::Cap;
 use crate::refinement::draw::SamplePoint;
 
 impl SamplePoints {
-    /// Relative interpolation error, given the mean reflectance and the relative noise of the light at a vertex. Where light is
-    /// gathered twice, what it is at least comes second: there few of some thousand points may hold most of it.
+    /// Relative interpolation error, given the mean reflectance and the relative noise of the light at a vertex. What it is at least
+    /// by its own standard error comes second: few of all points may hold most of it.
     pub fn interpolation_error(
         &self,
         mesh: &Mesh,
@@ -23,9 +23,7 @@ impl SamplePoints {
         // The gathered light is noisy too, unless two draws tell it apart.
         let gathered = if self.is_drawn_twice() { 0.0 } else { 1.0 };
         let noise = noise * (gathered + INTERPOLATED_NOISE).sqrt();
-        let all = self.relative(&errors);
-        let at_least = if self.is_drawn_twice() { self.relative_at_least(&errors) } else { all };
-        [all, at_least].map(|mixed| without_noise(mixed, noise))
+        [self.relative(&errors), self.relative_at_least(&errors)].map(|mixed| without_noise(mixed, noise))
     }
 
     /// Mean over the area of the square error of the radiosity under a cap, given the irradiance at the points, and errors of it.
@@ -82,8 +80,7 @@ impl SamplePoints {
         let (places, errors) = (self.places(), self.squares(errors));
         let relative = |cap: Cap| {
             let part = |(square, _): &(f64, f64)| cap.part(*square);
-            let radiosities: Vec<f64> = places.iter().map(|place| place.0 * place.1 * part(place)).collect();
-            let norm = mean_and_its_error(&radiosities).0;
+            let norm = cap.norm(&places) / places.len().max(1) as f64;
             let errors: Vec<f64> =
                 errors.iter().zip(&places).map(|(error, place)| error * part(place)).collect();
             let (mean, standard_error) = mean_and_its_error(&errors);
@@ -174,6 +171,7 @@ mod tests {
 
     use super::*;
     use crate::mesh::PatchId;
+    use crate::test_scenes::squares;
 
     const ERROR: f64 = 0.1;
     const NOISE: f64 = 0.5;
@@ -221,6 +219,25 @@ mod tests {
             };
             assert!(first.relative(&errors[..count]) > 0.02, "{count}: {}", first.relative(&errors[..count]));
         }
+    }
+
+    /// Else chance would decide how far to refine: whether one of some hundred points lies in a narrow shadow.
+    #[test]
+    fn an_error_that_one_point_tells_is_not_certain() {
+        let mesh = squares(&[1.0]);
+        let (points, _) = noisy(1);
+        let first = |irradiance: Vec<DVec3>| SamplePoints {
+            points: points.points[..irradiance.len()].to_vec(),
+            irradiance,
+            ..SamplePoints::default()
+        };
+        let found = |points: SamplePoints| points.interpolation_error(&mesh, &[DVec3::X; 4], 0.0, 0.0);
+        let mut irradiance = vec![DVec3::X; 400];
+        irradiance[7] = DVec3::ZERO;
+        let [of_one, at_least] = found(first(irradiance));
+        assert!((of_one - 0.05).abs() < 1e-3 && at_least < 0.2 * of_one, "{of_one}, {at_least}");
+        let [of_all, at_least] = found(first(vec![DVec3::X * 0.95; 400]));
+        assert!((of_all - 0.05).abs() < 4e-3 && at_least > 0.9 * of_all, "{of_all}, {at_least}");
     }
 
     /// Where little area holds nearly all light, its errors count, and so do those of the rest.
