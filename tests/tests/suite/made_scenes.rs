@@ -51,7 +51,7 @@ fn a_house_in_the_sun_agrees_with_its_reference() {
 /// The pattern that the sun makes behind lace is finer than the mesh, and the reference itself knows single points to 4 % of the mean.
 #[test]
 fn a_furnished_room_agrees_with_its_reference() {
-    let settings = BakeSettings { mesh_error: 0.06, ..BakeSettings::default().with_rays(128.0) };
+    let settings = BakeSettings { mesh_error: 0.1, ..BakeSettings::default().with_rays(128.0) };
     assert_score(measured("room", &settings), 0.12, 0.55, 0.04);
 }
 

@@ -56,10 +56,10 @@ impl Cornell {
 }
 
 /// Long enough that things can go wrong in its middle: a second of two threads or more.
-static LONG: Cornell = Cornell::new(["--mesh-error", "0.0045"]);
+static LONG: Cornell = Cornell::new(["--error", "0.016"]);
 
 /// Long enough for what takes seconds: a silent worker is noticed, a slow one does some jobs, one that comes late is dialled.
-static LONGER: Cornell = Cornell::new(["--mesh-error", "0.0028"]);
+static LONGER: Cornell = Cornell::new(["--error", "0.012"]);
 
 /// Waits until a bake is under way: workers have the scene, its first vertices and those of some refinements, with most of them to come.
 fn wait_until_under_way(solving: &mut Solving) {

@@ -7,7 +7,7 @@ use tests::programs::{Signal, WorkerProcess, binary};
 use super::{QUICK, Room, cornell, text, wait_for};
 
 /// A bake of some seconds, so that it can be ended in its middle.
-pub const SLOW: [&str; 2] = ["--mesh-error", "0.003"];
+pub const SLOW: [&str; 2] = ["--error", "0.016"];
 
 /// What `solve` makes of cornell by the slow bake: made once for all tests.
 pub fn slowly_solved() -> &'static [u8] {
