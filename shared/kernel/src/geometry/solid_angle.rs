@@ -11,15 +11,36 @@ const LEAST: f64 = 1e-6;
 
 /// A polygon as a point sees it: triangles on the unit sphere.
 pub struct SeenPolygon {
-    /// One corner of all triangles, then the others in turn: unit vectors.
-    corners: SmallVec<[DVec3; 8]>,
-    /// Solid angle of the triangles up to each.
-    ends: SmallVec<[f64; 8]>,
+    triangles: SmallVec<[SeenTriangle; 4]>,
     /// Largest distance of a corner.
     farthest: f64,
     /// Height of the point over the polygon's plane, and its normal.
     height: f64,
     normal: DVec3,
+}
+
+/// A triangle of unit vectors.
+struct SeenTriangle {
+    a: DVec3,
+    b: DVec3,
+    /// From `a` to its third corner along the sphere, at a right angle to `a`: a unit vector.
+    to_c: DVec3,
+    /// The angle at `a`, with its sine and cosine.
+    angle: f64,
+    sine: f64,
+    cosine: f64,
+    /// Solid angle of the polygon's triangles before this one, and with it.
+    before: f64,
+    end: f64,
+}
+
+impl SeenTriangle {
+    fn new([a, b, c]: [DVec3; 3], before: f64) -> Self {
+        let [to_b, to_c] = [b, c].map(|corner| (corner - a * corner.dot(a)).normalize_or_zero());
+        let (sine, cosine) = (to_b.cross(to_c).length(), to_b.dot(to_c));
+        let end = before + solid_angle(a, b, c);
+        Self { a, b, to_c, angle: atan2(sine, cosine), sine, cosine, before, end }
+    }
 }
 
 impl SeenPolygon {
@@ -32,20 +53,21 @@ impl SeenPolygon {
         let height = normal.dot(position - corners[0]);
         let corners: SmallVec<[DVec3; 8]> = relative().map(DVec3::normalize_or_zero).collect();
         let mut end = 0.0;
-        let ends = corners[1..]
+        let triangles: SmallVec<[SeenTriangle; 4]> = corners[1..]
             .windows(2)
             .map(|pair| {
-                end += solid_angle(corners[0], pair[0], pair[1]);
-                end
+                let triangle = SeenTriangle::new([corners[0], pair[0], pair[1]], end);
+                end = triangle.end;
+                triangle
             })
             .collect();
-        (end > LEAST && height > 0.0).then_some(Self { corners, ends, farthest, height, normal })
+        (end > LEAST && height > 0.0).then_some(Self { triangles, farthest, height, normal })
     }
 
     /// Its solid angle.
     #[must_use]
     pub fn solid_angle(&self) -> f64 {
-        self.ends[self.ends.len() - 1]
+        self.triangles[self.triangles.len() - 1].end
     }
 
     /// Maps the unit square to the polygon, uniformly over the solid angle: the way to a point of it; `None` where rounding leaves none.
@@ -54,13 +76,11 @@ impl SeenPolygon {
     #[must_use]
     pub fn way(&self, x: f64, y: f64) -> Option<DVec3> {
         let wanted = x * self.solid_angle();
-        let place = self.ends.partition_point(|end| *end <= wanted).min(self.ends.len() - 1);
-        let before = if place == 0 { 0.0 } else { self.ends[place - 1] };
-        let [a, b, c] = [self.corners[0], self.corners[place + 1], self.corners[place + 2]];
-        let [to_b, to_c] = [b, c].map(|corner| (corner - a * corner.dot(a)).normalize_or_zero());
-        let (sine, cosine) = (to_b.cross(to_c).length(), to_b.dot(to_c));
+        let place = self.triangles.partition_point(|triangle| triangle.end <= wanted);
+        let SeenTriangle { a, b, to_c, angle, sine, cosine, before, .. } =
+            self.triangles[place.min(self.triangles.len() - 1)];
         // The triangle of a, b and a point between a and c that has this part of the solid angle.
-        let turn = wanted - before - atan2(sine, cosine);
+        let turn = wanted - before - angle;
         let (s, t) = (sin(turn), cos(turn));
         let (u, v) = (t - cosine, s + sine * a.dot(b));
         let q = ((v * t - u * s) * cosine - v) / ((v * s + u * t) * sine);

@@ -64,6 +64,8 @@ struct ManyPolygons<'a, const N: usize> {
     probe: Option<u32>,
     faced: Faced<N>,
     bodies: Vec<Body<N>>,
+    /// For the receiver at hand: sum of weighted form factors up to each place, of all channels.
+    ends: Vec<f64>,
 }
 
 /// The view of some receivers before occlusion.
@@ -130,6 +132,7 @@ impl<'a, const N: usize> ManyPolygons<'a, N> {
             probe: (bodies.len() == 1 && probe < LEAST_RAYS).then_some(probe),
             faced,
             bodies,
+            ends: vec![],
         }
     }
 
@@ -223,19 +226,20 @@ impl<'a, const N: usize> ManyPolygons<'a, N> {
         seed: u32,
         statistics: &mut RowStatistics,
     ) -> [(f64, f64); N] {
-        let Self { tree, occluder, transparent, precision, least_rays, probe, faced, bodies } = self;
-        let ends = &faced.ends;
-        let of_channels = ends.last().map_or([0.0; N], |ends| ends.map(|ends| ends[lane]));
-        let sum = |ends: &[[f64; LANES]; N]| ends.iter().map(|ends| ends[lane]).sum::<f64>();
+        let Self { tree, occluder, transparent, precision, least_rays, probe, faced, bodies, ends } = self;
+        let of_channels = faced.ends.last().map_or([0.0; N], |ends| ends.map(|ends| ends[lane]));
         let all: f64 = of_channels.iter().sum();
         if all == 0.0 || (occluder.is_empty() && transparent.is_none()) {
             return of_channels.map(|all| (all, 0.0));
         }
-        let before = |index: usize| if index == 0 { 0.0 } else { sum(&ends[index - 1]) };
+        // Side by side: each ray searches them.
+        ends.clear();
+        ends.extend(faced.ends.iter().map(|ends| ends.iter().map(|ends| ends[lane]).sum::<f64>()));
+        let before = |index: usize| if index == 0 { 0.0 } else { ends[index - 1] };
         let mut targets = Targets::new(receiver);
         bodies.fill(Body::new());
         let mut last = [0.0; N];
-        for (ends, place) in ends.iter().zip(&faced.places) {
+        for (ends, place) in faced.ends.iter().zip(&faced.places) {
             for (channel, all) in bodies[place.body].all.iter_mut().enumerate() {
                 *all += ends[channel][lane] - last[channel];
                 last[channel] = ends[channel][lane];
@@ -247,8 +251,8 @@ impl<'a, const N: usize> ManyPolygons<'a, N> {
         let mut cast = 0;
         for ray in 0..rays {
             let [choice, x, y, _] = sample_4d(ray, 0, seed).map(f64::from);
-            let index = ends.partition_point(|ends| sum(ends) <= choice * all).min(ends.len() - 1);
-            let own = sum(&ends[index]) - before(index);
+            let index = ends.partition_point(|end| *end <= choice * all).min(ends.len() - 1);
+            let own = ends[index] - before(index);
             let place = &faced.places[index];
             let Part { polygon, weights } =
                 tree.choose(&place.range, ((choice * all - before(index)) / own).clamp(0.0, 1.0));
