@@ -29,8 +29,9 @@ struct SeenTriangle {
     angle: f64,
     sine: f64,
     cosine: f64,
-    /// Solid angle of the polygon's triangles before this one, and with it.
+    /// Solid angle of the polygon's triangles before this one.
     before: f64,
+    /// The same with this one.
     end: f64,
 }
 

@@ -19,6 +19,7 @@ use crate::triangles::{Fan, Tree, binary_tree};
 pub use bodies::{Body, Edge, convex_bodies};
 pub use candidates::{Blocker, CandidateList, Identity};
 pub use pyramids::{Pyramids, Reach};
+pub use segment::Blocking;
 pub use shaft::Shaft;
 
 /// Clearance at the ends of rays, relative to the scene's largest coordinate. Hits are computed in f64 and the planes of both

@@ -23,5 +23,5 @@ mod tree;
 
 pub use lanes::with_lanes;
 pub use ray::Ray;
-pub use segment::{Segment, crosses};
+pub use segment::{PacketId, Segment, crosses};
 pub use tree::{Fan, PADDING, Tree, binary_tree};

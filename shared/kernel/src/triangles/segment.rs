@@ -11,7 +11,11 @@ use super::sight::{Rounded, Sight, axes_along};
 use super::tree::Tree;
 use crate::geometry::PlaneId;
 
-/// A segment, and which triangles cross it: as work for [`super::with_lanes`] it says whether one does.
+/// The number of a packet of triangles.
+#[derive(Clone, Copy)]
+pub struct PacketId(u32);
+
+/// A segment, and which triangles cross it: as work for [`super::with_lanes`] it says in which packet one does, if any.
 pub struct Segment<'a, F> {
     /// The triangles.
     pub tree: &'a Tree,
@@ -21,25 +25,33 @@ pub struct Segment<'a, F> {
     pub span: &'a DVec3,
     /// Triangles in these planes do not count.
     pub planes: [PlaneId; 2],
+    /// The packet that is looked at first, if any.
+    pub likely: Option<PacketId>,
     /// Whether the triangle with this number crosses it, where f32 does not tell.
     pub crosses: F,
 }
 
 impl<F: Fn(u32) -> bool> WithSimd for Segment<'_, F> {
-    type Output = bool;
+    type Output = Option<PacketId>;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) -> bool {
+    fn with_simd<S: Simd>(self, simd: S) -> Option<PacketId> {
         let tree = self.tree;
         if tree.nodes.is_empty() {
-            return false;
+            return None;
         }
         let rounded = Rounded::new(*self.from, *self.span, tree.largest, 1.0);
         if !rounded.is_finite() {
-            return false;
+            return None;
+        }
+        let sight = Sight::new(&rounded);
+        if let Some(likely) = self.likely
+            && let Some(packet) = tree.packets.get(likely.0 as usize)
+            && self.is_blocked_by_one(simd, packet, &sight)
+        {
+            return self.likely;
         }
         let slab = Slab::new(&rounded);
-        let sight = Sight::new(&rounded);
         // Nodes with the children that are still to be looked at.
         let mut waiting = SmallVec::<[(u32, u8); 32]>::new();
         let mut current = 0_u32;
@@ -49,15 +61,15 @@ impl<F: Fn(u32) -> bool> WithSimd for Segment<'_, F> {
             let mut packets = met & node.packets;
             while packets != 0 {
                 let first = node.children[packets.trailing_zeros() as usize];
-                if self.is_blocked_by(simd, &tree.packets[first as usize..], &sight) {
-                    return true;
+                let blocking = self.blocking(simd, first, &sight);
+                if blocking.is_some() {
+                    return blocking;
                 }
                 packets &= packets - 1;
             }
             let mut nodes = met & !node.packets;
             if nodes == 0 {
-                let Some(next) = waiting.pop() else { return false };
-                (current, nodes) = next;
+                (current, nodes) = waiting.pop()?;
             }
             let next = tree.nodes[current as usize].children[nodes.trailing_zeros() as usize];
             let others = nodes & (nodes - 1);
@@ -70,18 +82,18 @@ impl<F: Fn(u32) -> bool> WithSimd for Segment<'_, F> {
 }
 
 impl<F: Fn(u32) -> bool> Segment<'_, F> {
-    /// Is the segment blocked by the first of these packets, or those that go on with it?
+    /// The packet that blocks the segment: this one or one of those that go on with it.
     #[inline(always)]
-    fn is_blocked_by<S: Simd>(&self, simd: S, packets: &[Packet], sight: &Sight) -> bool {
-        for packet in packets {
+    fn blocking<S: Simd>(&self, simd: S, first: u32, sight: &Sight) -> Option<PacketId> {
+        for (number, packet) in (first..).zip(&self.tree.packets[first as usize..]) {
             if self.is_blocked_by_one(simd, packet, sight) {
-                return true;
+                return Some(PacketId(number));
             }
             if !packet.goes_on {
                 break;
             }
         }
-        false
+        None
     }
 
     #[inline(always)]

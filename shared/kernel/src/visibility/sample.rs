@@ -7,7 +7,7 @@ use super::ratio::RayRatio;
 use crate::form_factor::{PreparedPolygon, kernel};
 use crate::geometry::{Corners, PlaneId, uniform_point};
 use crate::messages::RowStatistics;
-use crate::occluder::Occluder;
+use crate::occluder::{Blocking, Occluder};
 use crate::row::Precision;
 
 /// Number of rays after which a pair that is wholly visible or wholly hidden so far gets no more. Stopping on both keeps the
@@ -48,7 +48,8 @@ pub fn sampled_factor(
 ) -> f64 {
     statistics.sampled_pairs += 1;
     let planes = [plane, polygon.plane()];
-    let blocked = |target: DVec3| occluder.blocks(position, position + target, planes);
+    let mut blocking = Blocking::default();
+    let blocked = |target: DVec3| occluder.blocks_again(position, position + target, planes, &mut blocking);
     let corners = polygon.corners_above(position, normal);
     let rays = ray_count(unoccluded, precision);
     let sample = sample_visibility(&corners, normal, polygon.normal(), rays, seed, blocked);
@@ -77,7 +78,7 @@ pub fn sample_visibility(
     polygon_normal: DVec3,
     rays: u32,
     seed: u32,
-    blocked: impl Fn(DVec3) -> bool,
+    mut blocked: impl FnMut(DVec3) -> bool,
 ) -> VisibilitySample {
     let mut ratio = RayRatio::default();
     let (mut hits, mut count) = (0, 0);

@@ -12,7 +12,7 @@ use super::ratio::RayRatio;
 use crate::form_factor::{PreparedPolygon, kernel};
 use crate::geometry::{Bounds, ConvexPolygon, PlaneId, uniform_point};
 use crate::hemisphere::SeenPolygons;
-use crate::occluder::Occluder;
+use crate::occluder::{Blocking, Occluder};
 use crate::replica::Receiver;
 
 /// Rays that find out whether all of a polygon is seen through the same occluders.
@@ -111,11 +111,11 @@ impl TransparentOccluders {
         if (1..PROBE_RAYS).all(|index| through(index).1 == first) {
             return Transmitted { fraction: first, variance: 0.0, rays: PROBE_RAYS };
         }
-        let mut ratio = RayRatio::default();
+        let (mut ratio, mut blocking) = (RayRatio::default(), Blocking::default());
         for index in 0..RAYS {
             let (target, part) = through(index);
             let weight = kernel(normal, polygon.normal(), target - position);
-            if weight > 0.0 && !occluder.blocks(position, target, planes) {
+            if weight > 0.0 && !occluder.blocks_again(position, target, planes, &mut blocking) {
                 ratio.add(index >= RAYS / 2, weight, part);
             }
         }

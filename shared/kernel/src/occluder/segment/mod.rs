@@ -7,7 +7,11 @@ use glam::DVec3;
 
 use super::Occluder;
 use crate::geometry::PlaneId;
-use crate::triangles::{Fan, Segment, crosses, with_lanes};
+use crate::triangles::{Fan, PacketId, Segment, crosses, with_lanes};
+
+/// The polygons that blocked the latest of some segments that was blocked.
+#[derive(Default)]
+pub struct Blocking(Option<PacketId>);
 
 impl Occluder {
     /// True when a polygon crosses the open segment between two points. Polygons in the planes of either end do not count:
@@ -15,6 +19,18 @@ impl Occluder {
     /// Segments shorter than the clearance at both ends are never blocked.
     #[must_use]
     pub fn blocks(&self, from: DVec3, to: DVec3, planes: [PlaneId; 2]) -> bool {
+        self.blocks_again(from, to, planes, &mut Blocking::default())
+    }
+
+    /// [`Self::blocks`] for one of many segments: what blocked an earlier one is looked at first. The answer is the same.
+    #[must_use]
+    pub fn blocks_again(
+        &self,
+        from: DVec3,
+        to: DVec3,
+        planes: [PlaneId; 2],
+        blocking: &mut Blocking,
+    ) -> bool {
         if self.polygons.is_empty() {
             return false;
         }
@@ -23,7 +39,9 @@ impl Occluder {
         if span.length_squared() <= 4.0 * clearance * clearance {
             return false;
         }
-        with_lanes(self.segment([&from, &span], planes))
+        let found = with_lanes(self.segment([&from, &span], planes, blocking.0));
+        blocking.0 = found.or(blocking.0);
+        found.is_some()
     }
 
     /// A segment, given by where it starts and its span, among the polygons.
@@ -31,9 +49,10 @@ impl Occluder {
         &'a self,
         [from, span]: [&'a DVec3; 2],
         planes: [PlaneId; 2],
+        likely: Option<PacketId>,
     ) -> Segment<'a, impl Fn(u32) -> bool> {
         let crosses = move |triangle: u32| self.is_crossed(triangle, [from, span]);
-        Segment { tree: &self.tree, from, span, planes, crosses }
+        Segment { tree: &self.tree, from, span, planes, likely, crosses }
     }
 
     /// Whether a segment crosses a triangle of the tree.

@@ -4,7 +4,7 @@ use glam::DVec3;
 use proptest::prelude::*;
 use pulp::WithSimd;
 
-use super::Occluder;
+use super::{Blocking, Occluder};
 use crate::geometry::{ConvexPolygon, PlaneId};
 use crate::triangles::{Fan, crosses};
 
@@ -14,13 +14,13 @@ const ELSEWHERE: [PlaneId; 2] = [PlaneId::NONE; 2];
 /// One answer, whatever computes it.
 fn blocks(occluder: &Occluder, from: DVec3, to: DVec3, planes: [PlaneId; 2]) -> bool {
     let blocked = occluder.blocks(from, to, planes);
-    let portable = occluder.segment([&from, &(to - from)], planes).with_simd(pulp::Scalar);
+    let portable = occluder.segment([&from, &(to - from)], planes, None).with_simd(pulp::Scalar);
     let others = occluder.polygons.iter().filter(|polygon| !planes.contains(&polygon.plane));
     let one_by_one = others
         .flat_map(|polygon| (0..polygon.triangle_count()).map(|place| polygon.triangle(place)))
         .any(|corners| crosses(corners, from, to - from, occluder.clearance));
     assert_eq!(blocked, one_by_one, "{from} to {to}");
-    assert_eq!(portable, one_by_one, "{from} to {to}, lane by lane");
+    assert_eq!(portable.is_some(), one_by_one, "{from} to {to}, lane by lane");
     blocked
 }
 
@@ -111,12 +111,18 @@ proptest! {
         let polygons: Vec<ConvexPolygon> =
             triangles.iter().enumerate().map(|(index, corners)| polygon(index as u32, corners)).collect();
         let occluder = Occluder::new(&polygons);
+        let mut blocking = Blocking::default();
         for (from, to) in ends {
-            blocks(&occluder, from, to, ELSEWHERE);
+            let blocked = blocks(&occluder, from, to, ELSEWHERE);
+            prop_assert_eq!(occluder.blocks_again(from, to, ELSEWHERE, &mut blocking), blocked);
+            // Now by what blocked it.
+            prop_assert_eq!(occluder.blocks_again(from, to, ELSEWHERE, &mut blocking), blocked);
             // Through corners and middles of edges, up to a triangle and beyond.
             for [a, b, _] in &triangles {
                 for (through, part) in [(*a, 1.0), (*a, 1.5), ((*a + *b) * 0.5, 1.5)] {
-                    blocks(&occluder, from, from + (through - from) * part, [PlaneId(0), PlaneId(1)]);
+                    let (to, planes) = (from + (through - from) * part, [PlaneId(0), PlaneId(1)]);
+                    let blocked = blocks(&occluder, from, to, planes);
+                    prop_assert_eq!(occluder.blocks_again(from, to, planes, &mut blocking), blocked);
                 }
             }
         }

@@ -17,7 +17,7 @@ use crate::form_factor::{Lanes, ViewLanes};
 use crate::geometry::ConvexPolygon;
 use crate::geometry::lanes::LANES;
 use crate::messages::RowStatistics;
-use crate::occluder::Occluder;
+use crate::occluder::{Blocking, Occluder};
 use crate::replica::Receiver;
 use crate::row::{CHANNELS, Precision, Shape};
 use crate::simd::widest;
@@ -64,8 +64,8 @@ struct ManyPolygons<'a, const N: usize> {
     probe: Option<u32>,
     faced: Faced<N>,
     bodies: Vec<Body<N>>,
-    /// For the receiver at hand: sum of weighted form factors up to each place, of all channels.
-    ends: Vec<f64>,
+    /// Sum of weighted form factors up to each place, of all channels, for the receiver at hand.
+    sums: Vec<f64>,
 }
 
 /// The view of some receivers before occlusion.
@@ -132,7 +132,7 @@ impl<'a, const N: usize> ManyPolygons<'a, N> {
             probe: (bodies.len() == 1 && probe < LEAST_RAYS).then_some(probe),
             faced,
             bodies,
-            ends: vec![],
+            sums: vec![],
         }
     }
 
@@ -226,16 +226,16 @@ impl<'a, const N: usize> ManyPolygons<'a, N> {
         seed: u32,
         statistics: &mut RowStatistics,
     ) -> [(f64, f64); N] {
-        let Self { tree, occluder, transparent, precision, least_rays, probe, faced, bodies, ends } = self;
+        let Self { tree, occluder, transparent, precision, least_rays, probe, faced, bodies, sums } = self;
         let of_channels = faced.ends.last().map_or([0.0; N], |ends| ends.map(|ends| ends[lane]));
         let all: f64 = of_channels.iter().sum();
         if all == 0.0 || (occluder.is_empty() && transparent.is_none()) {
             return of_channels.map(|all| (all, 0.0));
         }
         // Side by side: each ray searches them.
-        ends.clear();
-        ends.extend(faced.ends.iter().map(|ends| ends.iter().map(|ends| ends[lane]).sum::<f64>()));
-        let before = |index: usize| if index == 0 { 0.0 } else { ends[index - 1] };
+        sums.clear();
+        sums.extend(faced.ends.iter().map(|ends| ends.iter().map(|ends| ends[lane]).sum::<f64>()));
+        let before = |index: usize| if index == 0 { 0.0 } else { sums[index - 1] };
         let mut targets = Targets::new(receiver);
         bodies.fill(Body::new());
         let mut last = [0.0; N];
@@ -248,11 +248,11 @@ impl<'a, const N: usize> ManyPolygons<'a, N> {
         let wanted = PART * faced.covered[lane] * f64::from(precision.rays_per_hemisphere);
         let rays = (wanted as u32).next_power_of_two().clamp(*least_rays, MOST_RAYS);
         let probe = probe.filter(|_| wanted <= f64::from(PROBE));
-        let mut cast = 0;
+        let (mut cast, mut blocking) = (0, Blocking::default());
         for ray in 0..rays {
             let [choice, x, y, _] = sample_4d(ray, 0, seed).map(f64::from);
-            let index = ends.partition_point(|end| *end <= choice * all).min(ends.len() - 1);
-            let own = ends[index] - before(index);
+            let index = sums.partition_point(|sum| *sum <= choice * all).min(sums.len() - 1);
+            let own = sums[index] - before(index);
             let place = &faced.places[index];
             let Part { polygon, weights } =
                 tree.choose(&place.range, ((choice * all - before(index)) / own).clamp(0.0, 1.0));
@@ -261,7 +261,7 @@ impl<'a, const N: usize> ManyPolygons<'a, N> {
             cast += 1;
             if weight > 0.0 && own > 0.0 {
                 let planes = [receiver.plane, polygon.plane()];
-                let part = if occluder.blocks(receiver.position, at, planes) {
+                let part = if occluder.blocks_again(receiver.position, at, planes, &mut blocking) {
                     0.0
                 } else {
                     transparent.map_or(1.0, |some| some.between(receiver.position, at, planes))
