@@ -74,8 +74,7 @@ struct Errors {
 impl Errors {
     /// Those of leaves, which are these places.
     fn under(leaves: &[Leaf], places: &[(f64, f64)], cap: Cap) -> Self {
-        let square = |(leaf, place): (&Leaf, &(f64, f64))| leaf.error * cap.part(place.0);
-        let squares: Vec<f64> = leaves.iter().zip(places).map(square).collect();
+        let squares: Vec<f64> = leaves.iter().map(|leaf| leaf.error * cap.part(leaf.square)).collect();
         let norm = cap.norm(places);
         let relative = if norm > 0.0 { (squares.iter().sum::<f64>() / norm).sqrt() } else { 0.0 };
         Self { squares, norm, relative }

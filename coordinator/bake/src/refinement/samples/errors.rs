@@ -9,8 +9,8 @@ use crate::refinement::cap::Cap;
 use crate::refinement::draw::SamplePoint;
 
 impl SamplePoints {
-    /// Relative interpolation error, given the mean reflectance and the relative noise of the light at a vertex. What it is at least
-    /// by its own standard error comes second: few of all points may hold most of it.
+    /// Relative interpolation error, given the mean reflectance and the relative noise of the light at a vertex; then the same less the
+    /// standard error of its square: few of all points may hold most of it.
     pub fn interpolation_error(
         &self,
         mesh: &Mesh,
@@ -221,7 +221,7 @@ mod tests {
         }
     }
 
-    /// Else chance would decide how far to refine: whether one of some hundred points lies in a narrow shadow.
+    /// One point of hundreds in a narrow shadow must not decide how far to refine.
     #[test]
     fn an_error_that_one_point_tells_is_not_certain() {
         let mesh = squares(&[1.0]);

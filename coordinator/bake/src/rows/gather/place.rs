@@ -157,7 +157,7 @@ impl GatherRows {
         Ok(radiosity)
     }
 
-    /// Error of the light at fresh points relative to that of the shares, which are these places, both under a cap.
+    /// Error of the light at fresh points, relative to that of the shares, which are these places: both under a cap.
     fn error_under(
         &self,
         cap: Cap,
