@@ -131,7 +131,7 @@ fn sheets() -> impl Strategy<Value = SceneBuilder> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 4, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 8, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn random_layers_make_no_light(builder in sheets()) {
