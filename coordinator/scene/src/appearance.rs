@@ -226,7 +226,7 @@ impl Appearance {
         let image = self.pattern.reflecting.as_ref().map_or(DVec4::ONE, |layer| place.mean(layer));
         let vertices = place.mean_colour();
         let alpha = match self.pattern.reflecting {
-            Some(ref layer) if layer.image.raster().alpha.is_some() => Some(image.w),
+            Some(ref layer) if layer.image.raster().has_alpha() => Some(image.w),
             _ => None,
         };
         let of_vertices = match (self.pattern.opacity, alpha) {

@@ -181,18 +181,12 @@ impl Materials {
             (dimming, _) => (dimming, None),
         };
         let mapping = base_mapping.or(joined.as_ref().map(|(_, mapping)| *mapping));
-        let whole = mapping.map(|_| Composed {
-            colour: base.as_ref().map(|(image, _)| image.clone()),
-            dimming: joined.into_iter().map(|(dimming, _)| dimming).collect(),
-            opacity: with_alpha(&base_alpha),
-            alpha: base_alpha.clone(),
+        let whole = mapping.map(|_| {
+            let colour = base.as_ref().map(|(image, _)| image.clone());
+            let dimming = joined.into_iter().map(|(dimming, _)| dimming).collect();
+            Composed::new(colour, dimming, base_alpha.clone(), with_alpha(&base_alpha))
         });
-        let alone = |dimming: Dimming| Composed {
-            colour: None,
-            dimming: vec![dimming],
-            alpha: None,
-            opacity: Opacity::Opaque,
-        };
+        let alone = |dimming: Dimming| Composed::new(None, vec![dimming], None, Opacity::Opaque);
         let dimming = apart.map(|(dimming, mapping)| Layer { image: self.means(alone(dimming)), mapping });
         let mut transmitting_has_colour = false;
         let transmitting = transmission.map(|(image, own)| {
@@ -200,9 +194,7 @@ impl Materials {
             let composed = match &whole {
                 Some(whole) if mapping == Some(own) => {
                     transmitting_has_colour = true;
-                    let mut composed = whole.clone();
-                    composed.dimming.push(dimming);
-                    composed
+                    whole.dimmed(dimming)
                 }
                 _ => alone(dimming),
             };
@@ -214,9 +206,8 @@ impl Materials {
         let emitting = emission.map(|(image, mapping)| {
             let alpha = base_alpha.filter(|_| base_mapping == Some(mapping));
             emitting_has_opacity = alpha.is_some();
-            let composed =
-                Composed { colour: Some(image), dimming: vec![], opacity: with_alpha(&alpha), alpha };
-            Layer { image: self.means(composed), mapping }
+            let opacity = with_alpha(&alpha);
+            Layer { image: self.means(Composed::new(Some(image), vec![], alpha, opacity)), mapping }
         });
         let pattern = Pattern {
             reflecting,

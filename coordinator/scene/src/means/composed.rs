@@ -87,17 +87,44 @@ impl Dimming {
 /// of them; the texels of smaller ones are repeated, which changes no mean where their size divides it.
 #[derive(Debug, Clone)]
 pub struct Composed {
-    /// In sRGB; white where there is none.
-    pub colour: Option<Arc<Image>>,
-    /// Each reduces the colour.
-    pub dimming: Vec<Dimming>,
-    /// Its alpha is that of the surface; 1 where there is none.
-    pub alpha: Option<Arc<Image>>,
-    /// Meaning of alpha.
-    pub opacity: Opacity,
+    colour: Option<Arc<Image>>,
+    dimming: Vec<Dimming>,
+    alpha: Option<Arc<Image>>,
+    opacity: Opacity,
+    /// Kept: it is asked for with each of millions of texels.
+    size: [u32; 2],
 }
 
 impl Composed {
+    /// A colour in sRGB, white where there is none; what reduces it; and an image with the surface's alpha, 1 where there is none.
+    #[must_use]
+    pub fn new(
+        colour: Option<Arc<Image>>,
+        dimming: Vec<Dimming>,
+        alpha: Option<Arc<Image>>,
+        opacity: Opacity,
+    ) -> Self {
+        let mut composed = Self { colour, dimming, alpha, opacity, size: [1, 1] };
+        let larger = |[width, height]: [u32; 2], image: &Arc<Image>| {
+            [width.max(image.width()), height.max(image.height())]
+        };
+        composed.size = composed.images().fold([1, 1], larger);
+        composed
+    }
+
+    /// The same, reduced once more.
+    #[must_use]
+    pub fn dimmed(&self, dimming: Dimming) -> Self {
+        let all = self.dimming.iter().cloned().chain([dimming]).collect();
+        Self::new(self.colour.clone(), all, self.alpha.clone(), self.opacity)
+    }
+
+    /// Whether an image tells the surface's alpha.
+    #[must_use]
+    pub fn has_alpha(&self) -> bool {
+        self.alpha.is_some()
+    }
+
     /// Whether both have the same images and factors.
     #[must_use]
     pub fn is(&self, other: &Self) -> bool {
@@ -123,12 +150,11 @@ impl Raster for Composed {
     const MOST_PASSED: f64 = 256.0;
 
     fn size(&self) -> [u32; 2] {
-        self.images()
-            .fold([1, 1], |[width, height], image| [width.max(image.width()), height.max(image.height())])
+        self.size
     }
 
     fn texel(&self, column: u32, row: u32) -> DVec4 {
-        let [width, height] = self.size();
+        let [width, height] = self.size;
         let scaled = |place: u32, own: u32, all: u32| {
             if own == all { place } else { (u64::from(place) * u64::from(own) / u64::from(all)) as u32 }
         };
@@ -160,7 +186,7 @@ mod tests {
         let colour = image(2, &[[255, 255, 255, 255], [0, 0, 0, 255]]);
         let metal = image(2, &[[0, 0, 255, 255], [0, 0, 0, 255]]);
         let dimming = vec![Dimming::Metal(metal, 1.0)];
-        let composed = Composed { colour: Some(colour), dimming, alpha: None, opacity: Opacity::Opaque };
+        let composed = Composed::new(Some(colour), dimming, None, Opacity::Opaque);
         assert_eq!([0, 1].map(|column| composed.texel(column, 0)), [DVec4::W, DVec4::W]);
     }
 
@@ -169,7 +195,7 @@ mod tests {
         let colour = image(1, &[[255, 0, 0, 255]]);
         let metal = image(4, &[[0, 0, 0, 0], [0, 0, 51, 0], [0, 0, 102, 0], [0, 0, 255, 0]]);
         let dimming = vec![Dimming::Metal(metal, 1.0)];
-        let composed = Composed { colour: Some(colour), dimming, alpha: None, opacity: Opacity::Opaque };
+        let composed = Composed::new(Some(colour), dimming, None, Opacity::Opaque);
         assert_eq!(composed.size(), [4, 1]);
         let reds = [0, 1, 2, 3].map(|column| composed.texel(column, 0).x);
         assert!((DVec4::from_array(reds) - DVec4::new(1.0, 0.8, 0.6, 0.0)).abs().max_element() < 1e-15);
@@ -179,12 +205,7 @@ mod tests {
     fn masks_decide_each_texel_and_blending_weighs_it() {
         let colour = image(3, &[[255, 255, 255, 51], [255, 255, 255, 128], [255, 255, 255, 255]]);
         let opacities = |opacity| {
-            let composed = Composed {
-                colour: Some(colour.clone()),
-                dimming: vec![],
-                alpha: Some(colour.clone()),
-                opacity,
-            };
+            let composed = Composed::new(Some(colour.clone()), vec![], Some(colour.clone()), opacity);
             let texels = [0, 1, 2].map(|column| composed.texel(column, 0));
             assert!(texels.iter().all(|texel| texel.x == texel.w));
             texels.map(|texel| texel.w)
@@ -199,7 +220,7 @@ mod tests {
     fn specular_colour_takes_its_largest_channel() {
         let specular = image(1, &[[255, 0, 0, 255]]);
         let dimming = vec![Dimming::Specular(specular, DVec3::new(0.25, 1.0, 1.0))];
-        let composed = Composed { colour: None, dimming, alpha: None, opacity: Opacity::Opaque };
+        let composed = Composed::new(None, dimming, None, Opacity::Opaque);
         assert_eq!(composed.texel(0, 0), DVec4::new(0.75, 0.75, 0.75, 1.0));
     }
 }
