@@ -24,7 +24,8 @@ use tests::shapes;
 /// Bakes a scene of the repository, coarsely.
 fn lit(name: &str) -> (TempDir, PathBuf) {
     let scene = imported(&fs::read(tests::data(&format!("scenes/{name}.glb"))).unwrap());
-    let baked = baked(&scene, &BakeSettings { shooter_edge: 0.1, ..BakeSettings::default() });
+    let baked =
+        baked(&scene, &BakeSettings { shooter_edge: 0.1, mesh_error: 0.1, ..BakeSettings::default() });
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("lit.glb");
     let settings = ExportSettings::default();
