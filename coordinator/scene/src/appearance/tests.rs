@@ -35,8 +35,8 @@ fn rectangle(low: [f64; 2], high: [f64; 2]) -> Vec<DVec3> {
 fn layer(opacity: Opacity) -> Layer {
     let texels = vec![[0, 0, 0, 0], [255, 255, 255, 0], [0, 0, 0, 255], [255, 255, 255, 255]];
     let image = Arc::new(Image::new(2, 2, texels).unwrap());
-    let alpha = (opacity != Opacity::Opaque).then(|| image.clone());
-    let composed = Composed::new(Some(image), vec![], alpha, opacity);
+    let alpha = (opacity != Opacity::Opaque).then(|| (image.clone(), opacity));
+    let composed = Composed::new(Some(image), vec![], alpha);
     let sampler = Sampler { filter: document::texture::Filter::Nearest, ..Sampler::default() };
     let mapping = Mapping { set: 0, transform: DAffine2::IDENTITY, sampler };
     Layer { image: Arc::new(AreaMeans::new(composed)), mapping }

@@ -25,7 +25,7 @@ use crate::means::{AreaMeans, Composed, Dimming, Opacity};
 use document::ImportProblem;
 use document::images::{Images, image_of};
 use document::labels::material_label;
-use document::texture::{Image, Mapping};
+use document::texture::Mapping;
 
 /// Cutoff of a mask that states none.
 const CUTOFF: f32 = 0.5;
@@ -168,13 +168,10 @@ impl Materials {
         // The factor of what dims is in the texture's own values where there is one.
         let rest = if dimming.is_some() { 1.0 } else { factors.rest };
         let opacity = factors.opacity;
-        let alpha = |base: &Option<(Arc<Image>, Mapping)>| match (opacity, base) {
+        let base_alpha = match (opacity, &base) {
             (Opacity::Opaque, _) | (_, None) => None,
-            (_, Some((image, _))) => Some(image.clone()),
+            (_, Some((image, _))) => Some((image.clone(), opacity)),
         };
-        let with_alpha = |alpha: &Option<Arc<Image>>| if alpha.is_some() { opacity } else { Opacity::Opaque };
-
-        let base_alpha = alpha(&base);
         let base_mapping = base.as_ref().map(|(_, mapping)| *mapping);
         let (joined, apart) = match (dimming, base_mapping) {
             (Some((dimming, mapping)), Some(own)) if mapping != own => (None, Some((dimming, mapping))),
@@ -184,9 +181,9 @@ impl Materials {
         let whole = mapping.map(|_| {
             let colour = base.as_ref().map(|(image, _)| image.clone());
             let dimming = joined.into_iter().map(|(dimming, _)| dimming).collect();
-            Composed::new(colour, dimming, base_alpha.clone(), with_alpha(&base_alpha))
+            Composed::new(colour, dimming, base_alpha.clone())
         });
-        let alone = |dimming: Dimming| Composed::new(None, vec![dimming], None, Opacity::Opaque);
+        let alone = |dimming: Dimming| Composed::new(None, vec![dimming], None);
         let dimming = apart.map(|(dimming, mapping)| Layer { image: self.means(alone(dimming)), mapping });
         let mut transmitting_has_colour = false;
         let transmitting = transmission.map(|(image, own)| {
@@ -206,8 +203,7 @@ impl Materials {
         let emitting = emission.map(|(image, mapping)| {
             let alpha = base_alpha.filter(|_| base_mapping == Some(mapping));
             emitting_has_opacity = alpha.is_some();
-            let opacity = with_alpha(&alpha);
-            Layer { image: self.means(Composed::new(Some(image), vec![], alpha, opacity)), mapping }
+            Layer { image: self.means(Composed::new(Some(image), vec![], alpha)), mapping }
         });
         let pattern = Pattern {
             reflecting,

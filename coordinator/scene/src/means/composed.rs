@@ -89,37 +89,37 @@ impl Dimming {
 pub struct Composed {
     colour: Option<Arc<Image>>,
     dimming: Vec<Dimming>,
-    alpha: Option<Arc<Image>>,
-    opacity: Opacity,
-    /// Kept: it is asked for with each of millions of texels.
+    alpha: Option<(Arc<Image>, Opacity)>,
+    /// That of the largest image: found once, since each texel asks for it.
     size: [u32; 2],
 }
 
 impl Composed {
-    /// A colour in sRGB, white where there is none; what reduces it; and an image with the surface's alpha, 1 where there is none.
+    /// Composes images of one mapping: a colour in sRGB, white where there is none; what reduces it; and the alpha of the surface with
+    /// its meaning, opaque where there is none.
     #[must_use]
     pub fn new(
         colour: Option<Arc<Image>>,
         dimming: Vec<Dimming>,
-        alpha: Option<Arc<Image>>,
-        opacity: Opacity,
+        alpha: Option<(Arc<Image>, Opacity)>,
     ) -> Self {
-        let mut composed = Self { colour, dimming, alpha, opacity, size: [1, 1] };
+        let mut composed = Self { colour, dimming, alpha, size: [1, 1] };
         let larger = |[width, height]: [u32; 2], image: &Arc<Image>| {
             [width.max(image.width()), height.max(image.height())]
         };
-        composed.size = composed.images().fold([1, 1], larger);
+        composed.size = composed.images().fold(composed.size, larger);
         composed
     }
 
-    /// The same, reduced once more.
+    /// The same images with one more that reduces the colour.
     #[must_use]
     pub fn dimmed(&self, dimming: Dimming) -> Self {
-        let all = self.dimming.iter().cloned().chain([dimming]).collect();
-        Self::new(self.colour.clone(), all, self.alpha.clone(), self.opacity)
+        let mut all = self.dimming.clone();
+        all.push(dimming);
+        Self::new(self.colour.clone(), all, self.alpha.clone())
     }
 
-    /// Whether an image tells the surface's alpha.
+    /// Whether an image has the surface's alpha.
     #[must_use]
     pub fn has_alpha(&self) -> bool {
         self.alpha.is_some()
@@ -128,20 +128,18 @@ impl Composed {
     /// Whether both have the same images and factors.
     #[must_use]
     pub fn is(&self, other: &Self) -> bool {
-        let same = |a: &Option<Arc<Image>>, b: &Option<Arc<Image>>| match (a, b) {
-            (Some(a), Some(b)) => Arc::ptr_eq(a, b),
-            (a, b) => a.is_none() && b.is_none(),
-        };
+        let colour = |of: &Self| of.colour.as_ref().map(Arc::as_ptr);
+        let alpha = |of: &Self| of.alpha.as_ref().map(|(image, opacity)| (Arc::as_ptr(image), *opacity));
         let same_dimming = self.dimming.len() == other.dimming.len()
             && self.dimming.iter().zip(&other.dimming).all(|(a, b)| a.is(b));
-        same(&self.colour, &other.colour)
-            && same(&self.alpha, &other.alpha)
-            && same_dimming
-            && self.opacity == other.opacity
+        colour(self) == colour(other) && alpha(self) == alpha(other) && same_dimming
     }
 
     fn images(&self) -> impl Iterator<Item = &Arc<Image>> {
-        self.colour.iter().chain(self.dimming.iter().map(Dimming::image)).chain(&self.alpha)
+        self.colour
+            .iter()
+            .chain(self.dimming.iter().map(Dimming::image))
+            .chain(self.alpha.iter().map(|(image, _)| image))
     }
 }
 
@@ -166,8 +164,10 @@ impl Raster for Composed {
             DVec3::from_array([red, green, blue].map(|stored| Encoding::Srgb.decode(stored)))
         });
         let rest: f64 = self.dimming.iter().map(|dimming| dimming.rest(stored(dimming.image()))).product();
-        let alpha = self.alpha.as_deref().map_or(1.0, |image| Encoding::Linear.decode(stored(image)[3]));
-        let opacity = self.opacity.of(alpha);
+        let opacity = self
+            .alpha
+            .as_ref()
+            .map_or(1.0, |(image, opacity)| opacity.of(Encoding::Linear.decode(stored(image)[3])));
         (colour * (rest * opacity)).extend(opacity)
     }
 }
@@ -186,7 +186,7 @@ mod tests {
         let colour = image(2, &[[255, 255, 255, 255], [0, 0, 0, 255]]);
         let metal = image(2, &[[0, 0, 255, 255], [0, 0, 0, 255]]);
         let dimming = vec![Dimming::Metal(metal, 1.0)];
-        let composed = Composed::new(Some(colour), dimming, None, Opacity::Opaque);
+        let composed = Composed::new(Some(colour), dimming, None);
         assert_eq!([0, 1].map(|column| composed.texel(column, 0)), [DVec4::W, DVec4::W]);
     }
 
@@ -195,7 +195,7 @@ mod tests {
         let colour = image(1, &[[255, 0, 0, 255]]);
         let metal = image(4, &[[0, 0, 0, 0], [0, 0, 51, 0], [0, 0, 102, 0], [0, 0, 255, 0]]);
         let dimming = vec![Dimming::Metal(metal, 1.0)];
-        let composed = Composed::new(Some(colour), dimming, None, Opacity::Opaque);
+        let composed = Composed::new(Some(colour), dimming, None);
         assert_eq!(composed.size(), [4, 1]);
         let reds = [0, 1, 2, 3].map(|column| composed.texel(column, 0).x);
         assert!((DVec4::from_array(reds) - DVec4::new(1.0, 0.8, 0.6, 0.0)).abs().max_element() < 1e-15);
@@ -205,7 +205,7 @@ mod tests {
     fn masks_decide_each_texel_and_blending_weighs_it() {
         let colour = image(3, &[[255, 255, 255, 51], [255, 255, 255, 128], [255, 255, 255, 255]]);
         let opacities = |opacity| {
-            let composed = Composed::new(Some(colour.clone()), vec![], Some(colour.clone()), opacity);
+            let composed = Composed::new(Some(colour.clone()), vec![], Some((colour.clone(), opacity)));
             let texels = [0, 1, 2].map(|column| composed.texel(column, 0));
             assert!(texels.iter().all(|texel| texel.x == texel.w));
             texels.map(|texel| texel.w)
@@ -220,7 +220,7 @@ mod tests {
     fn specular_colour_takes_its_largest_channel() {
         let specular = image(1, &[[255, 0, 0, 255]]);
         let dimming = vec![Dimming::Specular(specular, DVec3::new(0.25, 1.0, 1.0))];
-        let composed = Composed::new(None, dimming, None, Opacity::Opaque);
+        let composed = Composed::new(None, dimming, None);
         assert_eq!(composed.texel(0, 0), DVec4::new(0.75, 0.75, 0.75, 1.0));
     }
 }
