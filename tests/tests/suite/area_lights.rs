@@ -216,6 +216,7 @@ fn lights_can_be_apart_and_changed() {
             groups: vec![group("panel"), group("bulb")],
             keep_light: Some(u64::MAX),
             rays_per_hemisphere: 256,
+            shooter_edge: 0.15,
             ..unrefined(rows)
         };
         let (before, after) = (baked(&scene(1.0), &settings), baked(&scene(3.0), &settings));

@@ -87,7 +87,7 @@ fn each_part_reacts_to_its_knob() {
 fn spread(settings: &BakeSettings) -> (f64, ErrorBudget) {
     let rows = RowStrategy::Exact;
     let flat =
-        BakeSettings { rows, mesh_error: 10.0, shooter_edge: 0.1, simplify: false, ..settings.clone() };
+        BakeSettings { rows, mesh_error: 10.0, shooter_edge: 0.14, simplify: false, ..settings.clone() };
     let scene = scene::import(&tests::data("scenes/cornell.glb"), &Default::default()).unwrap();
     let draw = |seed| baked(&scene, &BakeSettings { seed, ..flat.clone() });
     let (a, b) = (draw(1), draw(2));

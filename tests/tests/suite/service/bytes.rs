@@ -44,9 +44,44 @@ fn a_job_gives_the_bytes_of_solve_with_the_same_options() {
     let service = room.start(&[]);
     for (index, options) in [
         &["--error", "0.05"][..],
-        &["--mesh-error", "0.05", "--rays", "64", "--seed", "7", "--window", "9", "--only", "indirect"],
-        &["--mesh-error", "0.05", "--sky", "0.1,0.2,0.3", "--light-unit", "watt", "--group", "up=sky"],
-        &["--mesh-error", "0.05", "--output-domain", "corner", "--exposure", "0.2", "--unit", "lx"],
+        &[
+            "--mesh-error",
+            "0.1",
+            "--shooter-edge",
+            "0.2",
+            "--rays",
+            "64",
+            "--seed",
+            "7",
+            "--window",
+            "9",
+            "--only",
+            "indirect",
+        ],
+        &[
+            "--mesh-error",
+            "0.1",
+            "--shooter-edge",
+            "0.2",
+            "--sky",
+            "0.1,0.2,0.3",
+            "--light-unit",
+            "watt",
+            "--group",
+            "up=sky",
+        ],
+        &[
+            "--mesh-error",
+            "0.1",
+            "--shooter-edge",
+            "0.2",
+            "--output-domain",
+            "corner",
+            "--exposure",
+            "0.2",
+            "--unit",
+            "lx",
+        ],
     ]
     .into_iter()
     .enumerate()
@@ -60,8 +95,7 @@ fn a_job_gives_the_bytes_of_solve_with_the_same_options() {
     // A sky image travels within the scene.
     let image = room.folder.path().join("sky.hdr");
     fs::write(&image, sky_image()).unwrap();
-    let sky =
-        ["--mesh-error", "0.05", "--sky", text(&image), "--sky-rotation", "30", "--sky-intensity", "0.7"];
+    let sky = ["--error", "0.1", "--sky", text(&image), "--sky-rotation", "30", "--sky-intensity", "0.7"];
     let expected = solved(&room, "solved.glb", &sky);
     let output = room.folder.path().join("sky.glb");
     let said = service.ask(&[&["submit", text(&cornell()), "-o", text(&output)], &sky[..]].concat());
@@ -124,15 +158,15 @@ fn every_job_that_was_accepted_is_there_after_any_crash() {
     let room = Room::new();
     let expected = solved(&room, "solved.glb", &QUICK);
     let mut jobs = vec![];
-    for round in 0..6 {
-        let mut service = room.start(&["--jobs", "3"]);
-        for _ in 0..3 {
+    for round in 0..5 {
+        let mut service = room.start(&["--jobs", "2"]);
+        for _ in 0..2 {
             jobs.push(service.submit(&cornell(), &QUICK));
         }
-        std::thread::sleep(std::time::Duration::from_millis(40 * round));
+        std::thread::sleep(std::time::Duration::from_millis(50 * round));
         service.kill();
     }
-    let service = room.start(&["--jobs", "3"]);
+    let service = room.start(&["--jobs", "2"]);
     for job in jobs {
         assert!(service.result(&job) == expected, "the lit file differs");
     }

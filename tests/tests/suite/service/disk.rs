@@ -60,7 +60,7 @@ fn a_full_disk_refuses_and_loses_nothing() {
     fs::remove_file(ballast).unwrap();
     let undisturbed = Room::new();
     let other = undisturbed.start(&[]);
-    let expected = other.result(&other.submit(&cornell(), &QUICK));
+    let expected = other.result(&other.submit(&cornell(), &["--mesh-error", "0.05"]));
     // The header is that of the command line in all that matters.
     assert!(service.result(&accepted) == expected, "the lit file differs");
     assert!(asker.submit(header(&scene), &[]).is_ok());

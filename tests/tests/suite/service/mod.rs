@@ -54,7 +54,7 @@ use tonic::{Request, Status};
 const HANGS: Duration = Duration::from_secs(120);
 
 /// A bake of some tenths of a second.
-const QUICK: [&str; 2] = ["--mesh-error", "0.05"];
+const QUICK: [&str; 2] = ["--error", "0.05"];
 
 /// A bake that does not end while it is looked at.
 const ENDLESS: [&str; 4] = ["--mesh-error", "0.0001", "--max-vertices", "2000000"];

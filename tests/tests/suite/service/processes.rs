@@ -114,7 +114,7 @@ fn a_job_whose_file_tells_that_it_is_too_large_is_not_begun() {
 fn a_job_is_given_up_when_its_process_was_killed_three_times() {
     let room = Room::new();
     let service = room.start(&[]);
-    let job = service.submit(&many_triangles(&room, 40_000), &[]);
+    let job = service.submit(&many_triangles(&room, 10_000), &[]);
     for _ in 0..3 {
         kill_running(&service);
     }

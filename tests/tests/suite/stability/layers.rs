@@ -12,7 +12,7 @@ use tests::shapes::{Polygon, box_facing_in, box_facing_out};
 const IMBALANCE: f64 = 0.01;
 
 fn exact() -> BakeSettings {
-    BakeSettings { error: Some(0.03), ..BakeSettings::default() }
+    BakeSettings { rows: RowStrategy::Exact, ..BakeSettings::for_error(0.03) }
 }
 
 /// Coarse: a mesh that a test can afford.
