@@ -3,7 +3,7 @@
 
 use glam::DVec3;
 // The platform's functions may differ in the last bit between the machines of a cluster.
-use libm::{atan2, cos, sin};
+use libm::{atan2, sincos};
 use smallvec::SmallVec;
 
 /// Smaller solid angles are rounding, or nearly so.
@@ -82,7 +82,7 @@ impl SeenPolygon {
             self.triangles[place.min(self.triangles.len() - 1)];
         // The triangle of a, b and a point between a and c that has this part of the solid angle.
         let turn = wanted - before - angle;
-        let (s, t) = (sin(turn), cos(turn));
+        let (s, t) = sincos(turn);
         let (u, v) = (t - cosine, s + sine * a.dot(b));
         let q = ((v * t - u * s) * cosine - v) / ((v * s + u * t) * sine);
         let q = q.clamp(-1.0, 1.0);

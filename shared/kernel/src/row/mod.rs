@@ -24,7 +24,7 @@ pub use sparse::{GROUP, Place, Row};
 
 /// Version of the bits of rows. Files and workers of another version are refused, because rows of both would not fit together. Bump it
 /// whenever a change of the kernel changes a bit of any row.
-pub const ROW_VERSION: u32 = 13;
+pub const ROW_VERSION: u32 = 14;
 
 /// Line that names this release in files of rows or of light: rows and meshes of another release may have other bits.
 #[must_use]

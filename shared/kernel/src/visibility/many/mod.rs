@@ -7,10 +7,10 @@
 //! have a weight in each channel: rays choose by the sum of these, and tell of all channels.
 
 mod bodies;
+mod numbers;
+mod sums;
 mod targets;
 mod tree;
-
-use sobol_burley::sample_4d;
 
 use super::{ReceiverGroups, Seeds, Stop, TransparentOccluders, faces_away};
 use crate::form_factor::{Lanes, ViewLanes};
@@ -22,6 +22,8 @@ use crate::replica::Receiver;
 use crate::row::{CHANNELS, Precision, Shape};
 use crate::simd::widest;
 use bodies::{Body, visible_of};
+use numbers::Numbers;
+use sums::RunningSums;
 use targets::{Target, Targets};
 use tree::{Part, Place, PolygonTree, Sight};
 
@@ -65,7 +67,7 @@ struct ManyPolygons<'a, const N: usize> {
     faced: Faced<N>,
     bodies: Vec<Body<N>>,
     /// Sum of weighted form factors up to each place, of all channels, for the receiver at hand.
-    sums: Vec<f64>,
+    sums: RunningSums,
 }
 
 /// The view of some receivers before occlusion.
@@ -132,7 +134,7 @@ impl<'a, const N: usize> ManyPolygons<'a, N> {
             probe: (bodies.len() == 1 && probe < LEAST_RAYS).then_some(probe),
             faced,
             bodies,
-            sums: vec![],
+            sums: RunningSums::default(),
         }
     }
 
@@ -232,10 +234,6 @@ impl<'a, const N: usize> ManyPolygons<'a, N> {
         if all == 0.0 || (occluder.is_empty() && transparent.is_none()) {
             return of_channels.map(|all| (all, 0.0));
         }
-        // Side by side: each ray searches them.
-        sums.clear();
-        sums.extend(faced.ends.iter().map(|ends| ends.iter().map(|ends| ends[lane]).sum::<f64>()));
-        let before = |index: usize| if index == 0 { 0.0 } else { sums[index - 1] };
         let mut targets = Targets::new(receiver);
         bodies.fill(Body::new());
         let mut last = [0.0; N];
@@ -248,14 +246,16 @@ impl<'a, const N: usize> ManyPolygons<'a, N> {
         let wanted = PART * faced.covered[lane] * f64::from(precision.rays_per_hemisphere);
         let rays = (wanted as u32).next_power_of_two().clamp(*least_rays, MOST_RAYS);
         let probe = probe.filter(|_| wanted <= f64::from(PROBE));
+        sums.set(faced.ends.iter().map(|ends| ends.iter().map(|ends| ends[lane]).sum::<f64>()), rays);
+        let numbers = Numbers::new(seed);
         let (mut cast, mut blocking) = (0, Blocking::default());
         for ray in 0..rays {
-            let [choice, x, y, _] = sample_4d(ray, 0, seed).map(f64::from);
-            let index = sums.partition_point(|sum| *sum <= choice * all).min(sums.len() - 1);
-            let own = sums[index] - before(index);
+            let [choice, x, y] = numbers.get(ray as usize);
+            let (index, sums) = sums.find(choice);
+            let own = sums.end - sums.start;
             let place = &faced.places[index];
             let Part { polygon, weights } =
-                tree.choose(&place.range, ((choice * all - before(index)) / own).clamp(0.0, 1.0));
+                tree.choose(&place.range, ((choice * all - sums.start) / own).clamp(0.0, 1.0));
             let Target { at, weight } = targets.draw((index, place), polygon, [x, y]);
             let weight = weight / own;
             cast += 1;

@@ -102,6 +102,9 @@ impl<const N: usize> PolygonTree<N> {
 
     /// The polygon of some that is at this part, from 0 to 1, of their area times all weights.
     pub(super) fn choose(&self, range: &Range<usize>, part: f64) -> &Part<N> {
+        if range.len() == 1 {
+            return &self.parts[self.order[range.start]];
+        }
         let ends = &self.ends[range.clone()];
         let own = |at: usize| ends[at] - self.shining(range.start + at);
         let wanted = own(0) + part * (ends[range.len() - 1] - own(0));
