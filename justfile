@@ -59,11 +59,11 @@ figures *arguments:
 
 # How a bake scales with workers, simulated with the real scheduler, solver and rows: efficiency by workers, small, medium and large.
 scale *scenes:
-    cargo run --release -p tests --example scale -- scale {{ scenes }}
+    cargo measure scale -- scale {{ scenes }}
 
 # The experiments of the paper, simulated: who shoots, event-driven versus periodic scheduling; and energies apart or in the vertices, measured.
 paper *scenes:
-    cargo run --release -p tests --example scale -- paper {{ scenes }}
+    cargo measure scale -- paper {{ scenes }}
 
 # Two workers beside one, over a link, and with a slow one: target/bench/cluster.json (needs root; wants a quiet machine).
 bench-cluster *arguments:
@@ -72,12 +72,12 @@ bench-cluster *arguments:
 # Scenes that ask for trouble, baked and cancelled for so many seconds; those that break a promise go to target/nasty.
 nasty seconds="600" triangles="2000" *arguments:
     cargo build --release -p coordinator
-    cargo run --release -p tests --example nasty -- {{ seconds }} {{ triangles }} {{ arguments }}
+    cargo measure nasty -- {{ seconds }} {{ triangles }} {{ arguments }}
 
 # A service under load: how long calls take while it bakes, and what memory it has. Wants a quiet machine.
 storm seconds="60":
     cargo build --release -p coordinator
-    cargo run --release -p tests --example storm -- {{ seconds }}
+    cargo measure storm -- {{ seconds }}
 
 # A picture of a baked scene by the program itself: target/NAME-render.png.
 render name="cornell" *arguments:

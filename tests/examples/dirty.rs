@@ -1,6 +1,6 @@
 //! A dirty mesh baked to the end with default settings, and what came out: time, memory, and faults that a careless mesh provokes.
 //!
-//!     cargo run --release -p tests --example dirty -- [TRIANGLES [OUT.glb]]
+//!     cargo measure dirty -- [TRIANGLES [OUT.glb]]
 //!
 //! `coordinator render OUT.glb -o OUT.png --eye 0.3,2.4,3.7 --target 4,0.8,1 --fov 70` shows it.
 

@@ -1,4 +1,4 @@
-//! What bakes of buildings take beside their rows: `cargo run --release -p tests --example growth -- ROOMS...`.
+//! What bakes of buildings take beside their rows: `cargo measure growth -- ROOMS...`.
 
 use std::error::Error;
 use std::time::Instant;

@@ -1,6 +1,6 @@
 //! How long a large file takes to import, by kinds of content.
 //!
-//!     cargo run --release -p tests --example import_size [MEGABYTES]
+//!     cargo measure import_size [MEGABYTES]
 //!
 //! Writes nothing: the files are made in memory. Meshes have normals and texture coordinates under 32-bit indices, pictures the noise
 //! of a photograph.

@@ -1,7 +1,7 @@
 //! Scenes that ask for trouble, of every family by turns, each baked and held to what must hold of every bake, and cancelled at a
 //! random moment. Writes the scenes that break a promise to a folder, and fails when there are some.
 //!
-//!     cargo build --release -p coordinator && cargo run --release -p tests --example nasty -- [SECONDS [TRIANGLES [SEED [FAMILY]]]]
+//!     cargo build --release -p coordinator && cargo measure nasty -- [SECONDS [TRIANGLES [SEED [FAMILY]]]]
 
 use std::error::Error;
 use std::fs;

@@ -1,4 +1,4 @@
-//! What rows weigh on the wire, and what rounding costs: `cargo run --release -p tests --example row_bytes -- ARGUMENTS...`, each
+//! What rows weigh on the wire, and what rounding costs: `cargo measure row_bytes -- ARGUMENTS...`, each
 //! the name of one of the three scenes or a number of rooms.
 
 use std::error::Error;

@@ -1,7 +1,7 @@
 //! A service under load: 50 clients that submit, watch, ask and fetch for a minute while it bakes, then a long queue. Prints how long
 //! calls took, how busy the cores were that bake, and what memory the service had. Fails when any call does.
 //!
-//!     cargo build --release -p coordinator && cargo run --release -p tests --example storm [-- SECONDS]
+//!     cargo build --release -p coordinator && cargo measure storm [-- SECONDS]
 
 use std::error::Error;
 use std::sync::{Arc, Mutex};

@@ -1,5 +1,5 @@
 //! A file through import and export, with the same light everywhere, to see what reading and writing take:
-//! `cargo run --release -p tests --example through -- FILE.glb OUT.glb`.
+//! `cargo measure through -- FILE.glb OUT.glb`.
 
 use std::collections::HashMap;
 use std::error::Error;

@@ -1,4 +1,4 @@
-//! How a bake scales with workers, simulated: `cargo run --release -p tests --example scale -- WHAT [SCENE...]`.
+//! How a bake scales with workers, simulated: `cargo measure scale -- WHAT [SCENE...]`.
 //!
 //! | what | prints |
 //! |---|---|
