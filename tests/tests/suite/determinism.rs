@@ -51,14 +51,19 @@ fn assert_deterministic(scene: &Path, knobs: &[&str]) -> Value {
     report
 }
 
+/// Later rounds' rows count as much as the first's.
+fn assert_refined(report: &Value) {
+    assert!(report["bake"]["refinement_rounds"].as_u64().unwrap() > 0, "{}", report["bake"]);
+}
+
 #[test]
 fn area_light() {
-    assert_deterministic(&data("scenes/cornell.glb"), &["--mesh-error", "0.05"]);
+    assert_refined(&assert_deterministic(&data("scenes/cornell.glb"), &["--error", "0.05"]));
 }
 
 #[test]
 fn point_light() {
-    assert_deterministic(&data("scenes/table.glb"), &["--mesh-error", "0.05"]);
+    assert_refined(&assert_deterministic(&data("scenes/table.glb"), &["--error", "0.05"]));
 }
 
 /// Whether rows are kept or made again makes no difference, and what is said of the bake is what the scene needed.
@@ -71,7 +76,9 @@ fn row_cache() {
     };
     let (expected, report) = with(&[]);
     assert_eq!(report["bake"]["rows_again"], 0, "the default keeps all rows");
-    // None of the rows, and about half of them.
+    let all = report["bake"]["row_bytes"].as_u64().unwrap();
+    assert!((2 << 20..=3 << 20).contains(&all), "{all} bytes of rows");
+    // None of the rows, and a third to a half of them.
     for mebibytes in [0, 1] {
         let (same, report_with_less) = with(&["--row-cache", &mebibytes.to_string()]);
         assert!(same == expected, "a row cache of {mebibytes} MiB makes a difference");

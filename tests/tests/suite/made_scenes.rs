@@ -23,11 +23,9 @@ fn assert_score(Measured { score, report }: Measured, relative_l2: f64, p95: f64
     assert!((score.energy_ratio - 1.0).abs() <= energy, "{score:?}");
 }
 
-/// A quarter more than is asked of the interpolation alone: the reference is one of 1,500 points.
 #[test]
 fn a_textured_cornell_box_agrees_with_its_reference() {
-    let settings = BakeSettings { mesh_error: 0.02, ..BakeSettings::default() };
-    assert_score(measured("cornell-textured", &settings), 0.025, 0.06, 0.005);
+    assert_score(measured("cornell-textured", &BakeSettings::for_error(0.03)), 0.025, 0.06, 0.005);
 }
 
 /// Lace, and a jar of half-transparent glass, pass on by rays what they do not let through.
@@ -51,8 +49,7 @@ fn a_house_in_the_sun_agrees_with_its_reference() {
 /// The pattern that the sun makes behind lace is finer than the mesh, and the reference itself knows single points to 4 % of the mean.
 #[test]
 fn a_furnished_room_agrees_with_its_reference() {
-    let settings = BakeSettings { mesh_error: 0.1, ..BakeSettings::default().with_rays(128.0) };
-    assert_score(measured("room", &settings), 0.12, 0.55, 0.04);
+    assert_score(measured("room", &BakeSettings::for_error(0.1)), 0.12, 0.55, 0.04);
 }
 
 #[test]

@@ -104,7 +104,7 @@ fn new_t_junctions(glb: &[u8], options: &ImportOptions, settings: &BakeSettings)
 fn no_bake_has_t_junctions_that_its_scene_has_not() {
     let sky = ImportOptions { sky: DVec3::new(1.0, 1.25, 1.6), ..ImportOptions::default() };
     let scenes = [
-        ("cornell", ImportOptions::default(), 0.03),
+        ("cornell", ImportOptions::default(), 0.02),
         ("table", ImportOptions::default(), 0.03),
         ("doorway", ImportOptions::default(), 0.03),
         ("house", sky, 0.1),

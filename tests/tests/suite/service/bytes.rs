@@ -43,52 +43,18 @@ fn a_job_gives_the_bytes_of_solve_with_the_same_options() {
     let room = Room::new();
     let service = room.start(&[]);
     for (index, options) in [
-        &["--error", "0.05"][..],
-        &[
-            "--mesh-error",
-            "0.1",
-            "--shooter-edge",
-            "0.2",
-            "--rays",
-            "64",
-            "--seed",
-            "7",
-            "--window",
-            "9",
-            "--only",
-            "indirect",
-        ],
-        &[
-            "--mesh-error",
-            "0.1",
-            "--shooter-edge",
-            "0.2",
-            "--sky",
-            "0.1,0.2,0.3",
-            "--light-unit",
-            "watt",
-            "--group",
-            "up=sky",
-        ],
-        &[
-            "--mesh-error",
-            "0.1",
-            "--shooter-edge",
-            "0.2",
-            "--output-domain",
-            "corner",
-            "--exposure",
-            "0.2",
-            "--unit",
-            "lx",
-        ],
+        "--error 0.05",
+        "--mesh-error 0.1 --shooter-edge 0.2 --rays 64 --seed 7 --window 9 --only indirect",
+        "--mesh-error 0.1 --shooter-edge 0.2 --sky 0.1,0.2,0.3 --light-unit watt --group up=sky",
+        "--mesh-error 0.1 --shooter-edge 0.2 --output-domain corner --exposure 0.2 --unit lx",
     ]
     .into_iter()
     .enumerate()
     {
-        let expected = solved(&room, "solved.glb", options);
+        let options: Vec<&str> = options.split(' ').collect();
+        let expected = solved(&room, "solved.glb", &options);
         let output = room.folder.path().join(format!("{index}.glb"));
-        let said = service.ask(&[&["submit", text(&cornell()), "-o", text(&output)], options].concat());
+        let said = service.ask(&[&["submit", text(&cornell()), "-o", text(&output)], &options[..]].concat());
         assert!(said.success, "{}", said.errors);
         assert!(fs::read(output).unwrap() == expected, "the lit file differs: {options:?}");
     }

@@ -6,7 +6,7 @@ use tests::service::ServiceProcess;
 use tonic::Code;
 use tonic_types::StatusExt;
 
-use super::{Asker, QUICK, Room, cornell, header};
+use super::{Asker, MESH_ERROR, QUICK, Room, cornell, header};
 
 /// A file system of a few megabytes, until it is dropped.
 struct Small<'a>(&'a Room);
@@ -60,8 +60,9 @@ fn a_full_disk_refuses_and_loses_nothing() {
     fs::remove_file(ballast).unwrap();
     let undisturbed = Room::new();
     let other = undisturbed.start(&[]);
-    let expected = other.result(&other.submit(&cornell(), &["--mesh-error", "0.05"]));
     // The header is that of the command line in all that matters.
+    let options = ["--mesh-error", &MESH_ERROR.to_string()];
+    let expected = other.result(&other.submit(&cornell(), &options));
     assert!(service.result(&accepted) == expected, "the lit file differs");
     assert!(asker.submit(header(&scene), &[]).is_ok());
 }

@@ -56,6 +56,9 @@ const HANGS: Duration = Duration::from_secs(120);
 /// A bake of some tenths of a second.
 const QUICK: [&str; 2] = ["--error", "0.05"];
 
+/// That of headers.
+const MESH_ERROR: f64 = 0.05;
+
 /// A bake that does not end while it is looked at.
 const ENDLESS: [&str; 4] = ["--mesh-error", "0.0001", "--max-vertices", "2000000"];
 
@@ -151,7 +154,7 @@ fn header(file: &[u8]) -> SubmitSceneHeader {
     SubmitSceneHeader {
         name: "room".into(),
         source: Some(Source::File(scene)),
-        bake: Some(BakeOptions { mesh_error: Some(0.05), ..BakeOptions::default() }),
+        bake: Some(BakeOptions { mesh_error: Some(MESH_ERROR), ..BakeOptions::default() }),
         ..SubmitSceneHeader::default()
     }
 }
